@@ -1,0 +1,38 @@
+// One contact point between two bodies, and the frame in which impulses at it are written.
+//
+// Component order is normal first: (n, t1, t2). The normal points from body_a into body_b; +impulse acts on body_b,
+// -impulse on body_a; the contact velocity is that of b relative to a.                       [SM04 Sec. 3.1, Eq. 3, 10]
+#pragma once
+
+#include <cstdint>
+
+#include "engine/body.h"
+#include "engine/linear_algebra.h"
+
+namespace islet {
+
+struct Contact {
+  int body_a = -1;                      // body_a < body_b always
+  int body_b = -1;
+  Vector3 point_W = Vector3::Zero();    // [m] midway between the two surfaces
+  Vector3 normal_W = Vector3::UnitZ();  // unit, from a into b
+  double gap = 0;                       // [m] signed distance along the normal; < 0 overlaps
+  double friction = 0;                  // mu of the pair
+  double restitution = 0;               // epsilon of the pair
+  std::uint32_t feature = 0;            // which features of the two shapes meet; the same point keeps its number
+};
+
+// How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).
+double MixFriction(double friction_a, double friction_b);
+double MixRestitution(double restitution_a, double restitution_b);
+
+// Columns (n, t1, t2), right-handed, W. t1 and t2 depend on the normal alone, so two runs choose the same ones.
+Matrix3 ContactFrame(const Vector3& normal_W);
+
+// [m/s] of b relative to a at the contact point, W.
+Vector3 RelativeVelocity(const Contact& contact, const Body& a, const Body& b);
+
+// [m/s] normal part of RelativeVelocity; < 0 while the bodies approach.                                  [SM04 Eq. 10]
+double NormalVelocity(const Contact& contact, const Body& a, const Body& b);
+
+}  // namespace islet

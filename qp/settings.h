@@ -1,0 +1,27 @@
+// What an island solve may be asked for.
+#pragma once
+
+namespace islet::qp {
+
+enum class Model {
+  kKinetic,  // least kinetic energy, u_n >= b as an inequality                          [SM04 Eq. 9, 13, 14]
+  kConvex,   // cone complementarity: K in j, perpendicular to u - b n in K*             [AP97]
+  kCoulomb,  // exact Signorini-Coulomb-Newton: K in j, perpendicular to u - b n + mu |u_t| n in K*   [DS91]
+};
+
+enum class Cone {
+  kCircular,  // |j_t| <= mu j_n
+  kOctagon,   // the eight-sided pyramid inscribed in it                                 [SM04 Eq. 8]
+};
+
+struct Settings {
+  Model model = Model::kCoulomb;
+  Cone cone = Cone::kCircular;
+  double tolerance = 1e-8;      // relative duality gap; dual violation over the velocity scale
+  int max_iterations = 100;     // of one interior-point solve
+  int coulomb_rounds = 6;       // cap on re-solves with lagged slip
+  double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
+  double velocity_scale = 1;    // [m/s] v_ref, > 0; what the tolerances are relative to
+};
+
+}  // namespace islet::qp
