@@ -1,0 +1,76 @@
+#include "qp/problem.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace islet::qp {
+namespace {
+
+[[noreturn]] void Reject(const std::string& where, int number, const std::string& field, double value) {
+  throw std::invalid_argument("qp::Problem: " + where + " " + std::to_string(number) + ": " + field + " = " +
+                              std::to_string(value));
+}
+
+Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& momentum) {
+  Vector6 velocity;
+  velocity.head<3>() = momentum.head<3>() / body.mass;
+  velocity.tail<3>() = body.inverse_inertia * momentum.tail<3>();
+  return velocity;
+}
+
+void ValidateContact(const Problem& problem, int number) {
+  const ContactTerm& c = problem.contacts[number];
+  const int n = problem.num_bodies();
+  if (c.body_a < -1 || c.body_a >= n) Reject("contact", number, "body_a", c.body_a);
+  if (c.body_b < -1 || c.body_b >= n || c.body_b == c.body_a) Reject("contact", number, "body_b", c.body_b);
+  if (!(c.friction >= 0) || !std::isfinite(c.friction)) Reject("contact", number, "friction", c.friction);
+  if (!std::isfinite(c.target)) Reject("contact", number, "target", c.target);
+  if (!(c.compliance >= 0)) Reject("contact", number, "compliance", c.compliance);
+  if (!c.drift.allFinite()) Reject("contact", number, "drift", c.drift.sum());
+  if (!c.jacobian_a.allFinite()) Reject("contact", number, "jacobian_a", c.jacobian_a.sum());
+  if (!c.jacobian_b.allFinite()) Reject("contact", number, "jacobian_b", c.jacobian_b.sum());
+}
+
+}  // namespace
+
+void Problem::Validate() const {
+  for (int i = 0; i < num_bodies(); ++i) {
+    if (!(bodies[i].mass > 0) || !std::isfinite(bodies[i].mass)) Reject("body", i, "mass", bodies[i].mass);
+    if (!bodies[i].velocity.allFinite()) Reject("body", i, "velocity", bodies[i].velocity.sum());
+    if (!bodies[i].inertia.allFinite()) Reject("body", i, "inertia", bodies[i].inertia.sum());
+    if (!bodies[i].inverse_inertia.allFinite()) Reject("body", i, "inverse_inertia", bodies[i].inverse_inertia.sum());
+  }
+  for (int c = 0; c < num_contacts(); ++c) ValidateContact(*this, c);
+}
+
+Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities) {
+  using ConstVelocity = Eigen::Map<const Vector6>;
+  Vector3 u = contact.drift;
+  if (contact.body_a >= 0) u.noalias() += contact.jacobian_a * ConstVelocity(velocities + 6 * contact.body_a);
+  if (contact.body_b >= 0) u.noalias() += contact.jacobian_b * ConstVelocity(velocities + 6 * contact.body_b);
+  return u;
+}
+
+Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact) {
+  Matrix3 w = Matrix3::Zero();
+  const auto add = [&](int number, const Jacobian& jacobian) {
+    const BodyTerm& body = problem.bodies[number];
+    w += jacobian.leftCols<3>() * jacobian.leftCols<3>().transpose() / body.mass;
+    w += jacobian.rightCols<3>() * body.inverse_inertia * jacobian.rightCols<3>().transpose();
+  };
+  if (contact.body_a >= 0) add(contact.body_a, contact.jacobian_a);
+  if (contact.body_b >= 0) add(contact.body_b, contact.jacobian_b);
+  return w;
+}
+
+void ApplyImpulse(const Problem& problem, const ContactTerm& contact, const Vector3& impulse, double* velocities) {
+  const auto apply = [&](int number, const Jacobian& jacobian) {
+    Eigen::Map<Vector6>(velocities + 6 * number) +=
+        InverseMassTimes(problem.bodies[number], jacobian.transpose() * impulse);
+  };
+  if (contact.body_a >= 0) apply(contact.body_a, contact.jacobian_a);
+  if (contact.body_b >= 0) apply(contact.body_b, contact.jacobian_b);
+}
+
+}  // namespace islet::qp
