@@ -34,8 +34,8 @@ class WorkerPool;
 struct BodyDefinition {
   Shape shape;
   BodyKind kind = BodyKind::kDynamic;
-  std::optional<double> mass;            // [kg]; if absent: density times volume
-  std::optional<Matrix3> inertia_B;      // [kg m^2]; if absent: of the shape filled evenly
+  std::optional<double> mass = {};       // [kg]; if absent: density times volume
+  std::optional<Matrix3> inertia_B = {};  // [kg m^2]; if absent: of the shape filled evenly
   double density = 1;                    // [kg/m^3]
   Vector3 position_W = Vector3::Zero();  // [m] of the centre of mass
   Quaternion rotation_WB = Quaternion::Identity();
