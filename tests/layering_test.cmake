@@ -11,12 +11,16 @@ set(allowed_engine qp islands parallel engine)
 set(allowed_scenes engine scenes)
 set(folders qp islands parallel engine scenes)
 
+# Files of the islet program, which are not in the library of scenes.
+set(program "^scenes/(main|report[a-z_]*|run_[a-z_]+|frame_log|progress|output_file)\\.cpp$")
+
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
   "^(oneapi/)?tbb/"                                        "^parallel/worker_pool\\.cpp$"
   "^(fcl|ccd|octomap)/"                                    "^engine/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/ordering\\.cpp$"
-  "^(CLI|nlohmann|spdlog|fmt)/"                            "^scenes/(main|report[a-z_]*)\\.(h|cpp)$"
+  "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
+  "^unistd\\.h$"                                           "${program}"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_]+\\.cpp$|^qp/[a-z0-9_]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder
