@@ -13,8 +13,8 @@
 namespace islet::islands {
 
 struct Graph {
-  std::span<const std::uint8_t> cut;               // one per body; non-zero: the body joins nothing and is owned by no island
-  std::span<const std::pair<int, int>> contacts;   // the two bodies of each contact, both in [0, num_bodies())
+  std::span<const std::uint8_t> cut;  // one per body; non-zero: the body joins nothing and is owned by no island
+  std::span<const std::pair<int, int>> contacts;  // the two bodies of each contact, both in [0, num_bodies())
 
   int num_bodies() const { return static_cast<int>(cut.size()); }
   int num_contacts() const { return static_cast<int>(contacts.size()); }

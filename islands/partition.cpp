@@ -98,8 +98,9 @@ void BuildPartition(const Graph& graph, Partition* partition) {
       num_islands, graph.num_bodies(), [&](int body) { return At(body_to_island, body); }, &partition->body_start,
       &partition->bodies);
   FillRows(
-      num_islands, graph.num_contacts(), [&](int contact) { return Owner(body_to_island, At(graph.contacts, contact)); },
-      &partition->contact_start, &partition->contacts);
+      num_islands, graph.num_contacts(),
+      [&](int contact) { return Owner(body_to_island, At(graph.contacts, contact)); }, &partition->contact_start,
+      &partition->contacts);
 #ifdef ISLET_VALIDATE
   CheckPartition(graph, *partition);
 #endif

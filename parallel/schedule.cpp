@@ -11,7 +11,8 @@ namespace {
 
 void CheckCost(const char* name, double cost) {
   if (!(std::isfinite(cost) && cost >= 0)) {
-    throw std::invalid_argument("Schedule: " + std::string(name) + " = " + std::to_string(cost) + " must be finite and >= 0");
+    throw std::invalid_argument("Schedule: " + std::string(name) + " = " + std::to_string(cost) +
+                                " must be finite and >= 0");
   }
 }
 

@@ -43,7 +43,8 @@ class FirstException {
 // with the workers themselves.
 class Run {
  public:
-  Run(int num_tasks, int num_workers, const Task& task) : num_tasks_(num_tasks), num_workers_(num_workers), task_(task) {
+  Run(int num_tasks, int num_workers, const Task& task)
+      : num_tasks_(num_tasks), num_workers_(num_workers), task_(task) {
     ended_.store(0, std::memory_order_release);
   }
 
@@ -81,8 +82,8 @@ class Run {
   const int num_workers_;
   const Task& task_;
   std::atomic<int> next_{0};
-  // Orders caller before tasks before caller. TBB does so too, but its library is not instrumented: this lets the thread
-  // sanitizer see that order, and no other, so that a race between two tasks is still found.
+  // Orders caller before tasks before caller. TBB does so too, but its library is not instrumented: this lets the
+  // thread sanitizer see that order, and no other, so that a race between two tasks is still found.
   std::atomic<int> ended_{0};
   FirstException first_exception_;
 };

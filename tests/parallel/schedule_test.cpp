@@ -50,9 +50,7 @@ TEST(Schedule, LargeTasksStandAloneAndSmallOnesShare) {
   EXPECT_EQ(Ints(schedule.batch(2).begin(), schedule.batch(2).end()), (Ints{2, 3, 5}));
 }
 
-TEST(Schedule, ThresholdZeroMeansOneTaskEach) {
-  EXPECT_EQ(Make({0, 2, 0}, 0).batch_start, (Ints{0, 1, 2, 3}));
-}
+TEST(Schedule, ThresholdZeroMeansOneTaskEach) { EXPECT_EQ(Make({0, 2, 0}, 0).batch_start, (Ints{0, 1, 2, 3})); }
 
 TEST(Schedule, FreeTasksShareOneBatch) { EXPECT_EQ(Make({0, 0, 0}, 1).batch_start, (Ints{0, 3})); }
 
