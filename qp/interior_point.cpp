@@ -1,0 +1,366 @@
+#include "qp/interior_point.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace islet::qp {
+namespace {
+
+using Velocity = Eigen::Map<Vector6>;
+using ConstVelocity = Eigen::Map<const Vector6>;
+
+Velocity At(std::vector<double>& values, int first) { return Velocity(&values[first]); }
+ConstVelocity At(const std::vector<double>& values, int first) { return ConstVelocity(&values[first]); }
+
+constexpr double kStepShare = 0.995;      // of the way to the boundary
+constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
+constexpr double kCorrectorReach = 0.3;   // by how much a corrector tries to lengthen the step
+constexpr double kCorrectorGain = 0.1;    // what it must have gained of that to be kept
+constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
+
+Vector6 MassTimes(const BodyTerm& body, const Vector6& v) {
+  Vector6 out;
+  out.head<3>() = body.mass * v.head<3>();
+  out.tail<3>().noalias() = body.inertia * v.tail<3>();
+  return out;
+}
+
+Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& p) {
+  Vector6 out;
+  out.head<3>() = p.head<3>() / body.mass;
+  out.tail<3>().noalias() = body.inverse_inertia * p.tail<3>();
+  return out;
+}
+
+// Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
+void BandCorrection(ConeKind kind, double low, double high, double* v) {
+  const auto lack = [&](double value) { return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0; };
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) v[i] = lack(v[i]);
+    return;
+  }
+  const double tangent = std::sqrt(v[1] * v[1] + v[2] * v[2]);
+  const double small = lack(v[0] - tangent), large = lack(v[0] + tangent);
+  const double share = tangent > 0 ? (large - small) / (2 * tangent) : 0;
+  v[0] = (large + small) / 2;
+  v[1] *= share;
+  v[2] *= share;
+}
+
+}  // namespace
+
+void InteriorPoint::Solve(const Problem& problem, const Settings& settings, std::span<const double> slips,
+                          Solution* solution) {
+  Load(problem, settings, slips);
+  ChooseStart();
+  solution->iterations = 0;
+  solution->status = Iterate(settings, solution);
+  Extract(problem, settings.velocity_scale, solution);
+}
+
+void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::span<const double> slips) {
+  const int nb = problem.num_bodies(), nc = problem.num_contacts();
+  scaled_.bodies.assign(problem.bodies.begin(), problem.bodies.end());
+  scaled_.contacts.assign(problem.contacts.begin(), problem.contacts.end());
+  mean_mass_ = 0;
+  for (const BodyTerm& body : problem.bodies) mean_mass_ += body.mass / nb;
+  const double per_velocity = 1 / settings.velocity_scale;
+  energy_scale_ = 0;
+  for (BodyTerm& body : scaled_.bodies) {
+    body.mass /= mean_mass_;
+    body.inertia /= mean_mass_;
+    body.inverse_inertia *= mean_mass_;
+    body.velocity *= per_velocity;
+    energy_scale_ += 0.5 * body.mass + 0.5 * body.velocity.dot(MassTimes(body, body.velocity));
+  }
+  bool bounces = false;
+  for (ContactTerm& contact : scaled_.contacts) {
+    contact.drift *= per_velocity;
+    contact.target *= per_velocity;
+    contact.compliance *= mean_mass_;
+    bounces = bounces || contact.target > 0;
+  }
+  const bool kinetic = settings.model == Model::kKinetic && bounces;
+  rows_.clear();
+  num_rows_ = degree_ = 0;
+  const auto add_rows = [&](const Rows& rows) {
+    rows_.push_back(rows);
+    num_rows_ += NumRows(rows.cone.kind);
+    degree_ += Degree(rows.cone.kind);
+  };
+  for (int c = 0; c < nc; ++c) {
+    const ContactTerm& contact = scaled_.contacts[c];
+    const Vector3 normal_part(slips.empty() ? 0.0 : slips[c] * per_velocity, 0, 0);
+    const Vector3 target(kinetic ? 0.0 : contact.target, 0, 0);
+    add_rows({num_rows_, c, kinetic ? 1 : 0, kinetic ? -1.0 : 1.0, ChooseCone(contact.friction, settings.cone),
+              contact.drift + normal_part - target, contact.compliance});
+  }
+  for (int c = 0; kinetic && c < nc; ++c) {
+    const ContactTerm& contact = scaled_.contacts[c];
+    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0});
+  }
+  kkt_.Prepare(scaled_, kinetic ? 2 : 1);
+  for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &best_z_}) v->assign(num_rows_, 0.0);
+  eta_.assign(rows_.size(), 1.0);
+  for (auto* v : {&y_, &dual_, &dy_}) v->assign(static_cast<size_t>(6) * kkt_.num_fields() * nb, 0.0);
+  blocks_.resize(nc);
+  normal_blocks_.resize(nc);
+}
+
+namespace {
+
+// Contact velocity that the unknowns of one field make.
+Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
+  Vector3 u = Vector3::Zero();
+  if (contact.body_a >= 0) u.noalias() += contact.jacobian_a * At(y, stride * contact.body_a + 6 * field);
+  if (contact.body_b >= 0) u.noalias() += contact.jacobian_b * At(y, stride * contact.body_b + 6 * field);
+  return u;
+}
+
+// out += sign J^T j in one field.
+void AddForce(const ContactTerm& contact, int stride, int field, double sign, const Vector3& j, std::vector<double>* out) {
+  const Vector3 force = sign * j;
+  if (contact.body_a >= 0) At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
+  if (contact.body_b >= 0) At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
+}
+
+}  // namespace
+
+// Velocities as they are, contact rows pushed inside their cones by one unit, impulses that would stop one unit of
+// velocity at the contact alone.
+void InteriorPoint::ChooseStart() {
+  const int fields = kkt_.num_fields(), stride = 6 * fields;
+  for (int i = 0; i < scaled_.num_bodies(); ++i)
+    for (int f = 0; f < fields; ++f) At(y_, stride * i + 6 * f) = scaled_.bodies[i].velocity;
+  double unit[kMaxRows];
+  for (const Rows& rows : rows_) {
+    const ContactTerm& contact = scaled_.contacts[rows.contact];
+    double* s = &s_[rows.first];
+    double* z = &z_[rows.first];
+    MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset, s);
+    Identity(rows.cone.kind, unit);
+    const double push = 1 + std::max(0.0, -MinEigenvalue(rows.cone.kind, s));
+    const double impulse = 1 / DelassusBlock(scaled_, contact)(0, 0) / Degree(rows.cone.kind);
+    for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
+      s[i] += push * unit[i];
+      z[i] = impulse * unit[i];
+    }
+  }
+}
+
+InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
+  const int fields = kkt_.num_fields(), stride = 6 * fields;
+  double mass = 0;
+  for (int i = 0; i < scaled_.num_bodies(); ++i) {
+    const BodyTerm& body = scaled_.bodies[i];
+    const Vector6 momentum = MassTimes(body, At(y_, stride * i));
+    const Vector6 free = MassTimes(body, body.velocity);
+    mass += body.mass;
+    if (fields == 1) {
+      At(dual_, stride * i) = momentum - free;
+    } else {
+      At(dual_, stride * i) = momentum - MassTimes(body, At(y_, stride * i + 6));
+      At(dual_, stride * i + 6) = free - momentum;
+    }
+  }
+  Residuals residuals{0, 0, 0};
+  double mapped[kMaxRows];
+  for (const Rows& rows : rows_) {
+    const ContactTerm& contact = scaled_.contacts[rows.contact];
+    const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
+    AddForce(contact, stride, rows.field, -rows.sign, j, &dual_);
+    MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset + rows.compliance * j, mapped);
+    for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
+      primal_[rows.first + i] = s_[rows.first + i] - mapped[i];
+      residuals.primal = std::max(residuals.primal, std::abs(primal_[rows.first + i]));
+      residuals.gap += s_[rows.first + i] * z_[rows.first + i];
+    }
+  }
+  for (int i = 0; i < scaled_.num_bodies(); ++i)
+    for (int f = 0; f < fields; ++f) {
+      const Vector6 r = At(dual_, stride * i + 6 * f);
+      residuals.dual += r.dot(InverseMassTimes(scaled_.bodies[i], r));
+    }
+  residuals.dual = std::sqrt(residuals.dual / mass);
+  return residuals;
+}
+
+bool InteriorPoint::UpdateScalings() {
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    Scaling scaling = ScalingOf(r);
+    if (!UpdateScaling(rows_[r].cone.kind, &s_[rows_[r].first], &z_[rows_[r].first], &scaling)) return false;
+    eta_[r] = scaling.eta;
+  }
+  return true;
+}
+
+bool InteriorPoint::FactoriseNewton() {
+  const size_t nc = scaled_.contacts.size();
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    const Matrix3 block = ScalingBlock(rows_[r].cone, ScalingOf(r));
+    if (r >= nc) {
+      normal_blocks_[r - nc] = block(0, 0);
+    } else if (rows_[r].compliance > 0) {
+      blocks_[r] = (Matrix3::Identity() + rows_[r].compliance * block).inverse() * block;
+    } else {
+      blocks_[r] = block;
+    }
+  }
+  kkt_.Factorise(scaled_, blocks_, normal_blocks_);
+  return true;
+}
+
+// With t the target in scaled space: W dz + W^-1 ds = t, ds = T (J dy + R dj) - weight r_p, dj = T^T dz. Eliminating ds and
+// dz leaves dj = (I + D R)^-1 (g - D J dy), g = T^T W^-1 (t + W^-1 weight r_p).
+void InteriorPoint::ComputeDirection(double weight) {
+  const int stride = 6 * kkt_.num_fields();
+  for (size_t i = 0; i < dy_.size(); ++i) dy_[i] = -weight * dual_[i];
+  double a[kMaxRows], b[kMaxRows];
+  const auto softened = [&](size_t r, const Vector3& g) -> Vector3 {
+    if (rows_[r].compliance == 0) return g;
+    return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).inverse() * g;
+  };
+  const auto constant_part = [&](size_t r) -> Vector3 {
+    const Rows& rows = rows_[r];
+    const int d = NumRows(rows.cone.kind);
+    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &primal_[rows.first], a);
+    for (int i = 0; i < d; ++i) a[i] = weight * a[i] + target_[rows.first + i];
+    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, b);
+    return softened(r, MapFromRows(rows.cone, b));
+  };
+  for (size_t r = 0; r < rows_.size(); ++r)
+    AddForce(scaled_.contacts[rows_[r].contact], stride, rows_[r].field, rows_[r].sign, constant_part(r), &dy_);
+  kkt_.Solve(dy_.data());
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    const Rows& rows = rows_[r];
+    const int d = NumRows(rows.cone.kind);
+    Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
+    if (rows.compliance > 0) dw += rows.compliance * (constant_part(r) - blocks_[r] * dw).eval();
+    MapToRows(rows.cone, dw, a);
+    for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
+    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);
+    for (int i = 0; i < d; ++i) dz_[rows.first + i] = target_[rows.first + i] - ds_[rows.first + i];
+  }
+}
+
+double InteriorPoint::LongestStep(double limit) const {
+  double step = limit;
+  for (const Rows& rows : rows_) {
+    step = MaxStep(rows.cone.kind, &lambda_[rows.first], &ds_[rows.first], step);
+    step = MaxStep(rows.cone.kind, &lambda_[rows.first], &dz_[rows.first], step);
+  }
+  return step;
+}
+
+void InteriorPoint::Advance(double step) {
+  double move[kMaxRows];
+  for (size_t i = 0; i < y_.size(); ++i) y_[i] += step * dy_[i];
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    const Rows& rows = rows_[r];
+    const int d = NumRows(rows.cone.kind);
+    ApplyScaling(rows.cone.kind, ScalingOf(r), &ds_[rows.first], move);
+    for (int i = 0; i < d; ++i) s_[rows.first + i] += step * move[i];
+    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], move);
+    for (int i = 0; i < d; ++i) z_[rows.first + i] += step * move[i];
+  }
+}
+
+Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
+  double best_merit = INFINITY;
+  Residuals best{INFINITY, INFINITY, INFINITY};
+  int stalled = 0;
+  for (;; ++solution->iterations) {
+    const Residuals now = ComputeResiduals();
+    const double gap = now.gap / energy_scale_;
+    const double merit = std::max({gap, now.primal, now.dual});
+    if (!std::isfinite(merit)) break;
+    stalled = merit < 0.9 * best_merit ? 0 : stalled + 1;
+    if (merit < best_merit) {
+      best_merit = merit;
+      best = {gap, now.primal, now.dual};
+      best_z_ = z_;
+    }
+    if (merit <= settings.tolerance || solution->iterations >= settings.max_iterations || stalled >= 15) break;
+    if (!UpdateScalings() || !FactoriseNewton()) break;
+    const double mu = now.gap / degree_;
+
+    for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];
+    ComputeDirection(1);
+    const double affine = LongestStep(1);
+    const double sigma = std::pow(1 - affine, 3);
+    double unit[kMaxRows], product[kMaxRows];
+    for (const Rows& rows : rows_) {
+      const int d = NumRows(rows.cone.kind);
+      JordanProduct(rows.cone.kind, &ds_[rows.first], &dz_[rows.first], product);
+      Identity(rows.cone.kind, unit);
+      for (int i = 0; i < d; ++i) product[i] = sigma * mu * unit[i] - product[i];
+      JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
+      for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
+    }
+    ComputeDirection(1 - sigma);
+    double step = std::min(1.0, kStepShare * LongestStep(2));
+    for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
+      if (!ImproveCentrality(sigma, mu, &step)) break;
+    }
+    if (step < 1e-10) break;
+    Advance(step);
+  }
+  solution->gap = best.gap;
+  z_ = best_z_;
+  if (best_merit <= settings.tolerance) return Status::kSolved;
+  if (!std::isfinite(best_merit)) return Status::kFailed;
+  return best.primal > 1e-3 ? Status::kInfeasible : Status::kInaccurate;
+}
+
+// One centrality corrector: look where a longer step would lead, pull the products that leave the band back into it,
+// and keep the new direction if it can be followed farther.                                                     [Gon96]
+bool InteriorPoint::ImproveCentrality(double sigma, double mu, double* step) {
+  const double reach = std::min(1.0, *step + kCorrectorReach);
+  saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
+  const double aim = std::max(sigma, 1e-3) * mu;
+  double a[kMaxRows], b[kMaxRows];
+  for (const Rows& rows : rows_) {
+    const int d = NumRows(rows.cone.kind);
+    for (int i = 0; i < d; ++i) {
+      a[i] = lambda_[rows.first + i] + reach * ds_[rows.first + i];
+      b[i] = lambda_[rows.first + i] + reach * dz_[rows.first + i];
+    }
+    JordanProduct(rows.cone.kind, a, b, a);
+    BandCorrection(rows.cone.kind, kProductLow * aim, kProductHigh * aim, a);
+    JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
+    for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
+  }
+  ComputeDirection(1 - sigma);
+  const double longer = std::min(1.0, kStepShare * LongestStep(2));
+  if (longer >= *step + kCorrectorGain * (reach - *step)) {
+    *step = longer;
+    return true;
+  }
+  target_.swap(saved_target_), ds_.swap(saved_ds_), dz_.swap(saved_dz_), dy_.swap(saved_dy_);
+  return false;
+}
+
+void InteriorPoint::Extract(const Problem& problem, double velocity_scale, Solution* solution) {
+  const int nb = problem.num_bodies(), nc = problem.num_contacts();
+  solution->velocities.resize(static_cast<size_t>(6) * nb);
+  for (int i = 0; i < nb; ++i) At(solution->velocities, 6 * i) = problem.bodies[i].velocity;
+  solution->impulses.resize(nc);
+  for (int c = 0; c < nc; ++c) {
+    solution->impulses[c] = mean_mass_ * velocity_scale * MapFromRows(rows_[c].cone, &z_[rows_[c].first]);
+    ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+  }
+}
+
+const char* ToString(Status status) {
+  switch (status) {
+    case Status::kSolved: return "solved";
+    case Status::kInaccurate: return "inaccurate";
+    case Status::kInfeasible: return "infeasible";
+    case Status::kFailed: return "failed";
+  }
+  return "unknown";
+}
+
+}  // namespace islet::qp

@@ -1,0 +1,29 @@
+// What an island solve returns.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "qp/problem.h"
+
+namespace islet::qp {
+
+enum class Status : std::uint8_t {
+  kSolved,      // all residuals below the tolerance
+  kInaccurate,  // stopped early (no further progress, or the cap on iterations); the answer is the best point found
+  kInfeasible,  // no velocities satisfy the contacts; the answer is not usable as it is
+  kFailed,      // no finite answer
+};
+const char* ToString(Status status);
+
+struct Solution {
+  Status status = Status::kFailed;
+  std::vector<double> velocities;  // 6 per body; always v0 + M^-1 J^T j
+  std::vector<Vector3> impulses;   // per contact, (n, t1, t2)
+  std::vector<double> slips;       // per contact: the De Saxce term s = mu |u_t| that the solved problem used; 0 unless kCoulomb
+  int iterations = 0;              // factorisations, all rounds together
+  int rounds = 0;                  // interior-point solves for exact Coulomb
+  double gap = 0;                  // relative duality gap reached
+};
+
+}  // namespace islet::qp
