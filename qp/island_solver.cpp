@@ -1,0 +1,125 @@
+#include "qp/island_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace islet::qp {
+namespace {
+
+constexpr int kSweeps = 100;              // between two interior-point solves
+constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
+
+double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2] * u[2]); }
+
+// De Saxce's term: mu |u_t|; for the octagon the support function of its base, which is largest at an edge.
+double Slip(const Vector3& u, double friction, Cone cone) {
+  if (cone == Cone::kCircular) return friction * TangentSize(u);
+  double largest = 0;
+  for (int k = 0; k < 8; ++k) {
+    const double angle = (0.5 + k) * std::numbers::pi / 4;
+    largest = std::max(largest, -(std::cos(angle) * u[1] + std::sin(angle) * u[2]));
+  }
+  return friction * largest;
+}
+
+Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
+  const double tangent = TangentSize(x);
+  if (tangent <= friction * x[0]) return x;
+  if (x[0] + friction * tangent <= 0) return Vector3::Zero();
+  const double normal = (x[0] + friction * tangent) / (1 + friction * friction);
+  const double share = tangent > 0 ? friction * normal / tangent : 0;
+  return {normal, share * x[1], share * x[2]};
+}
+
+bool AllFinite(const Solution& solution) {
+  return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
+}
+
+}  // namespace
+
+double NaturalMapRms(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses) {
+  double sum = 0;
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const double rho = 3 / DelassusBlock(problem, contact).trace();
+    Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
+    u[0] += contact.friction * TangentSize(u) - contact.target;
+    const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho * u, contact.friction)) / rho;
+    sum += map.squaredNorm();
+  }
+  return std::sqrt(sum / std::max(1, problem.num_contacts()));
+}
+
+void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution) {
+  solution->iterations = solution->rounds = 0;
+  solution->gap = 0;
+  solution->status = Status::kSolved;
+  solution->slips.assign(problem.contacts.size(), 0.0);
+  solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
+  if (problem.contacts.empty() || (problem.contacts.size() == 1 && settings.model == Model::kCoulomb &&
+                                   settings.cone == Cone::kCircular && problem.contacts[0].compliance == 0)) {
+    solution->velocities.resize(6 * problem.bodies.size());
+    for (int i = 0; i < problem.num_bodies(); ++i) Eigen::Map<Vector6>(&solution->velocities[6 * i]) = problem.bodies[i].velocity;
+    if (!problem.contacts.empty()) SolveOneContact(problem, solution);
+  } else if (settings.model == Model::kCoulomb) {
+    SolveCoulomb(problem, settings, solution);
+  } else {
+    interior_point_.Solve(problem, settings, {}, solution);
+  }
+  if (!AllFinite(*solution)) solution->status = Status::kFailed;
+}
+
+void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) const {
+  const ContactTerm& contact = problem.contacts[0];
+  const OneContact law(DelassusBlock(problem, contact));
+  Vector3 q = ContactVelocity(contact, solution->velocities.data());
+  q[0] -= contact.target;
+  solution->impulses[0] = law.SolveCoulomb(q, contact.friction);
+  ApplyImpulse(problem, contact, solution->impulses[0], solution->velocities.data());
+  solution->slips[0] = contact.friction * TangentSize(ContactVelocity(contact, solution->velocities.data()));
+}
+
+// Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
+// need not be accurate: they only place the sweeps, which find the slips of the next.
+void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
+  const bool circular = settings.cone == Cone::kCircular;
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  slips_.assign(problem.contacts.size(), 0.0);
+  Settings inner = settings;
+  int iterations = 0;
+  bool last = problem.num_bodies() <= 12;  // small islands: accuracy costs next to nothing
+  const bool small = last;
+  for (int round = 1;; ++round) {
+    last = last || round >= settings.coulomb_rounds;
+    inner.tolerance = last ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
+    interior_point_.Solve(problem, inner, slips_, solution);
+    solution->slips = slips_;
+    iterations += solution->iterations;
+    solution->iterations = iterations;
+    solution->rounds = round;
+    if (solution->status == Status::kFailed || solution->status == Status::kInfeasible) return;
+    const double map = NaturalMapRms(problem, solution->velocities, solution->impulses);
+    if ((circular && last && map <= goal) || round >= settings.coulomb_rounds) return;
+
+    swept_impulses_ = solution->impulses;
+    swept_velocities_ = solution->velocities;
+    if (circular) {
+      if (round == 1) gauss_seidel_.Prepare(problem);
+      gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    }
+    double change = 0;
+    for (size_t c = 0; c < slips_.size(); ++c) {
+      const Vector3 u = ContactVelocity(problem.contacts[c], swept_velocities_.data());
+      // Also where nothing presses: with s = 0 the convex problem would push such a contact open to u_n = mu |u_t|.
+      const double slip = Slip(u, problem.contacts[c].friction, settings.cone);
+      change = std::max(change, std::abs(slip - slips_[c]));
+      slips_[c] = slip;
+    }
+    const double swept_map = circular ? NaturalMapRms(problem, swept_velocities_, swept_impulses_) : change;
+    last = small || swept_map <= goal;
+    if (!circular && change <= goal) return;
+  }
+}
+
+}  // namespace islet::qp

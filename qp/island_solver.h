@@ -1,0 +1,40 @@
+// Solves one island's problem by the cheapest way that is exact for its size and model:
+//   no contact            velocities stay
+//   one contact           closed form (exact Coulomb)
+//   kinetic, convex       one interior-point solve
+//   coulomb               interior-point solves with lagged slip s = mu |u_t|, Gauss-Seidel sweeps between them, until
+//                         the natural map of exact Coulomb is below the tolerance or the cap on rounds is reached [DS91, ACLM11]
+//
+//   threads: one solver per worker
+#pragma once
+
+#include <vector>
+
+#include "qp/gauss_seidel.h"
+#include "qp/interior_point.h"
+#include "qp/problem.h"
+#include "qp/settings.h"
+#include "qp/solution.h"
+
+namespace islet::qp {
+
+class IslandSolver {
+ public:
+  void Solve(const Problem& problem, const Settings& settings, Solution* solution);
+
+ private:
+  void SolveOneContact(const Problem& problem, Solution* solution) const;
+  void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
+
+  InteriorPoint interior_point_;
+  GaussSeidel gauss_seidel_;
+  std::vector<Vector3> swept_impulses_;
+  std::vector<double> swept_velocities_;
+  std::vector<double> slips_;
+};
+
+// [velocity] rms over the contacts of |j - P_K(j - rho u_hat)| / rho with rho = 3 / tr W_cc and u_hat = u - target n + s n,
+// with s = mu |u_t| of the answer itself: the natural map of exact Coulomb, on the circular cone.
+double NaturalMapRms(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses);
+
+}  // namespace islet::qp

@@ -1,0 +1,66 @@
+#include "qp/one_contact.h"
+
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace islet::qp {
+
+OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
+  const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
+  const double b = w(1, 2) - w(1, 0) * w(0, 2) / w(0, 0);
+  const double c = w(2, 2) - w(2, 0) * w(0, 2) / w(0, 0);
+  const double angle = 0.5 * std::atan2(2 * b, a - c);
+  cosine_ = std::cos(angle);
+  sine_ = std::sin(angle);
+  stiffness_[0] = a * cosine_ * cosine_ + 2 * b * cosine_ * sine_ + c * sine_ * sine_;
+  stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
+}
+
+Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction) const {
+  if (q[0] >= 0) return Vector3::Zero();
+  if (friction == 0) return {-q[0] / w_(0, 0), 0, 0};
+  const Vector3 stick = -(inverse_ * q);
+  const double tangent = std::sqrt(stick[1] * stick[1] + stick[2] * stick[2]);
+  if (tangent <= friction * stick[0]) return stick;
+  return Slide(q, friction);
+}
+
+// In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn.
+Vector3 OneContact::Slide(const Vector3& q, double friction) const {
+  const double wnn = w_(0, 0);
+  const double t1 = q[1] - w_(1, 0) * q[0] / wnn, t2 = q[2] - w_(2, 0) * q[0] / wnn;
+  const double b[2] = {cosine_ * t1 + sine_ * t2, -sine_ * t1 + cosine_ * t2};
+  const double c[2] = {cosine_ * w_(0, 1) + sine_ * w_(0, 2), -sine_ * w_(0, 1) + cosine_ * w_(0, 2)};
+  double j[2], jn = 0, excess = 0, slope = 0;
+  const auto evaluate = [&](double lambda) {
+    double dj[2];
+    for (int i = 0; i < 2; ++i) {
+      j[i] = -b[i] / (stiffness_[i] + lambda);
+      dj[i] = -j[i] / (stiffness_[i] + lambda);
+    }
+    jn = (-q[0] - c[0] * j[0] - c[1] * j[1]) / wnn;
+    const double size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
+    excess = size - friction * jn;
+    slope = (size > 0 ? (j[0] * dj[0] + j[1] * dj[1]) / size : 0) + friction * (c[0] * dj[0] + c[1] * dj[1]) / wnn;
+  };
+  double low = 0, high = stiffness_[0] + stiffness_[1];
+  for (evaluate(high); excess > 0 && high < 1e300; evaluate(high)) low = high, high *= 4;
+  double lambda = 0.5 * (low + high);
+  for (int i = 0; i < 100; ++i) {
+    evaluate(lambda);
+    (excess > 0 ? low : high) = lambda;
+    const double newton = lambda - excess / slope;
+    const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
+    const bool done = std::abs(next - lambda) <= 1e-15 * next || std::abs(excess) <= 1e-16 * friction * jn;
+    lambda = next;
+    if (done) break;
+  }
+  evaluate(lambda);
+  // On the cone exactly, whatever was rounded.
+  const double size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
+  const double fit = size > 0 ? friction * jn / size : 0;
+  return {jn, fit * (cosine_ * j[0] - sine_ * j[1]), fit * (sine_ * j[0] + cosine_ * j[1])};
+}
+
+}  // namespace islet::qp

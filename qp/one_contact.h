@@ -1,0 +1,35 @@
+// Exact Coulomb friction at a single contact: the smallest problem there is, solved without iteration over bodies.
+//
+//   given W (3x3, positive definite) and q, find j with  u = W j + q,  K in j  perpendicular to  u + mu |u_t| n in K*
+//   (q already holds the bounce target: q_n is the approach minus what is required)
+//
+// Separates if q_n >= 0, sticks if -W^-1 q lies in the cone, else slides: u_t = -lambda j_t with lambda > 0 the root of
+// |j_t(lambda)| = mu j_n(lambda), found by bracketed Newton steps. A root exists whenever q_n < 0, also where Painleve's
+// paradox would leave none on the level of forces. Never raises kinetic energy when q_n holds no bounce.
+//   threads: pure functions
+#pragma once
+
+#include "qp/problem.h"
+
+namespace islet::qp {
+
+class OneContact {
+ public:
+  OneContact() = default;
+  explicit OneContact(const Matrix3& w);
+
+  // [impulse] (n, t1, t2).
+  Vector3 SolveCoulomb(const Vector3& q, double friction) const;
+
+  const Matrix3& w() const { return w_; }
+
+ private:
+  Vector3 Slide(const Vector3& q, double friction) const;
+
+  Matrix3 w_ = Matrix3::Identity(), inverse_ = Matrix3::Identity();
+  // Tangential operator with the normal eliminated, W_tt - W_tn W_nt / W_nn = axes diag(stiffness) axes^T.
+  double cosine_ = 1, sine_ = 0;
+  double stiffness_[2] = {1, 1};
+};
+
+}  // namespace islet::qp
