@@ -1,7 +1,15 @@
-// The contact points of one pair of shapes: exact closed forms for everything but hull against hull.
+// The contact points of one pair of shapes. Spheres and half-spaces by closed forms; boxes and hulls by separating axes
+// and clipping of the two faces that meet.
 //
 // Every function appends contacts whose normal points from a into b, with signed gaps (negative = overlap), up to
-// `reach` apart. Face against face gives the whole clipped polygon; edge against edge one point.
+// `reach` apart. Face against face gives the whole clipped polygon; edge against edge one point. All points of a pair
+// share one normal n along which the shapes are apart by at most the smallest gap, so that keeping
+// n . (relative displacement) >= -gap at each point keeps the pair from overlapping.
+//
+//   axis: among the axes that separate two polytopes now, the one that separates them best after b has moved by
+//         `travel_ba_W` relative to a. A cube that falls past a ledge gets the ledge's side, not its top.
+//   accuracy: gaps are exact to round-off (1e-14 of the larger body's size)
+//   threads: pure functions; scratch memory is one per thread
 #pragma once
 
 #include <vector>
@@ -18,7 +26,7 @@ struct Placement {
 
 // Appends the contacts of shape a at pose_a with shape b at pose_b; fills point, normal, gap, feature only.
 void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   std::vector<Contact>* contacts);
+                   std::vector<Contact>* contacts, const Vector3& travel_ba_W = Vector3::Zero());
 
 // [m] depth of overlap of two boxes: least over the 15 separating-axis candidates, negative if they are apart. Used to
 // judge the engine, by code that detection does not share.

@@ -28,6 +28,7 @@ struct Polytope {
   std::vector<std::vector<int>> faces;        // vertex numbers, counter-clockwise seen from outside
   std::vector<Vector3> face_normals;          // unit, outward, one per face
   std::vector<std::array<int, 2>> edges;      // vertex numbers, each edge once, smaller first
+  std::vector<std::array<int, 2>> edge_faces;  // the two faces that meet at each edge, smaller first
 };
 
 class Shape {
@@ -42,10 +43,10 @@ class Shape {
   ShapeKind kind() const;
   double radius() const;                  // [m] of a sphere; else farthest point from the centre of mass (half-space: infinity)
   const Vector3& half_extents() const;    // of a box; of the others: of the bounding box in B
-  double size() const;                    // [m] the smallest extent: length by which contact tolerances are scaled
+  double size() const;                    // [m] the smallest extent, by which contact tolerances are scaled (half-space: infinity)
   const Vector3& hull_offset() const;     // centre of mass in the frame the hull's points were given in
   const Polytope& polytope() const;       // box and hull; empty for the others
-  double Volume() const;                  // [m^3]
+  double Volume() const;                  // [m^3] (half-space: infinity)
   MassProperties MassFromDensity(double density) const;   // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
   MassProperties MassFromMass(double mass) const;         // [kg] > 0

@@ -1,0 +1,19 @@
+// Points -> the polytope around them, by gift wrapping: each face is found whole, with every point of its plane, so that
+// coplanar points make one polygon and never slivers.
+//
+//   in:  points in any order, duplicates and inner points allowed      out: a closed polytope, in the points' frame
+//   cost: faces x points; meant for shapes (up to some thousand points), not for clouds
+//   order: vertices keep the order of the points; the result depends on the points alone
+//   errors: std::invalid_argument for fewer than four points, a coordinate that is not finite, points in one plane
+#pragma once
+
+#include <span>
+
+#include "engine/shape.h"
+
+namespace islet {
+
+// Points closer to a face than about 1e-10 of the extent count as lying in it.
+Polytope BuildConvexHull(std::span<const Vector3> points);
+
+}  // namespace islet

@@ -1,0 +1,82 @@
+#include "engine/face_clip.h"
+
+#include <algorithm>
+
+namespace islet {
+namespace {
+
+// 31 bits: bodies' roles, faces, the two polygon sides that meet. Exact up to 128 faces of 127 sides; hulls beyond that
+// may give two points of a pair the same number.
+std::uint32_t FaceFeature(const ClipInput& input, int edge_in, int edge_out) {
+  auto bits = [](int value, int count) { return static_cast<std::uint32_t>(value) & ((1u << count) - 1u); };
+  return bits(input.reference_is_b, 1) << 30 | bits(input.reference_face, 7) << 23 | bits(input.incident_face, 7) << 16 |
+         bits(edge_in, 8) << 8 | bits(edge_out, 8);
+}
+
+}  // namespace
+
+// Sutherland-Hodgman: keeps what lies behind the plane. Corners within the slack count as behind, so that faces whose
+// sides coincide keep their own corners, and with them their features.
+void FaceClip::Cut(const Vector3& on_plane, const Vector3& outward, double slack, int side) {
+  scratch_.clear();
+  const size_t count = polygon_.size();
+  for (size_t k = 0; k < count; ++k) {
+    const Corner& here = polygon_[k];
+    const Corner& next = polygon_[k + 1 < count ? k + 1 : 0];
+    const double height = outward.dot(here.point - on_plane);
+    const double next_height = outward.dot(next.point - on_plane);
+    const bool in = height <= slack, next_in = next_height <= slack;
+    if (in) scratch_.push_back(here);
+    if (in == next_in) continue;
+    const double t = std::clamp(height / (height - next_height), 0.0, 1.0);
+    Corner crossing{here.point + t * (next.point - here.point), here.edge_out, side};
+    if (!in) std::swap(crossing.edge_in, crossing.edge_out);
+    scratch_.push_back(crossing);
+  }
+  std::swap(polygon_, scratch_);
+}
+
+void FaceClip::Emit(const ClipInput& input, const Corner& corner, double gap, std::vector<Contact>* contacts) const {
+  Contact contact;
+  contact.point_W = input.origin_W + corner.point - (0.5 * gap) * input.normal;
+  contact.normal_W = input.reference_is_b ? Vector3(-input.normal) : input.normal;
+  contact.gap = gap;
+  contact.feature = FaceFeature(input, corner.edge_in, corner.edge_out);
+  contacts->push_back(contact);
+}
+
+void FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) {
+  const int sides = input.num_reference;
+  polygon_.clear();
+  for (int k = 0; k < input.num_incident; ++k) {
+    polygon_.push_back({input.incident[k], sides + (k > 0 ? k : input.num_incident) - 1, sides + k});
+  }
+  const double slack = 1e-9 * input.size;
+  for (int k = 0; k < sides && !polygon_.empty(); ++k) {
+    const Vector3& from = input.reference[k];
+    const Vector3& to = input.reference[k + 1 < sides ? k + 1 : 0];
+    Cut(from, (to - from).cross(input.normal).normalized(), slack, k);
+  }
+  const Vector3& on_plane = input.reference[0];
+  const size_t first = contacts->size();
+  const double merge_square = slack * slack;
+  for (const Corner& corner : polygon_) {
+    const double gap = input.normal.dot(corner.point - on_plane);
+    if (gap > input.reach) continue;
+    const Vector3 point = input.origin_W + corner.point - (0.5 * gap) * input.normal;
+    const bool known = std::any_of(contacts->begin() + static_cast<std::ptrdiff_t>(first), contacts->end(),
+                                   [&](const Contact& c) { return (c.point_W - point).squaredNorm() <= merge_square; });
+    if (!known) Emit(input, corner, gap, contacts);
+  }
+  if (contacts->size() > first) return;
+  // The faces pass each other by, or what lies over the reference face is out of reach while another part is not. The
+  // plane of the reference face still has to keep every corner of the incident face on its far side.
+  for (int k = 0; k < input.num_incident; ++k) {
+    const Corner corner{input.incident[k], 255, sides + k};
+    const double gap = input.normal.dot(corner.point - on_plane);
+    const bool deepest = gap <= input.separation + slack;
+    if (deepest || (gap <= input.reach && input.separation > 0)) Emit(input, corner, gap, contacts);
+  }
+}
+
+}  // namespace islet

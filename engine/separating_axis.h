@@ -1,0 +1,35 @@
+// Which of the axes that a pair of polytopes offers carries the contact. Shared by boxes and hulls.
+//
+// An axis n (unit, from a to b) has a separation s(n): the gap between the two bodies' extents along it, negative if they
+// overlap. Bodies that overlap along every axis leave by the one of least depth. Bodies that some axis separates stay
+// apart as long as any one does, so among those the best is the one that still separates them most after the travel.
+#pragma once
+
+#include <algorithm>
+
+#include "engine/linear_algebra.h"
+
+namespace islet {
+
+// Among axes whose scores differ by less than this the earlier one is kept, so that round-off does not make the contact
+// jump between features: first the faces of a, then those of b, then the edge pairs.
+inline double FaceSlack(double size) { return 1e-6 * size; }  // size: [m] smallest extent of the pair
+inline double EdgeSlack(double size) { return 1e-4 * size; }
+
+struct AxisScore {
+  bool separates = false;
+  double value = -1e300;  // [m] separation, at the end of the travel if that is less
+
+  // An overlap of up to 1e-3 of the size still counts as apart: two cubes that slide along each other's sides with a
+  // little overlap must not be caught by each other's tops.
+  static AxisScore Of(double separation, double travel_along, double size) {
+    const bool separates = separation > -1e-3 * size;
+    return {separates, separates ? separation + std::min(0.0, travel_along) : separation};
+  }
+  bool BetterThan(const AxisScore& other, double slack) const {
+    if (separates != other.separates) return separates;
+    return value > other.value + slack;
+  }
+};
+
+}  // namespace islet

@@ -1,0 +1,181 @@
+#include "engine/shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "engine/convex_hull.h"
+
+namespace islet {
+
+struct Shape::Data {
+  ShapeKind kind = ShapeKind::kSphere;
+  double radius = 0;
+  Vector3 half_extents = Vector3::Zero();
+  double size = 0;
+  Vector3 hull_offset = Vector3::Zero();
+  Polytope polytope;
+  double volume = 0;
+  Matrix3 inertia_per_mass = Matrix3::Zero();  // [m^2]
+};
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+void RequirePositive(const char* field, double value) {
+  if (value > 0 && std::isfinite(value)) return;
+  throw std::invalid_argument(std::string(field) + " must be positive and finite, got " + std::to_string(value));
+}
+
+// Corner v has the signs of its three bits: bit k set means +half[k]. Face 2k+1 looks along +e_k, face 2k along -e_k.
+Polytope BoxPolytope(const Vector3& half) {
+  Polytope box;
+  for (int v = 0; v < 8; ++v) {
+    box.vertices.emplace_back((v & 1) ? half.x() : -half.x(), (v & 2) ? half.y() : -half.y(),
+                              (v & 4) ? half.z() : -half.z());
+  }
+  box.faces = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+  for (int axis = 0; axis < 3; ++axis) {
+    box.face_normals.push_back(-Vector3::Unit(axis));
+    box.face_normals.push_back(Vector3::Unit(axis));
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    const int u = (axis + 1) % 3, w = (axis + 2) % 3;
+    for (int corner = 0; corner < 4; ++corner) {
+      const int bit_u = corner & 1, bit_w = corner >> 1;
+      const int from = (bit_u << u) | (bit_w << w);
+      const int face_u = 2 * u + bit_u, face_w = 2 * w + bit_w;
+      box.edges.push_back({from, from | (1 << axis)});
+      box.edge_faces.push_back({std::min(face_u, face_w), std::max(face_u, face_w)});
+    }
+  }
+  return box;
+}
+
+struct Solid {
+  double volume;
+  Vector3 centroid;
+  Matrix3 inertia_per_mass;  // about the centroid
+};
+
+// Sums signed tetrahedra from an inner point to the triangles of each face. For a tetrahedron with corners 0, a, b, c
+// and det = 6 V the integral of x x^T is det / 120 (a a^T + b b^T + c c^T + s s^T), s = a + b + c.
+Solid Integrate(const Polytope& polytope) {
+  Vector3 origin = Vector3::Zero();
+  for (const Vector3& v : polytope.vertices) origin += v / static_cast<double>(polytope.vertices.size());
+  double six_volume = 0;
+  Vector3 first = Vector3::Zero();
+  Matrix3 second = Matrix3::Zero();
+  for (const std::vector<int>& face : polytope.faces) {
+    const Vector3 a = polytope.vertices[face[0]] - origin;
+    for (size_t k = 1; k + 1 < face.size(); ++k) {
+      const Vector3 b = polytope.vertices[face[k]] - origin, c = polytope.vertices[face[k + 1]] - origin;
+      const double det = a.dot(b.cross(c));
+      const Vector3 sum = a + b + c;
+      six_volume += det;
+      first += det * sum / 24;
+      second += det / 120 * (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose());
+    }
+  }
+  const double volume = six_volume / 6;
+  const Vector3 centre = first / volume;
+  const Matrix3 covariance = second / volume - centre * centre.transpose();
+  const Matrix3 inertia = covariance.trace() * Matrix3::Identity() - covariance;
+  return {volume, origin + centre, 0.5 * (inertia + inertia.transpose())};
+}
+
+double SmallestWidth(const Polytope& polytope) {  // over the directions of the faces
+  double width = kInfinity;
+  for (size_t f = 0; f < polytope.faces.size(); ++f) {
+    const Vector3& corner = polytope.vertices[polytope.faces[f][0]];
+    double depth = 0;
+    for (const Vector3& v : polytope.vertices) depth = std::max(depth, polytope.face_normals[f].dot(corner - v));
+    width = std::min(width, depth);
+  }
+  return width;
+}
+
+}  // namespace
+
+Shape Shape::Sphere(double radius) {
+  RequirePositive("Sphere radius", radius);
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kSphere;
+  data->radius = radius;
+  data->half_extents.setConstant(radius);
+  data->size = 2 * radius;
+  data->volume = 4.0 / 3.0 * kPi * radius * radius * radius;
+  data->inertia_per_mass = 0.4 * radius * radius * Matrix3::Identity();
+  return Shape(std::move(data));
+}
+
+Shape Shape::Box(const Vector3& half_extents) {
+  RequirePositive("Box half_extents.x", half_extents.x());
+  RequirePositive("Box half_extents.y", half_extents.y());
+  RequirePositive("Box half_extents.z", half_extents.z());
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kBox;
+  data->radius = half_extents.norm();
+  data->half_extents = half_extents;
+  data->size = 2 * half_extents.minCoeff();
+  data->polytope = BoxPolytope(half_extents);
+  data->volume = 8 * half_extents.prod();
+  const Vector3 squares = half_extents.cwiseAbs2();
+  data->inertia_per_mass = ((squares.sum() * Vector3::Ones() - squares) / 3).asDiagonal();
+  return Shape(std::move(data));
+}
+
+Shape Shape::HalfSpace() {
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kHalfSpace;
+  data->radius = kInfinity;
+  data->half_extents.setConstant(kInfinity);
+  data->size = kInfinity;
+  data->volume = kInfinity;
+  return Shape(std::move(data));
+}
+
+Shape Shape::ConvexHull(std::span<const Vector3> points) {
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kConvexHull;
+  data->polytope = BuildConvexHull(points);
+  const Solid solid = Integrate(data->polytope);
+  data->hull_offset = solid.centroid;
+  for (Vector3& vertex : data->polytope.vertices) {
+    vertex -= solid.centroid;
+    data->radius = std::max(data->radius, vertex.norm());
+  }
+  Vector3 lower = data->polytope.vertices[0], upper = lower;
+  for (const Vector3& v : data->polytope.vertices) lower = lower.cwiseMin(v), upper = upper.cwiseMax(v);
+  data->half_extents = (upper - lower) / 2;
+  data->size = SmallestWidth(data->polytope);
+  data->volume = solid.volume;
+  data->inertia_per_mass = solid.inertia_per_mass;
+  return Shape(std::move(data));
+}
+
+ShapeKind Shape::kind() const { return data_->kind; }
+double Shape::radius() const { return data_->radius; }
+const Vector3& Shape::half_extents() const { return data_->half_extents; }
+double Shape::size() const { return data_->size; }
+const Vector3& Shape::hull_offset() const { return data_->hull_offset; }
+const Polytope& Shape::polytope() const { return data_->polytope; }
+double Shape::Volume() const { return data_->volume; }
+
+MassProperties Shape::MassFromDensity(double density) const {
+  RequirePositive("density", density);
+  if (data_->kind == ShapeKind::kHalfSpace) throw std::invalid_argument("density: a half-space has no mass");
+  return MassFromMass(density * data_->volume);
+}
+
+MassProperties Shape::MassFromMass(double mass) const {
+  RequirePositive("mass", mass);
+  if (data_->kind == ShapeKind::kHalfSpace) throw std::invalid_argument("mass: a half-space has no mass");
+  return {mass, mass * data_->inertia_per_mass};
+}
+
+}  // namespace islet
