@@ -280,7 +280,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     if (merit < best_merit) {
       best_merit = merit;
       best = {gap, now.primal, now.dual};
-      best_z_ = z_;
+      best_z_ = z_, best_y_ = y_;
     }
     if (merit <= settings.tolerance || solution->iterations >= settings.max_iterations || stalled >= 15) break;
     if (!UpdateScalings() || !FactoriseNewton()) break;
@@ -308,7 +308,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     Advance(step);
   }
   solution->gap = best.gap;
-  z_ = best_z_;
+  z_ = best_z_, y_ = best_y_;
   if (best_merit <= settings.tolerance) return Status::kSolved;
   if (!std::isfinite(best_merit)) return Status::kFailed;
   return best.primal > 1e-3 ? Status::kInfeasible : Status::kInaccurate;
@@ -351,6 +351,14 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, Solut
     solution->impulses[c] = mean_mass_ * velocity_scale * MapFromRows(rows_[c].cone, &z_[rows_[c].first]);
     ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
   }
+  solution->multipliers.clear();
+  solution->bounce_multipliers.clear();
+  if (kkt_.num_fields() == 1) return;
+  for (int c = 0; c < nc; ++c) solution->bounce_multipliers.push_back(mean_mass_ * velocity_scale * z_[rows_[nc + c].first]);
+  // p from the answer's own v and gamma, so that M (v - p) = N^T gamma holds to rounding.
+  solution->multipliers = solution->velocities;
+  for (int c = 0; c < nc; ++c)
+    ApplyImpulse(problem, problem.contacts[c], {-solution->bounce_multipliers[c], 0, 0}, solution->multipliers.data());
 }
 
 const char* ToString(Status status) {

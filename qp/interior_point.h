@@ -65,7 +65,7 @@ class InteriorPoint {
   std::vector<double> eta_;                        // per Rows
   std::vector<double> primal_, dual_;              // residuals: s - A y - c; stationarity
   std::vector<double> target_, ds_, dz_, dy_;      // direction; target, ds and dz in scaled space
-  std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_;
+  std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_, best_y_;
   std::vector<Matrix3> blocks_;                    // D per contact
   std::vector<double> normal_blocks_;              // E per contact
 };

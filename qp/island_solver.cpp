@@ -32,6 +32,10 @@ Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
   return {normal, share * x[1], share * x[2]};
 }
 
+bool AnyBounces(const Problem& problem) {
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.target > 0; });
+}
+
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
@@ -55,6 +59,8 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->iterations = solution->rounds = 0;
   solution->gap = 0;
   solution->status = Status::kSolved;
+  solution->multipliers.clear();
+  solution->bounce_multipliers.clear();
   solution->slips.assign(problem.contacts.size(), 0.0);
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
   if (problem.contacts.empty() || (problem.contacts.size() == 1 && settings.model == Model::kCoulomb &&
@@ -80,6 +86,28 @@ void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) c
   solution->slips[0] = contact.friction * TangentSize(ContactVelocity(contact, solution->velocities.data()));
 }
 
+// Slips of the swept velocities; returns the largest change. Also where nothing presses: with s = 0 the convex problem
+// would push such a contact open to u_n = mu |u_t|.
+double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
+  double change = 0;
+  for (size_t c = 0; c < slips_.size(); ++c) {
+    const double slip = Slip(ContactVelocity(problem.contacts[c], swept_velocities_.data()), problem.contacts[c].friction, cone);
+    change = std::max(change, std::abs(slip - slips_[c]));
+    slips_[c] = slip;
+  }
+  return change;
+}
+
+// With bounces the problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a
+// sliding contact to open by mu |u_t| more than it should, and a jammed pile has no room for that.
+void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
+  swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
+  swept_velocities_.resize(6 * problem.bodies.size());
+  for (int i = 0; i < problem.num_bodies(); ++i) Eigen::Map<Vector6>(&swept_velocities_[6 * i]) = problem.bodies[i].velocity;
+  gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+  UpdateSlips(problem, Cone::kCircular);
+}
+
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
 // need not be accurate: they only place the sweeps, which find the slips of the next.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
@@ -88,6 +116,8 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   slips_.assign(problem.contacts.size(), 0.0);
   Settings inner = settings;
   int iterations = 0;
+  if (circular) gauss_seidel_.Prepare(problem);
+  if (circular && AnyBounces(problem)) FindFirstSlips(problem, goal);
   bool last = problem.num_bodies() <= 12;  // small islands: accuracy costs next to nothing
   const bool small = last;
   for (int round = 1;; ++round) {
@@ -104,18 +134,8 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
 
     swept_impulses_ = solution->impulses;
     swept_velocities_ = solution->velocities;
-    if (circular) {
-      if (round == 1) gauss_seidel_.Prepare(problem);
-      gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-    }
-    double change = 0;
-    for (size_t c = 0; c < slips_.size(); ++c) {
-      const Vector3 u = ContactVelocity(problem.contacts[c], swept_velocities_.data());
-      // Also where nothing presses: with s = 0 the convex problem would push such a contact open to u_n = mu |u_t|.
-      const double slip = Slip(u, problem.contacts[c].friction, settings.cone);
-      change = std::max(change, std::abs(slip - slips_[c]));
-      slips_[c] = slip;
-    }
+    if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    const double change = UpdateSlips(problem, settings.cone);
     const double swept_map = circular ? NaturalMapRms(problem, swept_velocities_, swept_impulses_) : change;
     last = small || swept_map <= goal;
     if (!circular && change <= goal) return;

@@ -26,6 +26,9 @@ class IslandSolver {
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
 
+  double UpdateSlips(const Problem& problem, Cone cone);
+  void FindFirstSlips(const Problem& problem, double goal);
+
   InteriorPoint interior_point_;
   GaussSeidel gauss_seidel_;
   std::vector<Vector3> swept_impulses_;
