@@ -32,6 +32,11 @@ Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
   return {normal, share * x[1], share * x[2]};
 }
 
+void CopyFreeVelocities(const Problem& problem, std::vector<double>* velocities) {
+  velocities->clear();
+  for (const BodyTerm& body : problem.bodies) velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
+}
+
 bool AnyBounces(const Problem& problem) {
   return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.target > 0; });
 }
@@ -65,8 +70,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
   if (problem.contacts.empty() || (problem.contacts.size() == 1 && settings.model == Model::kCoulomb &&
                                    settings.cone == Cone::kCircular && problem.contacts[0].compliance == 0)) {
-    solution->velocities.resize(6 * problem.bodies.size());
-    for (int i = 0; i < problem.num_bodies(); ++i) Eigen::Map<Vector6>(&solution->velocities[6 * i]) = problem.bodies[i].velocity;
+    CopyFreeVelocities(problem, &solution->velocities);
     if (!problem.contacts.empty()) SolveOneContact(problem, solution);
   } else if (settings.model == Model::kCoulomb) {
     SolveCoulomb(problem, settings, solution);
@@ -102,8 +106,7 @@ double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
 // sliding contact to open by mu |u_t| more than it should, and a jammed pile has no room for that.
 void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
-  swept_velocities_.resize(6 * problem.bodies.size());
-  for (int i = 0; i < problem.num_bodies(); ++i) Eigen::Map<Vector6>(&swept_velocities_[6 * i]) = problem.bodies[i].velocity;
+  CopyFreeVelocities(problem, &swept_velocities_);
   gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
   UpdateSlips(problem, Cone::kCircular);
 }
