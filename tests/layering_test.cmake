@@ -12,7 +12,7 @@ set(allowed_scenes engine scenes)
 set(folders qp islands parallel engine scenes)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|report[a-z_]*|run_[a-z_]+|frame_log|progress|output_file)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|frame_log|output_file|picture|progress)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules

@@ -1,0 +1,25 @@
+// One row of numbers per frame, as comma-separated values with a header line.
+//
+// Columns: frame (from 1), contacts, active_contacts, islands, largest_island_contacts, collision_qp_seconds [s],
+// static_qp_seconds [s], iterations (interior point, both problems), awake, kinetic_energy [J], penetration_max [m],
+// woken, frozen, step_seconds [s].
+#pragma once
+
+#include <string>
+
+#include "engine/step_report.h"
+
+namespace islet {
+
+class FrameLog {
+ public:
+  FrameLog();
+  void Add(const StepReport& report, double step_seconds);
+  const std::string& text() const { return text_; }
+
+ private:
+  int frames_ = 0;
+  std::string text_;  // whole table; written when the run is over, so that no half table is left by a broken one
+};
+
+}  // namespace islet

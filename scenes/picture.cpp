@@ -1,0 +1,227 @@
+#include "scenes/picture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <set>
+
+#include "scenes/camera.h"
+
+namespace islet {
+namespace {
+
+constexpr double kHeight = 1000;  // [px] of the larger side of the picture
+constexpr double kMargin = 24;    // [px]
+constexpr double kBodyShadow = 0.5, kWallShadow = 0.8;
+constexpr double kReach = 2;  // [m] how much of floor and walls is seen around the bodies
+
+using Polygon = std::vector<Vector3>;
+using Colour = Eigen::Array3d;  // red, green, blue in [0, 1]
+
+struct Face {
+  Polygon corners_W;
+  Vector3 normal_W;
+};
+
+struct Item {    // what is painted at once
+  double depth;  // [m] Camera::Nearness
+  std::string svg;
+};
+
+Colour Palette(double t) {
+  static const std::array<Colour, 6> kStops{Colour(0.98, 0.80, 0.42), Colour(0.95, 0.56, 0.33),
+                                            Colour(0.84, 0.32, 0.38), Colour(0.53, 0.33, 0.60),
+                                            Colour(0.23, 0.42, 0.68), Colour(0.20, 0.64, 0.60)};
+  const double at = std::clamp(t, 0.0, 1.0) * (kStops.size() - 1);
+  const size_t low = std::min(static_cast<size_t>(at), kStops.size() - 2);
+  const double mix = at - static_cast<double>(low);
+  return kStops[low] * (1 - mix) + kStops[low + 1] * mix;
+}
+
+std::string Hex(const Colour& colour) {
+  const auto byte = [](double v) { return static_cast<int>(std::lround(255 * std::clamp(v, 0.0, 1.0))); };
+  return fmt::format("#{:02x}{:02x}{:02x}", byte(colour[0]), byte(colour[1]), byte(colour[2]));
+}
+
+// Soft light from above and from the camera's left; `shadow` is what a face gets that is turned away from it.
+Colour Lit(const Colour& colour, const Vector3& normal, const Camera& camera, double shadow) {
+  const Vector3 sun = (0.75 * Vector3::UnitZ() - 0.45 * camera.right + 0.5 * camera.back).normalized();
+  const double light = shadow + 0.1 * normal.z() + (1 - shadow) * std::max(0.0, normal.dot(sun));
+  return colour * light + 0.05 * std::max(0.0, normal.z());
+}
+
+std::vector<Face> Faces(const Shape& shape, const Body& body) {
+  std::vector<Face> faces;
+  const Matrix3 R = body.rotation_WB.toRotationMatrix();
+  const Polytope& polytope = shape.polytope();
+  for (size_t f = 0; f < polytope.faces.size(); ++f) {
+    Face face{{}, R * polytope.face_normals[f]};
+    for (const int vertex : polytope.faces[f]) {
+      face.corners_W.push_back(body.position_W + R * polytope.vertices[static_cast<size_t>(vertex)]);
+    }
+    faces.push_back(std::move(face));
+  }
+  return faces;
+}
+
+bool FacesCamera(const Face& face, const Camera& camera) {
+  return face.normal_W.dot(camera.eye - face.corners_W[0]) > 0;
+}
+
+// Cuts away what is outside of the region [Sutherland and Hodgman 1974]; may leave nothing.
+Polygon Clip(Polygon polygon, const Region& region) {
+  for (int side = 0; side < 6 && !polygon.empty(); ++side) {
+    const int axis = side / 2;
+    const double sign = side % 2 ? -1 : 1;
+    const double limit = side % 2 ? region.upper[axis] : region.lower[axis];
+    const auto inside = [&](const Vector3& p) { return sign * (p[axis] - limit) + 1e-9; };
+    Polygon kept;
+    for (size_t i = 0; i < polygon.size(); ++i) {
+      const Vector3& here = polygon[i];
+      const Vector3& next = polygon[(i + 1) % polygon.size()];
+      const double a = inside(here), b = inside(next);
+      if (a >= 0) kept.push_back(here);
+      if ((a >= 0) != (b >= 0)) kept.push_back(here + (next - here) * (a / (a - b)));
+    }
+    polygon = std::move(kept);
+  }
+  return polygon;
+}
+
+std::string Path(const Polygon& polygon, const std::string& attributes, const Camera& camera) {
+  std::string path = "<path d=\"";
+  for (size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector2d p = camera.Project(polygon[i]);
+    fmt::format_to(std::back_inserter(path), "{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', p.x(), p.y());
+  }
+  return path + "Z\" " + attributes + "/>\n";
+}
+
+Item DrawSphere(const Shape& shape, const Body& body, const Colour& colour, const Camera& camera) {
+  const Eigen::Vector2d centre = camera.Project(body.position_W);
+  const double radius = (camera.Project(body.position_W + shape.radius() * camera.right) - centre).norm();
+  const std::string name = Hex(colour).substr(1);  // of its gradient: one per colour, not per sphere
+  return {camera.Nearness(body.position_W),
+          fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\" fill=\"url(#s{})\"/>\n", centre.x(), centre.y(),
+                      radius, name)};
+}
+
+std::string SphereGradient(const Colour& colour) {
+  return fmt::format(
+      "<radialGradient id=\"s{}\" cx=\".36\" cy=\".3\" r=\".75\"><stop offset=\"0\" stop-color=\"{}\"/>"
+      "<stop offset=\".55\" stop-color=\"{}\"/><stop offset=\"1\" stop-color=\"{}\"/></radialGradient>\n",
+      Hex(colour).substr(1), Hex(colour * 0.75 + 0.3), Hex(colour * 0.95), Hex(colour * 0.5));
+}
+
+Item DrawSolid(const Shape& shape, const Body& body, const Colour& colour, const Camera& camera) {
+  Item item{camera.Nearness(body.position_W), ""};
+  for (const Face& face : Faces(shape, body)) {
+    if (!FacesCamera(face, camera)) continue;
+    item.svg += Path(face.corners_W, "fill=\"" + Hex(Lit(colour, face.normal_W, camera, kBodyShadow)) + "\"", camera);
+  }
+  return item;
+}
+
+// Walls and floor are painted first (upright ones have the depth of infinity), tilted bodies among the others.
+Item DrawFixed(const Shape& shape, const Body& body, const Region& visible, const Camera& camera) {
+  const bool upright = body.rotation_WB.vec().norm() < 1e-9;
+  const Colour colour = upright ? Colour(0.90, 0.89, 0.86) : Colour(0.62, 0.66, 0.70);
+  Item item{upright ? -std::numeric_limits<double>::infinity() : camera.Nearness(body.position_W), ""};
+  for (const Face& face : Faces(shape, body)) {
+    if (!FacesCamera(face, camera)) continue;
+    const Polygon seen = Clip(face.corners_W, visible);
+    if (seen.size() < 3) continue;
+    const std::string fill = "fill=\"" + Hex(Lit(colour, face.normal_W, camera, kWallShadow)) + "\"";
+    item.svg += Path(seen, upright ? fill : fill + " fill-opacity=\".45\"", camera);
+  }
+  return item;
+}
+
+Region Around(const World& world) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Region region{Vector3::Constant(kInfinity), Vector3::Constant(-kInfinity)};
+  for (const Body& body : world.bodies()) {
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    region.lower = region.lower.cwiseMin(body.position_W - Vector3::Constant(body.radius));
+    region.upper = region.upper.cwiseMax(body.position_W + Vector3::Constant(body.radius));
+  }
+  return region;
+}
+
+Region Join(const Region& a, const Region& b) { return {a.lower.cwiseMin(b.lower), a.upper.cwiseMax(b.upper)}; }
+
+}  // namespace
+
+Picture::Picture(const World& start, const SceneInfo& info) : info_(info), start_(Around(start)) {
+  const auto layer = [](const Body& body) { return std::lround(10 * body.position_W.z()); };
+  std::set<long> layers;
+  for (const Body& body : start.bodies()) {
+    if (body.kind == BodyKind::kDynamic) layers.insert(layer(body));
+  }
+  const double last = std::max(1.0, static_cast<double>(layers.size()) - 1);
+  for (const Body& body : start.bodies()) {
+    const auto found = layers.find(layer(body));
+    const bool known = body.kind == BodyKind::kDynamic && found != layers.end();
+    shade_.push_back(known ? static_cast<double>(std::distance(layers.begin(), found)) / last : 0);
+  }
+}
+
+// The bodies and what is near them. The start counts sideways only, so that a picture does not grow with the fall.
+Region Picture::Visible(const World& world) const {
+  const Region now = Around(world);
+  Region region = Join(now, start_);
+  region.lower -= Vector3::Constant(kReach);
+  region.upper += Vector3::Constant(kReach);
+  region.upper.z() = now.upper.z();
+  for (size_t i = 0; i < world.bodies().size(); ++i) {
+    const Body& body = world.bodies()[i];
+    if (body.kind == BodyKind::kDynamic || body.rotation_WB.vec().norm() < 1e-9) continue;
+    for (const Face& face : Faces(world.shape(static_cast<int>(i)), body)) {
+      for (const Vector3& corner : face.corners_W) region.upper.z() = std::max(region.upper.z(), corner.z());
+    }
+  }
+  if (info_.bounds) {
+    region.upper = region.upper.cwiseMin(info_.bounds->upper);
+    region.lower = region.lower.cwiseMax(info_.bounds->lower);
+    region.lower.z() = info_.bounds->lower.z();  // the floor is always seen
+  }
+  return region;
+}
+
+std::string Picture::Draw(const World& world) const {
+  const Region visible = Visible(world);
+  const Camera camera = AimAt(visible, kHeight, kMargin);
+  std::vector<Item> items;
+  std::set<std::string> gradients;
+  for (size_t i = 0; i < world.bodies().size(); ++i) {
+    const Body& body = world.bodies()[i];
+    const Shape& shape = world.shape(static_cast<int>(i));
+    if (body.removed) continue;
+    const bool moves = body.kind == BodyKind::kDynamic;
+    const Colour colour = moves ? Palette(i < shade_.size() ? shade_[i] : 0) : Colour(0.62, 0.66, 0.70);
+    if (shape.kind() == ShapeKind::kSphere) {
+      gradients.insert(SphereGradient(colour));
+      items.push_back(DrawSphere(shape, body, colour, camera));
+    } else {
+      items.push_back(moves ? DrawSolid(shape, body, colour, camera) : DrawFixed(shape, body, visible, camera));
+    }
+  }
+  std::stable_sort(items.begin(), items.end(), [](const Item& a, const Item& b) { return a.depth < b.depth; });
+
+  std::string svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
+      "height=\"{1:.0f}\">\n<defs>\n",
+      camera.size.x(), camera.size.y());
+  for (const std::string& gradient : gradients) svg += gradient;
+  svg +=
+      "</defs>\n<rect width=\"100%\" height=\"100%\" fill=\"#fbfaf7\"/>\n"
+      "<g stroke=\"#23222a\" stroke-opacity=\".45\" stroke-width=\".8\" stroke-linejoin=\"round\">\n";
+  for (const Item& item : items) svg += item.svg;
+  return svg + "</g>\n</svg>\n";
+}
+
+}  // namespace islet

@@ -1,0 +1,109 @@
+#include "scenes/run.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <stdexcept>
+
+#include "scenes/frame_log.h"
+#include "scenes/output_file.h"
+#include "scenes/picture.h"
+#include "scenes/progress.h"
+#include "scenes/run_report.h"
+
+namespace islet {
+namespace {
+
+constexpr double kRestEnergy = 1e-8;  // [J/kg]
+constexpr double kRestSeconds = 0.5;  // [s]
+
+double WallTime() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+const Scene& RequireScene(const std::string& name) {
+  if (const Scene* scene = FindScene(name)) return *scene;
+  std::string names;
+  for (const Scene& scene : AllScenes()) names += " " + std::string(scene.name);
+  throw std::invalid_argument(
+      fmt::format("scene: there is no \"{}\"; did you mean {}? The scenes are{}", name, NearestScene(name), names));
+}
+
+// Tells when nothing moves any more.
+class RestWatch {
+ public:
+  explicit RestWatch(const Settings& settings) : freezing_(settings.freezing != Freezing::kOff) {}
+
+  bool AtRest(const World& world, const StepReport& report, double dt) {
+    if (freezing_) return report.awake == 0;
+    double most = 0;  // [J/kg]
+    for (const Body& body : world.bodies()) {
+      if (body.kind == BodyKind::kDynamic) most = std::max(most, body.KineticEnergy() / body.mass);
+    }
+    calm_seconds_ = most < kRestEnergy ? calm_seconds_ + dt : 0;
+    return calm_seconds_ >= kRestSeconds;
+  }
+
+ private:
+  bool freezing_;
+  double calm_seconds_ = 0;
+};
+
+int FrameLimit(const RunOptions& options, const Scene& scene) {
+  if (options.frames) return *options.frames;
+  const double frames = std::ceil(options.seconds.value_or(scene.time_limit) / options.dt - 1e-9);
+  if (frames > std::numeric_limits<int>::max()) {
+    throw std::invalid_argument(fmt::format("--dt {} makes {:.0f} frames, which is too many", options.dt, frames));
+  }
+  return std::max(1, static_cast<int>(frames));
+}
+
+}  // namespace
+
+void RunScene(const RunOptions& options) {
+  const Scene& scene = RequireScene(options.scene);
+  CheckRunOptions(options);
+  const int frame_limit = FrameLimit(options, scene);
+  auto [world, info] = BuildScene(scene, options.parameters, MakeSettings(options));
+
+  RunReport run_report(scene, info, world, options.dt);
+  FrameLog frame_log;
+  Progress progress(frame_limit * options.dt);
+  RestWatch rest(world.settings());
+  const Picture picture(world, info);
+  const bool until_rest = !options.frames && !options.seconds;
+  const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
+  std::string drawing;
+
+  const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
+  const double start = WallTime();
+  for (int frame = 1; frame <= frame_limit; ++frame) {
+    if (drawing.empty() && !options.picture.empty() && (frame - 1) * options.dt >= picture_time - 1e-9) {
+      drawing = picture.Draw(world);
+    }
+    const double step_start = WallTime();
+    const StepReport report = world.Step(options.dt);
+    const double step_seconds = WallTime() - step_start;
+
+    run_report.AddFrame(report, step_seconds, world);
+    if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
+    const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
+    if (at_rest) stopped_by = "rest";
+    if (at_rest || frame == frame_limit) {
+      progress.Finish(frame * options.dt, frame, step_seconds, report);
+      break;
+    }
+    progress.Update(frame * options.dt, frame, step_seconds, report);
+  }
+  run_report.Finish(world, WallTime() - start, stopped_by);
+
+  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
+  if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
+  if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
+  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
+  if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
+  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+}
+
+}  // namespace islet

@@ -1,0 +1,178 @@
+#include "scenes/run_options.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "scenes/output_file.h"
+
+namespace islet {
+namespace {
+
+constexpr std::array<std::pair<const char*, Model>, 3> kModels{
+    {{"kinetic", Model::kKinetic}, {"convex", Model::kConvex}, {"coulomb", Model::kCoulomb}}};
+constexpr std::array<std::pair<const char*, Cone>, 2> kCones{
+    {{"circular", Cone::kCircular}, {"octagon", Cone::kOctagon}}};
+constexpr std::array<std::pair<const char*, BounceLaw>, 3> kBounceLaws{
+    {{"eq5", BounceLaw::kEq5}, {"eq6", BounceLaw::kEq6}, {"exact", BounceLaw::kExact}}};
+constexpr std::array<std::pair<const char*, Freezing>, 3> kFreezings{
+    {{"off", Freezing::kOff}, {"paper", Freezing::kPaper}, {"certified", Freezing::kCertified}}};
+
+constexpr double kLongestRun = 1e6;  // [s] of simulated time
+constexpr int kMostThreads = 1024;
+
+template <typename T, size_t n>
+T Choose(const char* option, const std::string& value, const std::array<std::pair<const char*, T>, n>& choices) {
+  std::string names;
+  for (const auto& [name, choice] : choices) {
+    if (value == name) return choice;
+    names += (names.empty() ? "" : ", ") + std::string(name);
+  }
+  throw std::invalid_argument(fmt::format("{} must be one of {}; got {}", option, names, value));
+}
+
+template <typename T, size_t n>
+const char* Name(T value, const std::array<std::pair<const char*, T>, n>& choices) {
+  return std::find_if(choices.begin(), choices.end(), [&](const auto& choice) { return choice.second == value; })
+      ->first;
+}
+
+// Written so that NaN is outside of every range.
+template <typename T>
+void RequireRange(const char* option, T value, bool inside, const char* rule) {
+  if (!inside) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
+}
+
+int ParseBounceLimit(const std::string& text) {
+  if (text == "auto") return kAutoBounceLimit;
+  int value = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
+    throw std::invalid_argument(fmt::format("--bounce-limit must be auto or a whole number >= 0; got {}", text));
+  }
+  return value;
+}
+
+// The library would read a negative number as a huge one.
+std::string WholeNumber(const std::string& text) {
+  const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+  return digits ? "" : "must be a whole number >= 0; got " + text;
+}
+
+void CheckNumbers(const RunOptions& o) {
+  const SceneParameters& p = o.parameters;
+  if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
+  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && std::isfinite(*p.friction), ">= 0");
+  if (p.restitution) {
+    RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
+  }
+  if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
+  if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
+  RequireRange("--dt", o.dt, o.dt > 0 && o.dt <= 1 && o.dt >= 1e-9, "in [1e-9, 1] s");
+  if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
+  if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
+  if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
+  if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance > 0 && *o.tolerance <= 0.1, "in (0, 0.1]");
+  if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
+  if (o.picture_time) {
+    RequireRange("--picture-time", *o.picture_time, *o.picture_time >= 0 && *o.picture_time <= kLongestRun,
+                 "in [0, 1e6] s");
+  }
+}
+
+void CheckFiles(const RunOptions& o) {
+  if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
+  if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
+  if (!o.picture.empty()) CheckWritable("--picture", o.picture);
+  if (o.picture_time && o.picture.empty()) {
+    throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
+  }
+  const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
+  for (size_t i = 0; i < files.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (!files[i]->empty() && SameOutput(*files[i], *files[j])) {
+        throw std::invalid_argument("two outputs go to the same file " + *files[i]);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+const char* NameOf(Model model) { return Name(model, kModels); }
+const char* NameOf(Cone cone) { return Name(cone, kCones); }
+const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
+const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+
+void AddRunOptions(CLI::App* command, RunOptions* options) {
+  RunOptions& o = *options;
+  SceneParameters& p = o.parameters;
+  command->add_option("scene", o.scene, "name of the scene, see `islet scenes`")->required()->type_name("SCENE");
+
+  const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
+    return command->add_option(name, target, help)->group(group)->type_name(type);
+  };
+  const char* const kScene = "The scene";
+  add(kScene, "--count", p.count, "N", "how many pieces (default: the scene's own number)");
+  add(kScene, "--seed", p.seed, "K", "of the random placement")->check(WholeNumber);
+  add(kScene, "--friction", p.friction, "MU", "of all bodies, >= 0 (default 0.5 in most scenes)");
+  add(kScene, "--restitution", p.restitution, "E", "of all bodies, in [0, 1] (default 0.2 in most scenes)");
+  add(kScene, "--angle", p.angle, "RAD", "balance: the upper sphere's angle off the vertical (default 0.01)");
+  add(kScene, "--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
+
+  const char* const kTime = "Time";
+  CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
+  add(kTime, "--seconds", o.seconds, "S", "stop after S seconds of simulated time")->excludes(frames);
+  add(kTime, "--dt", o.dt, "S", "time step, at most 1 s (default 1/30)");
+
+  const char* const kMethod = "The method";
+  add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
+  add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
+  add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
+  add(kMethod, "--bounce", o.bounce, "NAME", "bounce law of the priority queue: eq5, eq6 or exact (default exact)");
+  add(kMethod, "--bounce-limit", o.bounce_limit, "N|auto",
+      "bounces per island before the QP takes over (default auto)");
+  add(kMethod, "--freeze", o.freeze, "NAME", "off, paper or certified (default certified)");
+  add(kMethod, "--freeze-count", o.freeze_count, "N",
+      "paper freezing: frames at low energy before a body freezes (default 3)");
+  command
+      ->add_flag("--paper", o.paper, "as in the paper: kinetic, octagon, eq5, paper freezing; other options override")
+      ->group(kMethod);
+  add(kMethod, "--threads", o.threads, "N", "0: all cores (default)");
+
+  const char* const kOutput = "Output";
+  add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr");
+  add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame");
+  add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene");
+  add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+}
+
+void CheckRunOptions(const RunOptions& options) {
+  CheckNumbers(options);
+  MakeSettings(options);
+  CheckFiles(options);
+}
+
+Settings MakeSettings(const RunOptions& o) {
+  Settings settings = o.paper ? Settings::Paper() : Settings{};
+  if (o.model) settings.model = Choose("--model", *o.model, kModels);
+  if (o.cone) settings.cone = Choose("--cone", *o.cone, kCones);
+  if (o.bounce) settings.bounce_law = Choose("--bounce", *o.bounce, kBounceLaws);
+  if (o.bounce_limit) settings.bounce_limit = ParseBounceLimit(*o.bounce_limit);
+  if (o.freeze) settings.freezing = Choose("--freeze", *o.freeze, kFreezings);
+  if (o.freeze_count) settings.freeze_count = *o.freeze_count;
+  if (o.tolerance) settings.tolerance = *o.tolerance;
+  const int threads = o.threads.value_or(0);
+  settings.threads = threads > 0 ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  return settings;
+}
+
+}  // namespace islet

@@ -1,0 +1,56 @@
+// What `islet run` was asked for: the options as given, their checks, and the engine settings they amount to.
+//
+//   errors: std::invalid_argument that names the option and its value
+//   rule: --paper first sets everything as in the paper; every option given beside it overrides that, wherever it
+//   stands
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "engine/settings.h"
+#include "scenes/scene.h"
+
+namespace CLI {
+class App;
+}
+
+namespace islet {
+
+struct RunOptions {
+  std::string scene;
+  SceneParameters parameters;
+
+  std::optional<int> frames;      // stop after so many frames
+  std::optional<double> seconds;  // [s] or after so much simulated time; neither: at rest, or at the time limit
+  double dt = 1.0 / 30;           // [s]
+
+  std::optional<int> threads;                                            // 0: all cores
+  std::optional<std::string> model, cone, bounce, bounce_limit, freeze;  // as on the command line
+  std::optional<double> tolerance;
+  std::optional<int> freeze_count;
+  bool paper = false;
+
+  std::string report;                  // file, "-" for the standard output, empty for none
+  std::string frames_csv;              // file or empty
+  std::string picture;                 // file or empty
+  std::optional<double> picture_time;  // [s] of simulated time; absent: at the end
+
+  bool ReportOnStdout() const { return report == "-"; }
+};
+
+void AddRunOptions(CLI::App* command, RunOptions* options);
+
+// Values in range, files writable. Changes no file.
+void CheckRunOptions(const RunOptions& options);
+
+// The threads are counted here, so that the report can tell how many there were.
+Settings MakeSettings(const RunOptions& options);
+
+const char* NameOf(Model model);
+const char* NameOf(Cone cone);
+const char* NameOf(BounceLaw law);
+const char* NameOf(Freezing freezing);
+
+}  // namespace islet

@@ -1,0 +1,227 @@
+#include "scenes/run_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "scenes/run_options.h"
+
+namespace islet {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Vector3 Momentum(const World& world) {
+  Vector3 sum = Vector3::Zero();
+  for (const Body& body : world.bodies()) {
+    if (body.kind == BodyKind::kDynamic) sum += body.mass * body.linear_velocity_W;
+  }
+  return sum;
+}
+
+double MechanicalEnergy(const World& world, const Vector3& gravity) {
+  double sum = 0;
+  for (const Body& body : world.bodies()) {
+    if (body.kind == BodyKind::kDynamic) sum += body.KineticEnergy() - body.mass * gravity.dot(body.position_W);
+  }
+  return sum;
+}
+
+bool Inside(const Region& region, const Vector3& point) {
+  return (point.array() >= region.lower.array()).all() && (point.array() <= region.upper.array()).all();
+}
+
+// Nearest rank: the smallest value that is not below a share q of the values.
+double Quantile(std::vector<double> values, double q) {
+  if (values.empty()) return 0;
+  const double rank = std::ceil(q * static_cast<double>(values.size()));
+  const auto nth = values.begin() + std::max(0, static_cast<int>(rank) - 1);
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
+void Accumulate(const QpSummary& frame, QpSummary* run) {
+  run->solved += frame.solved;
+  run->failed += frame.failed;
+  run->inaccurate += frame.inaccurate;
+  run->iterations += frame.iterations;
+  run->iterations_max = std::max(run->iterations_max, frame.iterations_max);
+  run->rounds_max = std::max(run->rounds_max, frame.rounds_max);
+  run->seconds += frame.seconds;
+}
+
+Json QpJson(const QpSummary& qp, double frames) {
+  const double problems = std::max(1, qp.solved);
+  return {{"solved", qp.solved},
+          {"seconds_mean", qp.seconds / problems},
+          {"iterations_mean", qp.iterations / problems},
+          {"iterations_max", qp.iterations_max},
+          {"failed", qp.failed},
+          {"inaccurate", qp.inaccurate},
+          {"rounds_max", qp.rounds_max},
+          {"seconds_per_frame", qp.seconds / frames}};
+}
+
+Json CertificateJson(const Certificate& c) {
+  return {{"momentum", c.momentum},
+          {"cone", c.cone},
+          {"dual", c.dual},
+          {"gap", c.gap},
+          {"natural_map_max", c.natural_map_max},
+          {"natural_map_rms", c.natural_map_rms},
+          {"coulomb_map_max", c.coulomb_map_max},
+          {"coulomb_map_rms", c.coulomb_map_rms}};
+}
+
+}  // namespace
+
+void RunReport::Series::Add(double value) {
+  sum += value;
+  max = std::max(max, value);
+}
+
+RunReport::RunReport(const Scene& scene, const SceneInfo& info, const World& world, double dt)
+    : scene_(scene), info_(info), settings_(world.settings()), dt_(dt) {
+  for (const Body& body : world.bodies()) {
+    if (body.kind != BodyKind::kDynamic) ++fixed_bodies_;
+    if (body.kind == BodyKind::kDynamic) momentum_scale_ += body.mass * body.linear_velocity_W.norm();
+  }
+  momentum_start_ = Momentum(world);
+  mechanical_energy_ = MechanicalEnergy(world, settings_.gravity);
+}
+
+void RunReport::AddFrame(const StepReport& report, double step_seconds, const World& world) {
+  step_seconds_.push_back(step_seconds);
+  stages_.detect += report.seconds.detect;
+  stages_.islands += report.seconds.islands;
+  stages_.pq += report.seconds.pq;
+  stages_.collision_qp += report.seconds.collision_qp;
+  stages_.static_qp += report.seconds.static_qp;
+  stages_.freeze += report.seconds.freeze;
+  stages_.move += report.seconds.move;
+  contacts_.Add(report.contacts);
+  active_contacts_.Add(report.active_contacts);
+  islands_.Add(static_cast<double>(report.islands.size()));
+  largest_island_.Add(report.largest_island_contacts);
+  penetration_.Add(std::max(0.0, report.penetration_max));
+  Accumulate(report.collision_qp, &collision_qp_);
+  Accumulate(report.static_qp, &static_qp_);
+  certificate_.Include(report.certificate);
+  bounces_ += report.bounces;
+  woken_ += report.woken;
+  woken_max_ = std::max(woken_max_, report.woken);
+  motion_passes_max_ = std::max(motion_passes_max_, report.motion_passes);
+  motion_failures_ += report.motion_failures;
+  restitution_lowered_ += report.restitution_lowered;
+
+  const double energy = MechanicalEnergy(world, settings_.gravity);
+  mechanical_energy_gain_ += std::max(0.0, energy - mechanical_energy_);
+  mechanical_energy_ = energy;
+  last_ = report;
+  last_.islands.clear();
+}
+
+void RunReport::Finish(const World& world, double wall_seconds, const char* stopped_by) {
+  sim_seconds_ = static_cast<double>(step_seconds_.size()) * dt_;
+  wall_seconds_ = wall_seconds;
+  stopped_by_ = stopped_by;
+  momentum_drift_ = (Momentum(world) - momentum_start_).norm() / std::max(momentum_scale_, 1e-300);
+  for (const Body& body : world.bodies()) {
+    if (body.kind != BodyKind::kDynamic) continue;
+    if (info_.bounds && !Inside(*info_.bounds, body.position_W)) ++escaped_;
+    if (info_.passed_z && body.position_W.z() < *info_.passed_z) ++passed_;
+  }
+  state_hash_ = fmt::format("{:016x}", world.StateHash());
+}
+
+std::string RunReport::Json() const {
+  const double frames = std::max<double>(1, static_cast<double>(step_seconds_.size()));
+  const auto mean_max = [&](const Series& s) { return islet::Json{{"mean", s.sum / frames}, {"max", s.max}}; };
+  const bool isolated = settings_.gravity.isZero(0) && fixed_bodies_ == 0 && momentum_scale_ > 0;
+  double sum = 0;
+  for (const double seconds : step_seconds_) sum += seconds;
+
+  islet::Json json;
+  json["scene"] = scene_.name;
+  json["bodies"] = info_.bodies;
+  json["fixed_bodies"] = fixed_bodies_;
+  json["frames"] = step_seconds_.size();
+  json["dt"] = dt_;
+  json["threads"] = settings_.threads;
+  json["model"] = NameOf(settings_.model);
+  json["cone"] = NameOf(settings_.cone);
+  json["bounce"] = NameOf(settings_.bounce_law);
+  json["tolerance"] = settings_.tolerance;
+  json["freeze"] = NameOf(settings_.freezing);
+  json["seed"] = info_.seed;
+  json["stopped_by"] = stopped_by_;
+  json["sim_seconds"] = sim_seconds_;
+  json["wall_seconds"] = wall_seconds_;
+  json["ms_per_frame"] = {{"mean", 1e3 * sum / frames},
+                          {"median", 1e3 * Quantile(step_seconds_, 0.5)},
+                          {"p99", 1e3 * Quantile(step_seconds_, 0.99)},
+                          {"max", 1e3 * Quantile(step_seconds_, 1)}};
+  json["stage_seconds"] = {{"detect", stages_.detect},
+                           {"islands", stages_.islands},
+                           {"pq", stages_.pq},
+                           {"collision_qp", stages_.collision_qp},
+                           {"static_qp", stages_.static_qp},
+                           {"freeze", stages_.freeze},
+                           {"move", stages_.move}};
+  json["contacts"] = mean_max(contacts_);
+  json["active_contacts"] = mean_max(active_contacts_);
+  json["islands"] = mean_max(islands_);
+  json["largest_island_contacts"] = mean_max(largest_island_);
+  json["frozen"] = last_.frozen;
+  json["awake"] = last_.awake;
+  json["bounces"] = bounces_;
+  json["woken"] = {{"sum", woken_}, {"max", woken_max_}};
+  json["restitution_lowered"] = restitution_lowered_;
+  json["collision_qp"] = QpJson(collision_qp_, frames);
+  json["static_qp"] = QpJson(static_qp_, frames);
+  json["certificate"] = CertificateJson(certificate_);
+  json["penetration"] = {{"max", penetration_.max},
+                         {"mean_of_frame_max", penetration_.sum / frames},
+                         {"max_over_smallest_size", penetration_.max / info_.smallest_size}};
+  json["motion"] = {{"passes_max", motion_passes_max_}, {"failures", motion_failures_}};
+  json["kinetic_energy_end"] = last_.kinetic_energy;
+  json["energy_gain_max"] = certificate_.energy_gain;
+  json["mechanical_energy_gain"] = mechanical_energy_gain_;
+  json["momentum_drift"] = isolated ? islet::Json(momentum_drift_) : islet::Json(nullptr);
+  json["escaped"] = escaped_;
+  json["passed"] = info_.passed_z ? islet::Json(passed_) : islet::Json(nullptr);
+  json["state_hash"] = state_hash_;
+  return json.dump(2) + "\n";
+}
+
+std::string RunReport::Summary() const {
+  const double frames = std::max<double>(1, static_cast<double>(step_seconds_.size()));
+  double sum = 0;
+  for (const double seconds : step_seconds_) sum += seconds;
+  const auto qp = [](const QpSummary& q) {
+    return fmt::format("{} solved, {:.1f} iterations each, {} failed, {} inaccurate", q.solved,
+                       q.iterations / std::max(1.0, static_cast<double>(q.solved)), q.failed, q.inaccurate);
+  };
+  std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", scene_.name,
+                                 info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
+  text += fmt::format("  time          {:.2f} s for {:.2f} s; {:.2f} ms a frame, median {:.2f}, slowest {:.2f}\n",
+                      wall_seconds_, sim_seconds_, 1e3 * sum / frames, 1e3 * Quantile(step_seconds_, 0.5),
+                      1e3 * Quantile(step_seconds_, 1));
+  text += fmt::format("  contacts      {:.0f} on average, {:.0f} at most; {:.0f} active on average\n",
+                      contacts_.sum / frames, contacts_.max, active_contacts_.sum / frames);
+  text += fmt::format("  collision QP  {}\n  static QP     {}\n", qp(collision_qp_), qp(static_qp_));
+  text += fmt::format(
+      "  certificate   momentum {:.1e}, cone {:.1e}, dual {:.1e}, gap {:.1e}; exact Coulomb {:.1e} m/s rms\n",
+      certificate_.momentum, certificate_.cone, certificate_.dual, certificate_.gap, certificate_.coulomb_map_rms);
+  text += fmt::format("  penetration   {:.2e} m at most\n", penetration_.max);
+  text += fmt::format("  at the end    {} frozen, {} awake, kinetic energy {:.3g} J", last_.frozen, last_.awake,
+                      last_.kinetic_energy);
+  if (info_.passed_z) text += fmt::format(", {} passed", passed_);
+  if (info_.bounds) text += fmt::format(", {} escaped", escaped_);
+  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, scene_.expected);
+  return text;
+}
+
+}  // namespace islet

@@ -1,0 +1,65 @@
+// The story of one run in numbers: gathers every frame's StepReport and writes the JSON object of `--report` and the
+// summary for people. All units SI unless a key says otherwise; certificates and maps are the worst over the run.
+//
+// Keys whose meaning is not in their name:
+//   bodies                dynamic bodies; fixed_bodies: the others
+//   stage_seconds         wall time over the whole run
+//   collision_qp, static_qp   seconds_mean and iterations_mean are per problem, seconds_per_frame per frame
+//   energy_gain_max       [J] most kinetic energy that contact impulses added in one frame
+//   mechanical_energy_gain    [J] sum of all rises of kinetic + gravity potential energy from one frame to the next
+//   momentum_drift        |p_end - p_start| over the sum of m |v| at the start; null if gravity or fixed bodies act
+//   escaped               bodies outside the scene's bounds at the end; 0 in a scene without bounds
+//   passed                bodies below the scene's mark (the orifice) at the end; null in a scene without one
+//   state_hash            of all poses and velocities at the end, 16 hexadecimal digits
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "engine/step_report.h"
+#include "engine/world.h"
+#include "scenes/scene.h"
+
+namespace islet {
+
+class RunReport {
+ public:
+  RunReport(const Scene& scene, const SceneInfo& info, const World& world, double dt);
+
+  void AddFrame(const StepReport& report, double step_seconds, const World& world);
+  void Finish(const World& world, double wall_seconds, const char* stopped_by);
+
+  std::string Json() const;     // indented, newline at the end
+  std::string Summary() const;  // a few lines
+
+ private:
+  struct Series {  // of one number per frame
+    double sum = 0, max = 0;
+    void Add(double value);
+  };
+
+  const Scene& scene_;
+  SceneInfo info_;
+  Settings settings_;
+  double dt_;
+  int fixed_bodies_ = 0;
+  Vector3 momentum_start_ = Vector3::Zero();  // [N s]
+  double momentum_scale_ = 0;                 // [N s]
+  double mechanical_energy_ = 0;              // [J] at the last frame
+
+  std::vector<double> step_seconds_;
+  StageSeconds stages_;
+  Series contacts_, active_contacts_, islands_, largest_island_, penetration_;
+  QpSummary collision_qp_, static_qp_;
+  Certificate certificate_;
+  double mechanical_energy_gain_ = 0;
+  int bounces_ = 0, woken_ = 0, woken_max_ = 0, motion_passes_max_ = 0, motion_failures_ = 0, restitution_lowered_ = 0;
+
+  StepReport last_;  // without its islands
+  double sim_seconds_ = 0, wall_seconds_ = 0;
+  double momentum_drift_ = 0;
+  int escaped_ = 0, passed_ = 0;
+  std::string state_hash_, stopped_by_;
+};
+
+}  // namespace islet

@@ -1,0 +1,103 @@
+#include "scenes/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "scenes/families.h"
+
+namespace islet {
+namespace {
+
+constexpr std::array<Scene, 10> kScenes{{
+    {"stack", 10, "cubes", true, 10, 0, "a tower of cubes, built at rest",
+     "The tower stands: no cube moves by more than a millimetre, and all freeze.", BuildStack},
+    {"cubejam", 100, "cubes", true, 15, 7, "cubes fall past three beams and a block into a container",
+     "All cubes come to rest in the container, some on the beams; none escapes.", BuildCubejam},
+    {"csstack", 10, "bodies", true, 10, 11, "a tower of cubes and spheres in turn, up to 1 mm off the axis",
+     "The tower stands for a moment, then falls within two seconds; freezing must not hold it up.", BuildCsStack},
+    {"cubeglass", 1000, "cubes", true, 20, 20051, "cubes through a funnel with an orifice 10 wide: the hourglass",
+     "At least 95 % of the cubes pass the orifice and settle below it; none escapes.", BuildCubeglass},
+    {"cubeglass7", 1000, "cubes", true, 40, 20051, "the narrow hourglass, orifice 7 wide",
+     "The cubes wedge in the funnel: an accurate solver lets only some of them through; none escapes.",
+     BuildCubeglass7},
+    {"sphereglass", 1000, "spheres", true, 20, 20051, "frictionless spheres in the wide hourglass",
+     "All spheres pass the orifice; none escapes.", BuildSphereglass},
+    {"officetoy", 5, "spheres", true, 2, 0, "a row of touching spheres hit by some of them, weightless",
+     "As many spheres as came in leave at the other end with the incoming speed; the others stand still.",
+     BuildOfficeToy},
+    {"balance", 1, "sphere", false, 5, 0, "a sphere on a fixed sphere, a little off the vertical",
+     "The upper sphere rolls off.", BuildBalance},
+    {"revival", 4, "cubes", true, 8, 0, "a row of frozen cubes hit by a rolling ball",
+     "The row freezes, and all of it wakes in the frame in which the ball hits it.", BuildRevival},
+    {"manystacks", 100, "stacks", true, 10, 0, "separate towers of five cubes, one island each",
+     "Every tower stands; the work spreads over all threads.", BuildManyStacks},
+}};
+
+// Number of single-letter insertions, removals and changes that turn a into b.
+int EditDistance(std::string_view a, std::string_view b) {
+  std::vector<int> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = static_cast<int>(j);
+  for (size_t i = 1; i <= a.size(); ++i) {
+    int diagonal = row[0];
+    row[0] = static_cast<int>(i);
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const int change = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
+    }
+  }
+  return row.back();
+}
+
+template <typename T>
+[[noreturn]] void Reject(const char* field, const char* rule, T value) {
+  throw std::invalid_argument(std::string(field) + ": " + rule + ", got " + std::to_string(value));
+}
+
+void Check(const Scene& scene, const SceneParameters& parameters) {
+  if (parameters.count) {
+    const int count = *parameters.count;
+    if (count < 1 || count > kMaxSceneCount) Reject("count", "must be from 1 to 1000000", count);
+    if (!scene.count_changes && count != scene.default_count) {
+      Reject("count", "this scene has always the same number of bodies", count);
+    }
+  }
+  if (parameters.friction && !(*parameters.friction >= 0 && std::isfinite(*parameters.friction))) {
+    Reject("friction", "must be finite and not negative", *parameters.friction);
+  }
+  if (parameters.restitution && !(*parameters.restitution >= 0 && *parameters.restitution <= 1)) {
+    Reject("restitution", "must be in [0, 1]", *parameters.restitution);
+  }
+  if (parameters.angle && scene.name != "balance") Reject("angle", "only the scene balance has one", *parameters.angle);
+  if (parameters.incoming && scene.name != "officetoy") {
+    Reject("incoming", "only the scene officetoy has them", *parameters.incoming);
+  }
+}
+
+}  // namespace
+
+std::span<const Scene> AllScenes() { return kScenes; }
+
+const Scene* FindScene(std::string_view name) {
+  const auto found = std::find_if(kScenes.begin(), kScenes.end(), [&](const Scene& s) { return s.name == name; });
+  return found == kScenes.end() ? nullptr : &*found;
+}
+
+std::string_view NearestScene(std::string_view name) {
+  return std::min_element(
+             kScenes.begin(), kScenes.end(),
+             [&](const Scene& a, const Scene& b) { return EditDistance(a.name, name) < EditDistance(b.name, name); })
+      ->name;
+}
+
+BuiltScene BuildScene(const Scene& scene, const SceneParameters& parameters, const Settings& settings) {
+  Check(scene, parameters);
+  BuiltScene built = scene.build(scene, parameters, settings);
+  built.world.CheckInitialOverlap();
+  return built;
+}
+
+}  // namespace islet
