@@ -16,8 +16,9 @@ Matrix3 ContactFrame(const Vector3& normal_W) {
   const Vector3 pole = Vector3(-6, -10, -15) / 19;
   const Vector3 pole_tangent_1 = Vector3(305, -30, -102) / 323;
   const Vector3 pole_tangent_2 = Vector3(-30, 273, -170) / 323;
-  const Vector3 mirror = normal_W - pole;
-  const double scale = 2 / std::max(mirror.squaredNorm(), 1e-280);
+  Vector3 mirror = normal_W - pole;
+  if (mirror.isZero(0)) mirror = pole_tangent_1;  // any mirror that holds the pole makes the frame right-handed
+  const double scale = 2 / mirror.squaredNorm();
   Matrix3 frame;
   frame.col(0) = normal_W;
   frame.col(1) = pole_tangent_1 - (scale * mirror.dot(pole_tangent_1)) * mirror;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -17,7 +18,9 @@ struct Face {
 [[noreturn]] void Reject(const std::string& what) { throw std::invalid_argument("ConvexHull points: " + what); }
 
 std::string ToText(const Vector3& v) {
-  return "(" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ")";
+  std::ostringstream text;
+  text << '(' << v.x() << ", " << v.y() << ", " << v.z() << ')';
+  return text.str();
 }
 
 void CheckPoints(std::span<const Vector3> points) {
