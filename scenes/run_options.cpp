@@ -98,7 +98,7 @@ void CheckFiles(const RunOptions& o) {
   const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      if (!files[i]->empty() && SameOutput(*files[i], *files[j])) {
+      if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
         throw std::invalid_argument("two outputs go to the same file " + *files[i]);
       }
     }

@@ -143,6 +143,14 @@ check_match("picture" picture "^<svg ")
 file(GLOB left RELATIVE ${SCRATCH} ${SCRATCH}/*)
 check_equal("files written" "${left}" "f.csv;p.svg;r.json")
 
+# A picture alone, of the start.
+islet(status stdout stderr run csstack --frames 1 --picture start.svg --picture-time 0)
+check_equal("exit status of a run with a picture (${stderr})" "${status}" 0)
+file(READ ${SCRATCH}/start.svg picture)
+string(REGEX MATCHALL "<circle " circles "${picture}")
+list(LENGTH circles num_circles)
+check_equal("spheres drawn" "${num_circles}" 5)
+
 # With "-" the standard output is the JSON object alone.
 islet(status stdout stderr run officetoy --frames 3 --report -)
 string(JSON value ERROR_VARIABLE error GET "${stdout}" scene)
