@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "engine/face_clip.h"
+#include "engine/face_contact.h"
 #include "engine/separating_axis.h"
 
 namespace islet {
@@ -18,10 +18,13 @@ struct Axis {
 
 // Everything the fifteen tests share. t, R: b's centre and axes seen from a.
 struct Pair {
-  Pair(const Vector3& ha, const Placement& pa, const Vector3& hb, const Placement& pb, double reach_, const Vector3& travel)
-      : half_a(ha), half_b(hb), A(pa.rotation_WB), B(pb.rotation_WB), between(pb.position_W - pa.position_W),
-        R(A.transpose() * B), absolute_R(R.cwiseAbs()), t(A.transpose() * between), travel_W(travel),
-        size(2 * std::min(ha.minCoeff(), hb.minCoeff())), reach(reach_) {}
+  Pair(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach_, const Vector3& travel)
+      : shape_a(a), shape_b(b), pose_a(pa), pose_b(pb), half_a(a.half_extents()), half_b(b.half_extents()),
+        A(pa.rotation_WB), B(pb.rotation_WB), between(pb.position_W - pa.position_W), R(A.transpose() * B),
+        absolute_R(R.cwiseAbs()), t(A.transpose() * between), travel_W(travel), size(std::min(a.size(), b.size())),
+        reach(reach_) {}
+  const Shape &shape_a, &shape_b;
+  const Placement &pose_a, &pose_b;
   const Vector3 &half_a, &half_b;
   const Matrix3 &A, &B;
   const Vector3 between;  // [m] from a to b, W
@@ -91,7 +94,7 @@ Vector3 SupportEdge(const Matrix3& rotation, const Vector3& half, int axis, cons
 
 // One point between the two nearest edges. False if their lines are nearest outside the edges: the bodies then meet
 // elsewhere.
-bool AppendEdgeContact(const Pair& pair, const Placement& pose_a, const Axis& axis, std::vector<Contact>* contacts) {
+bool AppendEdgeContact(const Pair& pair, const Axis& axis, std::vector<Contact>* contacts) {
   const int i = axis.index / 3, j = axis.index % 3;
   int bits_a = 0, bits_b = 0;
   const Vector3 centre_a = SupportEdge(pair.A, pair.half_a, i, axis.normal, &bits_a);
@@ -105,8 +108,8 @@ bool AppendEdgeContact(const Pair& pair, const Placement& pose_a, const Axis& ax
   if (std::abs(s) > pair.half_a[i] || std::abs(t) > pair.half_b[j]) return false;
   const Vector3 on_a = centre_a + s * pair.A.col(i);
   Contact contact;
-  contact.point_W = pose_a.position_W + on_a + (0.5 * axis.separation) * axis.normal;
-  contact.normal_W = axis.normal;
+  contact.point_W = pair.pose_a.position_W + on_a + (0.5 * axis.separation) * axis.normal;
+  contact.normal_W = axis.normal.normalized();  // nearly parallel edges: the length came from differences
   contact.gap = axis.separation;
   contact.feature = 1u << 31 | static_cast<std::uint32_t>(axis.index << 4 | bits_a << 2 | bits_b);
   contacts->push_back(contact);
@@ -121,7 +124,7 @@ std::array<Vector3, 4> FaceCorners(const Vector3& centre, const Matrix3& rotatio
   return {middle - du - dw, middle + du - dw, middle + du + dw, middle - du + dw};
 }
 
-void AppendFaceContacts(const Pair& pair, const Placement& pose_a, const Axis& axis, std::vector<Contact>* contacts) {
+void AppendFaces(const Pair& pair, const Axis& axis, std::vector<Contact>* contacts) {
   const bool of_b = axis.index >= 3;
   const Vector3 outward = of_b ? Vector3(-axis.normal) : axis.normal;
   const Vector3 centre_a = Vector3::Zero();
@@ -139,7 +142,7 @@ void AppendFaceContacts(const Pair& pair, const Placement& pose_a, const Axis& a
   const std::array<Vector3, 4> incident = FaceCorners(of_b ? centre_a : pair.between, incident_R, incident_half,
                                                       static_cast<int>(incident_axis), incident_sign);
   ClipInput input;
-  input.origin_W = pose_a.position_W;
+  input.origin_W = pair.pose_a.position_W;
   input.reference = reference.data();
   input.num_reference = 4;
   input.normal = outward;
@@ -150,23 +153,22 @@ void AppendFaceContacts(const Pair& pair, const Placement& pose_a, const Axis& a
   input.incident_face = static_cast<int>(2 * incident_axis) + (incident_sign > 0);
   input.size = pair.size;
   input.reach = pair.reach;
-  input.separation = axis.separation;
-  static thread_local FaceClip clip;
-  clip.Append(input, contacts);
+  AppendFaceContacts(pair.shape_a, pair.pose_a, pair.shape_b, pair.pose_b, pair.travel_W,
+                     {axis.score, axis.separation, axis.normal}, input, contacts);
 }
 
 }  // namespace
 
-void CollideBoxBox(const Vector3& half_a, const Placement& pose_a, const Vector3& half_b, const Placement& pose_b,
-                   double reach, const Vector3& travel_ba_W, std::vector<Contact>* contacts) {
-  const Pair pair(half_a, pose_a, half_b, pose_b, reach, travel_ba_W);
+void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
+                   const Vector3& travel_ba_W, std::vector<Contact>* contacts) {
+  const Pair pair(a, pose_a, b, pose_b, reach, travel_ba_W);
   Axis face, edge;
   if (!BestFace(pair, &face) || !BestEdge(pair, &edge)) return;
   if (edge.index >= 0 && edge.score.BetterThan(face.score, EdgeSlack(pair.size)) &&
-      AppendEdgeContact(pair, pose_a, edge, contacts)) {
+      AppendEdgeContact(pair, edge, contacts)) {
     return;
   }
-  AppendFaceContacts(pair, pose_a, face, contacts);
+  AppendFaces(pair, face, contacts);
 }
 
 }  // namespace islet

@@ -9,7 +9,7 @@
 
 namespace islet {
 
-void CollideBoxBox(const Vector3& half_a, const Placement& pose_a, const Vector3& half_b, const Placement& pose_b,
-                   double reach, const Vector3& travel_ba_W, std::vector<Contact>* contacts);
+void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
+                   const Vector3& travel_ba_W, std::vector<Contact>* contacts);
 
 }  // namespace islet

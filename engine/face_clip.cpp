@@ -1,6 +1,7 @@
 #include "engine/face_clip.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace islet {
 namespace {
@@ -45,7 +46,7 @@ void FaceClip::Emit(const ClipInput& input, const Corner& corner, double gap, st
   contacts->push_back(contact);
 }
 
-void FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) {
+double FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) {
   const int sides = input.num_reference;
   polygon_.clear();
   for (int k = 0; k < input.num_incident; ++k) {
@@ -60,22 +61,25 @@ void FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) {
   const Vector3& on_plane = input.reference[0];
   const size_t first = contacts->size();
   const double merge_square = slack * slack;
+  double least = std::numeric_limits<double>::infinity();
   for (const Corner& corner : polygon_) {
     const double gap = input.normal.dot(corner.point - on_plane);
     if (gap > input.reach) continue;
     const Vector3 point = input.origin_W + corner.point - (0.5 * gap) * input.normal;
     const bool known = std::any_of(contacts->begin() + static_cast<std::ptrdiff_t>(first), contacts->end(),
                                    [&](const Contact& c) { return (c.point_W - point).squaredNorm() <= merge_square; });
-    if (!known) Emit(input, corner, gap, contacts);
+    if (known) continue;
+    Emit(input, corner, gap, contacts);
+    least = std::min(least, gap);
   }
-  if (contacts->size() > first) return;
-  // The faces pass each other by, or what lies over the reference face is out of reach while another part is not. The
-  // plane of the reference face still has to keep every corner of the incident face on its far side.
+  return least;
+}
+
+void FaceClip::AppendCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const {
   for (int k = 0; k < input.num_incident; ++k) {
-    const Corner corner{input.incident[k], 255, sides + k};
-    const double gap = input.normal.dot(corner.point - on_plane);
-    const bool deepest = gap <= input.separation + slack;
-    if (deepest || (gap <= input.reach && input.separation > 0)) Emit(input, corner, gap, contacts);
+    const Corner corner{input.incident[k], 255, input.num_reference + k};
+    const double gap = input.normal.dot(corner.point - input.reference[0]);
+    if (gap <= highest) Emit(input, corner, gap, contacts);
   }
 }
 

@@ -28,13 +28,16 @@ struct ClipInput {
   int incident_face = 0;
   double size = 0;                  // [m] smallest extent of the pair
   double reach = 0;                 // [m]
-  double separation = 0;            // [m] along the normal; used if the faces pass each other by
 };
 
 class FaceClip {
  public:
-  // Appends the contacts, with normals from a into b. At least one if the separation is within reach.
-  void Append(const ClipInput& input, std::vector<Contact>* contacts);
+  // Appends what lies over the reference face, with normals from a into b: nothing if the faces pass each other by.
+  // Returns the least gap it appended, infinity if none.
+  double Append(const ClipInput& input, std::vector<Contact>* contacts);
+
+  // Appends the corners of the incident face up to `highest` over the reference plane, wherever they lie along it.
+  void AppendCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const;
 
  private:
   struct Corner {

@@ -32,7 +32,7 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
         return CollideBoxSphere(a.half_extents(), pose_a, b.radius(), pose_b.position_W, reach, contacts);
       }
       if (b.kind() == ShapeKind::kBox) {
-        return CollideBoxBox(a.half_extents(), pose_a, b.half_extents(), pose_b, reach, travel_ba_W, contacts);
+        return CollideBoxBox(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
       }
       return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
     case ShapeKind::kConvexHull:

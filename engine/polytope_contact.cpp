@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "engine/face_clip.h"
+#include "engine/face_contact.h"
 #include "engine/separating_axis.h"
 
 namespace islet {
@@ -39,7 +39,6 @@ struct Axis {
 struct Scratch {
   Turned a, b;
   std::vector<Vector3> reference, incident;
-  FaceClip clip;
 };
 
 // [m] least height of the other polytope over a face.
@@ -156,8 +155,8 @@ void Corners(const Turned& polytope, int face, std::vector<Vector3>* corners) {
   for (int v : polytope.source->faces[face]) corners->push_back(polytope.vertices[v]);
 }
 
-void AppendFaceContacts(Scratch* scratch, const Vector3& origin_W, const Axis& axis, double reach, double size,
-                        std::vector<Contact>* contacts) {
+// Fills in the two faces; the corners are kept in the scratch.
+ClipInput FacesOf(Scratch* scratch, const Axis& axis, double reach, double size) {
   const Turned &a = scratch->a, &b = scratch->b;
   const bool of_b = axis.face >= a.num_faces();
   const Turned &reference = of_b ? b : a, &other = of_b ? a : b;
@@ -167,7 +166,6 @@ void AppendFaceContacts(Scratch* scratch, const Vector3& origin_W, const Axis& a
   input.incident_face = IncidentFace(other, input.normal, reference.OnFace(input.reference_face), FaceSlack(size));
   Corners(reference, input.reference_face, &scratch->reference);
   Corners(other, input.incident_face, &scratch->incident);
-  input.origin_W = origin_W;
   input.reference = scratch->reference.data();
   input.num_reference = static_cast<int>(scratch->reference.size());
   input.incident = scratch->incident.data();
@@ -175,8 +173,7 @@ void AppendFaceContacts(Scratch* scratch, const Vector3& origin_W, const Axis& a
   input.reference_is_b = of_b;
   input.size = size;
   input.reach = reach;
-  input.separation = axis.separation;
-  scratch->clip.Append(input, contacts);
+  return input;
 }
 
 }  // namespace
@@ -194,7 +191,9 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
       AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) {
     return;
   }
-  AppendFaceContacts(&scratch, pose_a.position_W, face, reach, size, contacts);
+  ClipInput input = FacesOf(&scratch, face, reach, size);
+  input.origin_W = pose_a.position_W;
+  AppendFaceContacts(a, pose_a, b, pose_b, travel_ba_W, {face.score, face.separation, face.normal}, input, contacts);
 }
 
 }  // namespace islet

@@ -16,14 +16,17 @@ namespace islet {
 inline double FaceSlack(double size) { return 1e-6 * size; }  // size: [m] smallest extent of the pair
 inline double EdgeSlack(double size) { return 1e-4 * size; }
 
+// Overlaps and gaps up to this are what a body at rest may have.
+inline double TouchSlack(double size) { return 1e-3 * size; }
+
 struct AxisScore {
   bool separates = false;
   double value = -1e300;  // [m] separation, at the end of the travel if that is less
 
-  // An overlap of up to 1e-3 of the size still counts as apart: two cubes that slide along each other's sides with a
+  // An overlap up to the touch slack still counts as apart: two cubes that slide along each other's sides with a
   // little overlap must not be caught by each other's tops.
   static AxisScore Of(double separation, double travel_along, double size) {
-    const bool separates = separation > -1e-3 * size;
+    const bool separates = separation > -TouchSlack(size);
     return {separates, separates ? separation + std::min(0.0, travel_along) : separation};
   }
   bool BetterThan(const AxisScore& other, double slack) const {

@@ -1,7 +1,8 @@
 #include "engine/sphere_contact.h"
 
 #include <cmath>
-#include <limits>
+
+#include "engine/polytope_distance.h"
 
 namespace islet {
 namespace {
@@ -15,59 +16,6 @@ void Append(const Vector3& surface_W, const Vector3& normal_W, double gap, int f
   contact.gap = gap;
   contact.feature = static_cast<std::uint32_t>(feature);
   contacts->push_back(contact);
-}
-
-struct Nearest {
-  Vector3 point_B;
-  Vector3 normal_B;
-  double distance = std::numeric_limits<double>::infinity();
-};
-
-Vector3 NearestOnSegment(const Vector3& from, const Vector3& to, const Vector3& query) {
-  const Vector3 along = to - from;
-  const double t = (query - from).dot(along) / along.squaredNorm();
-  return t <= 0 ? from : (t >= 1 ? to : Vector3(from + t * along));
-}
-
-// The point of a face nearest to a query whose height over the face is known.
-Vector3 NearestOnFace(const Polytope& polytope, int face, double height, const Vector3& query) {
-  const std::vector<int>& loop = polytope.faces[face];
-  const Vector3& normal = polytope.face_normals[face];
-  bool inside = true;
-  Vector3 best = Vector3::Zero();
-  double best_square = std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < loop.size(); ++k) {
-    const Vector3& from = polytope.vertices[loop[k]];
-    const Vector3& to = polytope.vertices[loop[(k + 1) % loop.size()]];
-    if ((to - from).cross(normal).dot(query - from) <= 0) continue;  // on the inner side of this edge
-    inside = false;
-    const Vector3 candidate = NearestOnSegment(from, to, query);
-    const double square = (query - candidate).squaredNorm();
-    if (square < best_square) best_square = square, best = candidate;
-  }
-  return inside ? Vector3(query - height * normal) : best;
-}
-
-// Surface point nearest to a query, exact: inside the polytope the face of least depth, outside the nearest face.
-Nearest NearestOnPolytope(const Polytope& polytope, double size, const Vector3& query_B) {
-  const int num_faces = static_cast<int>(polytope.faces.size());
-  Nearest nearest;
-  int top = 0;
-  double top_height = -std::numeric_limits<double>::infinity();
-  for (int f = 0; f < num_faces; ++f) {
-    const double height = polytope.face_normals[f].dot(query_B - polytope.vertices[polytope.faces[f][0]]);
-    if (height > top_height) top_height = height, top = f;
-    if (height <= 0) continue;
-    const Vector3 point = NearestOnFace(polytope, f, height, query_B);
-    const double distance = (query_B - point).norm();
-    if (distance < nearest.distance) nearest = {point, (query_B - point) / distance, distance};
-  }
-  // On the surface the direction to the nearest point is round-off; the face's normal is not.
-  if (top_height <= 0 || nearest.distance <= 1e-9 * size) {
-    const Vector3& normal = polytope.face_normals[top];
-    return {query_B - top_height * normal, normal, top_height};
-  }
-  return nearest;
 }
 
 }  // namespace
@@ -107,7 +55,7 @@ void CollideBoxSphere(const Vector3& half_extents, const Placement& pose, double
 void CollidePolytopeSphere(const Shape& shape, const Placement& pose, double radius, const Vector3& centre_W,
                            double reach, std::vector<Contact>* contacts) {
   const Vector3 centre_B = pose.rotation_WB.transpose() * (centre_W - pose.position_W);
-  const Nearest nearest = NearestOnPolytope(shape.polytope(), shape.size(), centre_B);
+  const NearestPoint nearest = NearestOnPolytope(shape.polytope(), shape.size(), centre_B);
   if (nearest.distance - radius > reach) return;
   Append(pose.position_W + pose.rotation_WB * nearest.point_B, pose.rotation_WB * nearest.normal_B,
          nearest.distance - radius, 0, contacts);

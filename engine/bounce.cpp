@@ -1,0 +1,54 @@
+#include "engine/bounce.h"
+
+#include "qp/one_contact.h"
+
+namespace islet {
+namespace {
+
+// [1/kg] W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies: contact velocity per impulse.
+Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame) {
+  Matrix3 response = (a.inverse_mass + b.inverse_mass) * Matrix3::Identity();
+  for (const BounceBody* body : {&a, &b}) {
+    const Vector3 r = contact.point_W - body->position_W;
+    Matrix3 lever;  // rows r x column of the frame
+    for (int i = 0; i < 3; ++i) lever.col(i) = r.cross(frame.col(i));
+    response += lever.transpose() * body->inverse_inertia_W * lever;
+  }
+  return response;
+}
+
+// Kinetic energy that impulse j adds to the two bodies.
+double EnergyGain(const Matrix3& response, const Vector3& u, const Vector3& j) { return j.dot(u) + 0.5 * j.dot(response * j); }
+
+// Newton's bounce with Coulomb friction can gain energy where slip reverses (Kane's paradox); then restitution gives way.
+Vector3 ExactImpulse(const Matrix3& response, const Vector3& u, double friction, double restitution) {
+  const qp::OneContact contact(response);
+  for (int halvings = 0;; ++halvings) {
+    Vector3 q = u;
+    q[0] *= 1 + restitution;
+    const Vector3 j = contact.SolveCoulomb(q, friction);
+    if (restitution == 0 || EnergyGain(response, u, j) <= 0) return j;
+    restitution = halvings < 20 ? restitution / 2 : 0;
+  }
+}
+
+}  // namespace
+
+void BounceBody::ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W) {
+  linear_velocity_W += inverse_mass * impulse_W;
+  angular_velocity_W += inverse_inertia_W * (point_W - position_W).cross(impulse_W);
+}
+
+Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame, BounceLaw law) {
+  const Vector3 u = frame.transpose() * (b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W));
+  if (u[0] >= 0) return Vector3::Zero();
+  const Matrix3 response = ContactResponse(a, b, contact, frame);
+  if (law == BounceLaw::kExact) return ExactImpulse(response, u, contact.friction, contact.restitution);
+  const double slip = u.tail<2>().norm();
+  const Vector3 direction(1, slip > 0 ? -contact.friction * u[1] / slip : 0, slip > 0 ? -contact.friction * u[2] / slip : 0);
+  // Eq. 2: along the normal alone; Eq. 6: along the normal with friction's share. Both then act along `direction`.
+  const double per_impulse = law == BounceLaw::kEq5 ? response(0, 0) : response.row(0).dot(direction);
+  return -(1 + contact.restitution) * u[0] / std::max(per_impulse, 1e-3 * response(0, 0)) * direction;
+}
+
+}  // namespace islet

@@ -1,0 +1,114 @@
+#include "engine/certified_freezing.h"
+
+#include <algorithm>
+
+namespace islet {
+namespace {
+
+// Imbalance that counts as none, relative to the impulses that act on the body: impulses of a pile that moves next to a
+// frozen one vary by solver tolerance from frame to frame.
+constexpr double kBalanceTolerance = 1e-3;
+// A body freezes only if the static solution leaves it slower than this share of |g| dt.
+constexpr double kRestShare = 1e-4;
+
+}  // namespace
+
+void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings) {
+  for (size_t i = reference_position_.size(); i < bodies.size(); ++i) {
+    reference_position_.push_back(bodies[i].position_W);
+    reference_rotation_.push_back(bodies[i].rotation_WB);
+    still_seconds_.push_back(0);
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& body = bodies[i];
+    if (!body.Moves()) continue;
+    const double turned = 2 * (body.rotation_WB.coeffs() - reference_rotation_[i].coeffs()).norm();  // chord: angle for small ones
+    const double turned_other_sign = 2 * (body.rotation_WB.coeffs() + reference_rotation_[i].coeffs()).norm();
+    const double travel = (body.position_W - reference_position_[i]).norm() + body.radius * std::min(turned, turned_other_sign);
+    if (travel <= settings.freeze_travel * body.radius) {
+      still_seconds_[i] += dt;
+    } else {
+      reference_position_[i] = body.position_W;
+      reference_rotation_[i] = body.rotation_WB;
+      still_seconds_[i] = 0;
+    }
+  }
+}
+
+void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
+  const Contact& contact = frame.contacts.contacts[number];
+  const Body& a = frame.bodies[contact.body_a];
+  const Body& b = frame.bodies[contact.body_b];
+  if (!a.frozen && !b.frozen) return;
+  const bool stored = StandsStill(a) && StandsStill(b);
+  const Vector3 impulse = frame.frames[number] * (frame.collisions[number] + frame.holding[number]);
+  const auto add = [&](const Body& body, Load& load, double sign) {
+    if (!body.frozen) return;
+    const Vector3 turn = sign * (contact.point_W - body.position_W).cross(impulse);
+    load.linear += sign * impulse;
+    load.angular += turn;
+    load.size += impulse.norm();
+    if (stored) return;
+    load.moving_linear += sign * impulse;
+    load.moving_angular += turn;
+  };
+  add(a, loads_[contact.body_a], -1);
+  add(b, loads_[contact.body_b], 1);
+}
+
+void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced) {
+  unbalanced->clear();
+  loads_.resize(frame.bodies.size());
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    const Body& body = frame.bodies[i];
+    if (!body.frozen) continue;
+    Load& load = loads_[i];
+    load.linear = body.mass * frame.after_bounces[i].linear_W + frame.dt * (body.mass * frame.gravity + body.force_W);
+    load.angular = body.InertiaW() * frame.after_bounces[i].angular_W + frame.dt * body.torque_W;
+    load.moving_linear = load.linear;
+    load.moving_angular = load.angular;
+    load.size = load.linear.norm() + load.angular.norm() / body.radius;
+  }
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) AddContact(frame, c);
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    const Body& body = frame.bodies[i];
+    if (!body.frozen) continue;
+    const double imbalance = loads_[i].linear.norm() + loads_[i].angular.norm() / body.radius;
+    if (imbalance > kBalanceTolerance * loads_[i].size) unbalanced->push_back(static_cast<int>(i));
+  }
+}
+
+Twist CertifiedFreezing::LoadedVelocity(const SuiteFrame& frame, int number) const {
+  const Body& body = frame.bodies[number];
+  return {loads_[number].moving_linear / body.mass, body.InverseInertiaW() * loads_[number].moving_angular};
+}
+
+double CertifiedFreezing::StillSpeed(const Body& body, const Settings& settings) const {
+  return settings.freeze_travel * body.radius / settings.freeze_seconds;
+}
+
+double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, const Body& body, const Settings& settings) const {
+  return kBalanceTolerance * std::max(frame.rest_speed, StillSpeed(body, settings));
+}
+
+int CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings) {
+  touched_.assign(frame.bodies.size(), 0);
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    if (frame.holding[c][0] <= 0) continue;
+    touched_[frame.contacts.contacts[c].body_a] = 1;
+    touched_[frame.contacts.contacts[c].body_b] = 1;
+  }
+  int count = 0;
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    Body& body = frame.bodies[i];
+    if (!body.Moves() || !touched_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
+    const double limit = std::max(kRestShare * frame.rest_speed, 1e-3 * kRestShare * StillSpeed(body, settings));
+    if (FastestPoint(TwistOf(body), body.radius) > limit) continue;
+    body.frozen = true;
+    SetTwist({}, &body);
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace islet

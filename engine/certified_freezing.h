@@ -1,0 +1,57 @@
+// Freezing that never lies: a frozen body carries the impulses that hold it, and stays frozen only while they balance what
+// acts on it.
+//
+//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, and
+//            which the static-contact solution of this very frame leaves at rest
+//   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
+//            (stored ones where nothing moves, this frame's where something does) must sum to zero. A support that is gone, a
+//            load that changed, gravity that turned, a wall that began to move: all show as imbalance
+//   the suite then solves the static problem of the unbalanced bodies again; those that it gives a velocity wake
+//   threads: one caller at a time
+#pragma once
+
+#include <vector>
+
+#include "engine/settings.h"
+#include "engine/suite_frame.h"
+
+namespace islet {
+
+class CertifiedFreezing {
+ public:
+  // Start of a frame: how long has each body stood still?
+  void TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings);
+
+  // Frozen bodies whose balance is broken, ascending.
+  void FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced);
+
+  // The velocity [m/s, rad/s] a frozen body would start its static problem with: momentum left by bounces, gravity, external
+  // force and the impulses of its contacts with bodies that move. Valid after FindUnbalanced.
+  Twist LoadedVelocity(const SuiteFrame& frame, int body) const;
+
+  // Above this a body wakes: [m/s] of its farthest point.
+  double WakeSpeed(const SuiteFrame& frame, const Body& body, const Settings& settings) const;
+  // A bounce that leaves a frozen body slower than this does not wake it by itself.
+  double StillSpeed(const Body& body, const Settings& settings) const;
+
+  // End of a frame: freezes what may freeze, sets its velocity to zero. Returns how many froze.
+  int Freeze(const SuiteFrame& frame, const Settings& settings);
+
+  void Wake(int body) { still_seconds_[body] = 0; }
+
+ private:
+  struct Load {
+    Vector3 linear, angular;            // [N s], [N m s] of everything
+    Vector3 moving_linear, moving_angular;  // without the stored impulses
+    double size;                        // [N s] sum of magnitudes: what "zero" is relative to
+  };
+  void AddContact(const SuiteFrame& frame, size_t contact);
+
+  std::vector<Vector3> reference_position_;
+  std::vector<Quaternion> reference_rotation_;
+  std::vector<double> still_seconds_;
+  std::vector<Load> loads_;
+  std::vector<std::uint8_t> touched_;
+};
+
+}  // namespace islet

@@ -1,0 +1,431 @@
+#include "engine/contact_suite.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+
+#include "engine/certified_freezing.h"
+#include "engine/response.h"
+#include "engine/sequential.h"
+#include "engine/suite_frame.h"
+#include "islands/freezing.h"
+#include "islands/partition.h"
+#include "parallel/schedule.h"
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+constexpr int kWakeRounds = 4;        // re-solves of islands into which frozen bodies woke, per frame
+constexpr int kBalancePasses = 20;    // growth of the set of frozen bodies that is balanced again
+constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// Adds the time since the last lap to a stage.
+class LapTimer {
+ public:
+  void Lap(double* stage) {
+    const double now = Seconds();
+    *stage += now - last_;
+    last_ = now;
+  }
+
+ private:
+  double last_ = Seconds();
+};
+
+void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
+  const auto reject = [&](const std::string& field, double value) {
+    throw std::invalid_argument("contact " + std::to_string(number) + ": " + field + " = " + std::to_string(value));
+  };
+  if (c.body_a < 0 || c.body_a >= static_cast<int>(num_bodies)) reject("body_a", c.body_a);
+  if (c.body_b <= c.body_a || c.body_b >= static_cast<int>(num_bodies)) reject("body_b", c.body_b);
+  if (!c.point_W.allFinite()) reject("point", c.point_W.sum());
+  if (!(std::abs(c.normal_W.norm() - 1) < 1e-6)) reject("length of normal", c.normal_W.norm());
+  if (!(c.friction >= 0) || !std::isfinite(c.friction)) reject("friction", c.friction);
+  if (!(c.restitution >= 0 && c.restitution <= 1)) reject("restitution", c.restitution);
+}
+
+bool SameContact(const Contact& x, const Contact& y) {
+  return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
+}
+bool Earlier(const Contact& x, const Contact& y) {
+  return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
+}
+
+void Include(const ResponseOutcome& outcome, QpSummary* summary) {
+  if (outcome.status == QpStatus::kNone) return;
+  ++summary->solved;
+  summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
+  summary->inaccurate += outcome.status == QpStatus::kInaccurate;
+  summary->iterations += outcome.iterations;
+  summary->iterations_max = std::max(summary->iterations_max, outcome.iterations);
+  summary->rounds_max = std::max(summary->rounds_max, outcome.rounds);
+  summary->seconds += outcome.seconds;
+}
+
+}  // namespace
+
+struct ContactSuite::Impl {
+  Settings settings;
+  parallel::WorkerPool* pool;
+  SuiteFrame frame;
+  CertifiedFreezing certified;
+  std::vector<int> freeze_counters;                       // kPaper
+
+  std::vector<Contact> previous_contacts;
+  std::vector<Vector3> previous_holding, impulses_W;
+  double previous_dt = 0;
+
+  // Partitions: numbers of contacts in a partition are places in `linked`.
+  std::vector<std::uint8_t> cut;
+  std::vector<std::pair<int, int>> pairs;
+  std::vector<int> linked;
+  std::vector<int> island_contacts;                       // partition.contacts in world numbers
+  islands::Partition partition;
+  std::vector<double> costs;
+  parallel::Schedule schedule;
+
+  struct Worker {
+    SequentialResolver sequential;
+    IslandResponder responder;
+  };
+  std::vector<Worker> workers;
+  struct Outcome {
+    ResponseOutcome collision, resting;
+  };
+  std::vector<Outcome> outcomes;                          // per island
+  std::vector<int> bounce_counts, unbalanced, candidates, woken;
+  std::vector<std::uint8_t> chosen;                       // per body
+
+  void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
+  void RecallHolding();
+  template <typename LinkContact>
+  void Partition(LinkContact link);
+  template <typename Task>
+  void ForEachIsland(Task task);
+  IslandView View(int island) const;
+  void CutAtImmovable();
+  void Bounce(StepReport* report);
+  void WakeByBounce(StepReport* report);
+  void ResolveIsland(int island, Worker* worker);
+  void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
+  bool CheckFrozen(StepReport* report);
+  void BalanceCandidates(StepReport* report);
+  void ReportIslands(StepReport* report) const;
+  void Freeze(StepReport* report);
+  int FreezeLikePaper();
+  void Finish(StepReport* report);
+};
+
+ContactSuite::ContactSuite(const Settings& settings, parallel::WorkerPool* pool) : impl_(std::make_unique<Impl>()) {
+  settings.Validate();
+  impl_->settings = settings;
+  impl_->pool = pool;
+  impl_->workers.resize(pool->num_workers());
+}
+ContactSuite::~ContactSuite() = default;
+
+void ContactSuite::SetGravity(const Vector3& gravity_W) {
+  if (!gravity_W.allFinite()) throw std::invalid_argument("gravity is not finite");
+  impl_->settings.gravity = gravity_W;
+}
+std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
+std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
+
+void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
+  if (!(dt > 0) || !std::isfinite(dt)) throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
+  for (size_t c = 0; c < contacts.size(); ++c) CheckContact(contacts[c], c, bodies.size());
+  LapTimer timer;
+  Impl& s = *impl_;
+  s.Begin(dt, bodies, contacts);
+  timer.Lap(&report->seconds.islands);
+  s.Bounce(report);                                       // step 1
+  s.WakeByBounce(report);
+  timer.Lap(&report->seconds.pq);
+  s.ResolveIslands(false, report, &timer);                // steps 2 and 3
+  for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(report); ++round) {
+    timer.Lap(&report->seconds.freeze);
+    if (round == kWakeRounds) break;                      // what woke last starts to move in the next frame
+    s.ResolveIslands(true, report, &timer);
+  }
+  s.Freeze(report);                                       // step 4
+  s.Finish(report);
+  timer.Lap(&report->seconds.freeze);
+}
+
+void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts) {
+  frame.dt = dt;
+  frame.gravity = settings.gravity;
+  frame.rest_speed = settings.gravity.norm() * dt;
+  frame.bodies = bodies;
+  frame.frames.resize(contacts.size());
+  double fastest = 0;
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    frame.frames[c] = ContactFrame(contacts[c].normal_W);
+    fastest = std::max(fastest, -NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]));
+  }
+  frame.threshold = 10 * settings.tolerance * std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
+  frame.contacts = {contacts, frame.frames};
+  for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding}) impulses->assign(contacts.size(), Vector3::Zero());
+  if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
+  freeze_counters.resize(bodies.size(), 0);
+  RecallHolding();
+}
+
+// Contacts at which nothing moves keep the impulses that held in the frame before, per second.
+void ContactSuite::Impl::RecallHolding() {
+  if (previous_dt == 0) return;
+  size_t p = 0;
+  for (size_t c = 0; c < frame.holding.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    while (p < previous_contacts.size() && Earlier(previous_contacts[p], contact)) ++p;
+    if (p == previous_contacts.size()) return;
+    if (!SameContact(previous_contacts[p], contact)) continue;
+    if (StandsStill(frame.bodies[contact.body_a]) && StandsStill(frame.bodies[contact.body_b]))
+      frame.holding[c] = previous_holding[p] * (frame.dt / previous_dt);
+    ++p;
+  }
+}
+
+// Islands of the bodies that are not cut, joined by the contacts for which link(contact) holds.
+template <typename LinkContact>
+void ContactSuite::Impl::Partition(LinkContact link) {
+  pairs.clear();
+  linked.clear();
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    if (!link(contact)) continue;
+    pairs.emplace_back(contact.body_a, contact.body_b);
+    linked.push_back(static_cast<int>(c));
+  }
+  islands::BuildPartition({cut, pairs}, &partition);
+  island_contacts.resize(partition.contacts.size());
+  for (size_t i = 0; i < island_contacts.size(); ++i) island_contacts[i] = linked[partition.contacts[i]];
+}
+
+IslandView ContactSuite::Impl::View(int island) const {
+  const int first = partition.contact_start[island], last = partition.contact_start[island + 1];
+  return {partition.bodies_of(island), std::span<const int>(island_contacts).subspan(first, last - first)};
+}
+
+template <typename Task>
+void ContactSuite::Impl::ForEachIsland(Task task) {
+  costs.resize(partition.num_islands());
+  for (int i = 0; i < partition.num_islands(); ++i) costs[i] = 1.0 + static_cast<double>(View(i).contacts.size());
+  parallel::MakeSchedule(costs, kBatchCost, &schedule);
+  pool->ForEach(schedule.num_batches(), [&](int batch, int worker) {
+    for (const int island : schedule.batch(batch)) task(island, &workers[worker]);
+  });
+}
+
+void ContactSuite::Impl::CutAtImmovable() {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
+}
+
+// Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.
+void ContactSuite::Impl::Bounce(StepReport* report) {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = frame.bodies[i].kind != BodyKind::kDynamic || frame.bodies[i].removed;
+  Partition([](const Contact&) { return true; });
+  bounce_counts.assign(partition.num_islands(), 0);
+  ForEachIsland([this](int island, Worker* worker) {
+    const IslandView view = View(island);
+    bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings, frame.threshold,
+                                                       frame.bodies, frame.bounces);
+  });
+  for (const int count : bounce_counts) report->bounces += count;
+}
+
+// A frozen body that bounced away wakes; one that only trembled is put back, and what it got counts as load.
+void ContactSuite::Impl::WakeByBounce(StepReport* report) {
+  frame.after_bounces.resize(frame.bodies.size());
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    Body& body = frame.bodies[i];
+    frame.after_bounces[i] = TwistOf(body);
+    if (!body.frozen) continue;
+    const bool wakes = settings.freezing == Freezing::kPaper
+                           ? body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed  // [SM04 Eq. 15]
+                           : FastestPoint(TwistOf(body), body.radius) > certified.StillSpeed(body, settings);
+    if (wakes) {
+      body.frozen = false;
+      freeze_counters[i] = 0;
+      if (settings.freezing == Freezing::kCertified) certified.Wake(static_cast<int>(i));
+      ++report->woken;
+    } else {
+      SetTwist({}, &body);
+    }
+  }
+}
+
+void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
+  const IslandView view = View(island);
+  for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
+  Outcome& outcome = outcomes[island];
+  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.rest_speed, frame.threshold,
+                                                          frame.bodies, frame.collisions);
+  for (const int i : view.bodies) {
+    Body& body = frame.bodies[i];
+    frame.before_gravity[i] = TwistOf(body);
+    body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
+    if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
+  }
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.rest_speed, frame.bodies, frame.holding);
+}
+
+// only_woken: just the islands that a woken body joined; the others keep what they have.
+void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer) {
+  if (!only_woken) frame.before_gravity.assign(frame.bodies.size(), {});
+  CutAtImmovable();
+  Partition([this](const Contact& c) { return frame.bodies[c.body_a].Moves() || frame.bodies[c.body_b].Moves(); });
+  outcomes.assign(partition.num_islands(), {});
+  chosen.assign(partition.num_islands(), !only_woken);
+  if (only_woken)
+    for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
+  timer->Lap(&report->seconds.islands);
+  ForEachIsland([this](int island, Worker* worker) {
+    if (chosen[island]) ResolveIsland(island, worker);
+  });
+  for (const Outcome& outcome : outcomes) {
+    Include(outcome.collision, &report->collision_qp);
+    Include(outcome.resting, &report->static_qp);
+    report->restitution_lowered += outcome.collision.restitution_lowered;
+    report->certificate.Include(outcome.collision.certificate);
+    report->certificate.Include(outcome.resting.certificate);
+  }
+  // Both problems of an island run in one task: the stage's wall time is shared out by the time spent in each.
+  double stage = 0;
+  timer->Lap(&stage);
+  double collision = 0, resting = 0;
+  for (const Outcome& outcome : outcomes) collision += outcome.collision.seconds, resting += outcome.resting.seconds;
+  const double share = collision + resting > 0 ? collision / (collision + resting) : 0;
+  report->seconds.collision_qp += share * stage;
+  report->seconds.static_qp += (1 - share) * stage;
+  if (!only_woken) ReportIslands(report);
+}
+
+void ContactSuite::Impl::ReportIslands(StepReport* report) const {
+  for (int i = 0; i < partition.num_islands(); ++i) {
+    const IslandView view = View(i);
+    if (view.contacts.empty()) continue;
+    const Outcome& outcome = outcomes[i];
+    IslandReport island;
+    island.first_body = view.bodies[0];
+    island.bodies = static_cast<int>(view.bodies.size());
+    island.contacts = static_cast<int>(view.contacts.size());
+    island.collision_status = outcome.collision.status;
+    island.static_status = outcome.resting.status;
+    island.collision_iterations = outcome.collision.iterations;
+    island.static_iterations = outcome.resting.iterations;
+    island.certificate = outcome.collision.certificate;
+    island.certificate.Include(outcome.resting.certificate);
+    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+    report->active_contacts += island.contacts;
+    report->islands.push_back(island);
+  }
+}
+
+// Certified freezing: are the frozen bodies still held? The set that is balanced again grows until no neighbour's balance
+// is disturbed. True if bodies woke.
+bool ContactSuite::Impl::CheckFrozen(StepReport* report) {
+  woken.clear();
+  candidates.clear();
+  for (int pass = 0; pass < kBalancePasses && woken.empty(); ++pass) {
+    certified.FindUnbalanced(frame, &unbalanced);
+    const size_t before = candidates.size();
+    candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
+    std::sort(candidates.begin(), candidates.end());
+    candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
+    if (candidates.size() == before) return false;
+    BalanceCandidates(report);
+  }
+  if (woken.empty()) woken = candidates;  // no end in sight: the safe side
+  for (const int i : woken) {
+    frame.bodies[i].frozen = false;
+    freeze_counters[i] = 0;
+    certified.Wake(i);
+  }
+  report->woken += static_cast<int>(woken.size());
+  return !woken.empty();
+}
+
+// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them.
+void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
+  cut.assign(frame.bodies.size(), 1);
+  for (const int i : candidates) {
+    cut[i] = 0;
+    SetTwist(certified.LoadedVelocity(frame, i), &frame.bodies[i]);
+  }
+  Partition([this](const Contact& c) {
+    return (!cut[c.body_a] || !cut[c.body_b]) && !frame.bodies[c.body_a].Moves() && !frame.bodies[c.body_b].Moves();
+  });
+  outcomes.assign(partition.num_islands(), {});
+  ForEachIsland([this](int island, Worker* worker) {
+    outcomes[island].resting = worker->responder.ResolveStatic(View(island), frame.contacts, settings, frame.rest_speed,
+                                                               frame.bodies, frame.holding);
+  });
+  for (const Outcome& outcome : outcomes) {
+    Include(outcome.resting, &report->static_qp);
+    report->certificate.Include(outcome.resting.certificate);
+  }
+  for (const int i : candidates) {
+    Body& body = frame.bodies[i];
+    if (FastestPoint(TwistOf(body), body.radius) > certified.WakeSpeed(frame, body, settings)) woken.push_back(i);
+    SetTwist({}, &body);
+  }
+}
+
+void ContactSuite::Impl::Freeze(StepReport* report) {
+  if (settings.freezing == Freezing::kCertified) report->newly_frozen = certified.Freeze(frame, settings);
+  if (settings.freezing == Freezing::kPaper) report->newly_frozen = FreezeLikePaper();
+}
+
+int ContactSuite::Impl::FreezeLikePaper() {
+  const size_t n = frame.bodies.size();
+  std::vector<double> energy(n), threshold(n);
+  std::vector<std::uint8_t> touches(n, 0), may(n, 0), frozen(n, 0);
+  for (size_t i = 0; i < n; ++i) {
+    const Body& body = frame.bodies[i];
+    energy[i] = body.KineticEnergy();
+    threshold[i] = 0.5 * body.mass * frame.rest_speed * frame.rest_speed;
+    frozen[i] = body.frozen;
+    const auto inside = [&](const Region& r) {
+      return (body.position_W.array() >= r.lower.array()).all() && (body.position_W.array() <= r.upper.array()).all();
+    };
+    may[i] = body.Moves() && (settings.cold_volumes.empty() || std::any_of(settings.cold_volumes.begin(), settings.cold_volumes.end(), inside));
+  }
+  for (const Contact& c : frame.contacts.contacts) {
+    const auto stands = [&](int i) { return frozen[i] || frame.bodies[i].kind == BodyKind::kFixed; };
+    touches[c.body_a] |= stands(c.body_b);
+    touches[c.body_b] |= stands(c.body_a);
+  }
+  const int count = islands::UpdateFreezing({energy, threshold, touches, may}, settings.freeze_count, freeze_counters, frozen);
+  for (size_t i = 0; i < n; ++i) {
+    if (!frozen[i]) continue;
+    frame.bodies[i].frozen = true;
+    SetTwist({}, &frame.bodies[i]);
+  }
+  return count;
+}
+
+void ContactSuite::Impl::Finish(StepReport* report) {
+  const size_t nc = frame.contacts.contacts.size();
+  report->contacts = static_cast<int>(nc);
+  impulses_W.resize(nc);
+  for (size_t c = 0; c < nc; ++c) impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
+  previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
+  previous_holding = frame.holding;
+  previous_dt = frame.dt;
+  for (const Body& body : frame.bodies) {
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    (body.frozen ? report->frozen : report->awake) += 1;
+    report->kinetic_energy += body.KineticEnergy();
+  }
+}
+
+}  // namespace islet

@@ -1,0 +1,63 @@
+#include "engine/island_problem.h"
+
+namespace islet {
+namespace {
+
+Matrix3 CrossMatrix(const Vector3& r) {
+  Matrix3 m;
+  m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
+  return m;
+}
+
+// Velocity of the body's point at the contact, in the contact frame: F^T (v + omega x r) = F^T [I, -[r]x] (v, omega).
+qp::Jacobian PointJacobian(const Body& body, const Contact& contact, const Matrix3& frame, double sign) {
+  qp::Jacobian jacobian;
+  jacobian.leftCols<3>() = sign * frame.transpose();
+  jacobian.rightCols<3>().noalias() = -sign * frame.transpose() * CrossMatrix(contact.point_W - body.position_W);
+  return jacobian;
+}
+
+}  // namespace
+
+void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& contacts, std::span<const int> island_bodies,
+                            std::span<const int> island_contacts, qp::Problem* problem) {
+  problem->Clear();
+  if (local_.size() < bodies.size()) local_.resize(bodies.size(), -1);
+  for (const int number : island_bodies) {
+    local_[number] = problem->num_bodies();
+    const Body& body = bodies[number];
+    qp::BodyTerm term;
+    term.mass = body.mass;
+    term.inertia = body.InertiaW();
+    term.inverse_inertia = body.InverseInertiaW();
+    term.velocity << body.linear_velocity_W, body.angular_velocity_W;
+    problem->bodies.push_back(term);
+  }
+  for (const int number : island_contacts) {
+    const Contact& contact = contacts.contacts[number];
+    const Matrix3& frame = contacts.frames[number];
+    const Body& a = bodies[contact.body_a];
+    const Body& b = bodies[contact.body_b];
+    qp::ContactTerm term;
+    term.body_a = local_[contact.body_a];
+    term.body_b = local_[contact.body_b];
+    if (term.body_a >= 0) term.jacobian_a = PointJacobian(a, contact, frame, -1);
+    if (term.body_b >= 0) term.jacobian_b = PointJacobian(b, contact, frame, 1);
+    if (a.kind == BodyKind::kKinematic) term.drift -= frame.transpose() * a.VelocityAt(contact.point_W);
+    if (b.kind == BodyKind::kKinematic) term.drift += frame.transpose() * b.VelocityAt(contact.point_W);
+    term.friction = contact.friction;
+    problem->contacts.push_back(term);
+  }
+  for (const int number : island_bodies) local_[number] = -1;
+}
+
+void IslandGatherer::ScatterVelocities(const qp::Solution& solution, std::span<const int> island_bodies,
+                                       std::span<Body> bodies) {
+  for (size_t i = 0; i < island_bodies.size(); ++i) {
+    const double* v = &solution.velocities[6 * i];
+    bodies[island_bodies[i]].linear_velocity_W = Vector3(v[0], v[1], v[2]);
+    bodies[island_bodies[i]].angular_velocity_W = Vector3(v[3], v[4], v[5]);
+  }
+}
+
+}  // namespace islet

@@ -1,0 +1,179 @@
+#include "engine/motion.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/rotation.h"
+#include "engine/suite_frame.h"
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
+  return std::min(tolerances[c.body_a], tolerances[c.body_b]);
+}
+
+}  // namespace
+
+Mover::Mover(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool) {
+  workers_.resize(pool->num_workers());
+}
+
+void Mover::PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies) {
+  planned_.assign(bodies.size(), {});
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& body = bodies[i];
+    if (body.removed) continue;
+    if (body.kind == BodyKind::kKinematic) {
+      planned_[i] = {dt * body.linear_velocity_W, dt * body.angular_velocity_W};
+    } else if (body.Moves()) {
+      planned_[i].linear = 0.5 * dt * (before_gravity[i].linear_W + body.linear_velocity_W);
+      planned_[i].angular = FreeRotation(body.inertia_B, body.rotation_WB,
+                                         0.5 * (before_gravity[i].angular_W + body.angular_velocity_W), dt);
+    }
+  }
+}
+
+std::span<const Vector3> Mover::PlanTravel(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies) {
+  PlanFreeMotion(dt, before_gravity, bodies);
+  travel_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) travel_[i] = planned_[i].linear;
+  return travel_;
+}
+
+double Mover::PredictedGap(const Contact& c, std::span<const Body> bodies) const {
+  const auto at_point = [&](int i) -> Vector3 {
+    return planned_[i].linear + planned_[i].angular.cross(c.point_W - bodies[i].position_W);
+  };
+  return c.gap + c.normal_W.dot(at_point(c.body_b) - at_point(c.body_a));
+}
+
+MotionOutcome Mover::Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
+                          const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts) {
+  PlanFreeMotion(dt, before_gravity, bodies);
+  aim_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) aim_[i] = bodies[i].position_W + planned_[i].linear;
+  MotionOutcome outcome;
+  for (outcome.passes = 0;; ++outcome.passes) {
+    const bool corrected = Correct(tolerances, bodies, *contacts);
+    if (outcome.passes > 0 && !corrected) break;
+    Apply(bodies);
+    travel_.resize(bodies.size());
+    for (size_t i = 0; i < bodies.size(); ++i) {
+      travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic ? Vector3(dt * bodies[i].linear_velocity_W) : Vector3::Zero();
+    }
+    detect(travel_, contacts);
+    planned_.assign(bodies.size(), {});
+    outcome.penetration_max = 0;
+    outcome.reached = true;
+    for (const Contact& c : *contacts) {
+      outcome.penetration_max = std::max(outcome.penetration_max, -c.gap);
+      outcome.reached = outcome.reached && -c.gap <= ToleranceOf(c, tolerances);
+    }
+    if (outcome.reached || outcome.passes >= settings_.motion_passes) break;
+  }
+  TakeBackWork(bodies);
+  return outcome;
+}
+
+// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would.
+bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+  gaps_.resize(contacts.size());
+  double deepest = 0;
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    gaps_[c] = PredictedGap(contacts[c], bodies);
+    if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
+  }
+  if (deepest == 0) return false;
+  // A correction moves bodies by about the deepest overlap: contacts that far open may close.
+  cut_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) cut_[i] = !bodies[i].Moves();
+  pairs_.clear();
+  linked_.clear();
+  frames_.resize(contacts.size());
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    if (gaps_[c] > 2 * deepest) continue;
+    pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
+    linked_.push_back(static_cast<int>(c));
+    frames_[c] = ContactFrame(contacts[c].normal_W);
+  }
+  islands::BuildPartition({cut_, pairs_}, &partition_);
+  island_contacts_.resize(partition_.contacts.size());
+  wanted_.assign(partition_.num_islands(), 0);
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
+      const int c = island_contacts_[k] = linked_[partition_.contacts[k]];
+      if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) wanted_[i] = 1;
+    }
+  }
+  pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
+    if (wanted_[island]) SolveIsland(island, worker, deepest, bodies, contacts);
+  });
+  return true;
+}
+
+// The frictionless contact problem with displacements for velocities and gaps for drifts.
+void Mover::SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+  Worker& w = workers_[worker];
+  const std::span<const int> members = partition_.bodies_of(island);
+  const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
+  const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
+  w.gatherer.Gather(bodies, {contacts, frames_}, members, numbers, &w.problem);
+  for (size_t i = 0; i < members.size(); ++i)
+    w.problem.bodies[i].velocity << planned_[members[i]].linear, planned_[members[i]].angular;
+  for (size_t k = 0; k < numbers.size(); ++k) {
+    const Contact& contact = contacts[numbers[k]];
+    qp::ContactTerm& term = w.problem.contacts[k];
+    term.friction = 0;
+    term.drift.setZero();
+    // What walls do is known: their part of the predicted gap.
+    double wall = contact.gap;
+    for (const auto& [number, sign] : {std::pair{contact.body_a, -1.0}, std::pair{contact.body_b, 1.0}}) {
+      if (bodies[number].kind != BodyKind::kKinematic) continue;
+      wall += sign * contact.normal_W.dot(planned_[number].linear + planned_[number].angular.cross(contact.point_W - bodies[number].position_W));
+    }
+    term.drift[0] = wall;
+  }
+  qp::Settings solver;
+  solver.model = Model::kConvex;
+  solver.velocity_scale = scale;
+  solver.tolerance = 1e-3;  // of the deepest overlap; the passes see to the rest
+  w.solver.Solve(w.problem, solver, &w.solution);
+  if (w.solution.status == qp::Status::kFailed || w.solution.status == qp::Status::kInfeasible) return;
+  for (size_t i = 0; i < members.size(); ++i) {
+    const double* d = &w.solution.velocities[6 * i];
+    planned_[members[i]] = {Vector3(d[0], d[1], d[2]), Vector3(d[3], d[4], d[5])};
+  }
+}
+
+void Mover::Apply(std::span<Body> bodies) {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    body.position_W += planned_[i].linear;
+    if (planned_[i].angular.isZero(0)) continue;
+    const Quaternion turned = Quaternion(Exp(planned_[i].angular) * body.rotation_WB).normalized();
+    if (body.Moves()) body.angular_velocity_W = AngularVelocityAfter(body.inertia_B, body.rotation_WB, body.angular_velocity_W, turned);
+    body.rotation_WB = turned;
+  }
+}
+
+// v1 holds the energy of a fall to `aim`. Where the body stopped higher, its speed along the correction shrinks by what the
+// rest of the fall would have given.
+void Mover::TakeBackWork(std::span<Body> bodies) const {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    if (!body.Moves()) continue;
+    const Vector3 correction = body.position_W - aim_[i];
+    const double length = correction.norm();
+    if (length == 0) continue;
+    const Vector3 direction = correction / length;
+    const double work = -(settings_.gravity + body.force_W / body.mass).dot(correction);  // [J/kg] not done
+    const double speed = body.linear_velocity_W.dot(direction);
+    if (work <= 0 || speed >= 0) continue;
+    const double left = std::sqrt(std::max(0.0, speed * speed - 2 * work));
+    body.linear_velocity_W -= (speed + left) * direction;
+  }
+}
+
+}  // namespace islet

@@ -1,0 +1,81 @@
+// Moves the bodies of one step so that none overlap: free motion by the trapezoidal rule, and where that would overlap,
+// the nearest displacements in the mass metric that do not (OBA position update).              [SM04 refs 24 and 37]
+//
+//   free motion      x += dt (v0 + v1) / 2, v0 after the collisions, v1 after the static contacts: exact for free flight and
+//                    for sliding under constant friction; rotation by rotation.h
+//   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
+//                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
+//                    by more than the tolerance
+//   energy           a body held back from falling has not done the work of gravity that its velocity claims: its velocity
+//                    along the correction is reduced by that
+//
+//   threads: islands run on the pool; the result does not depend on the number of workers
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "engine/contact_suite.h"
+#include "engine/island_problem.h"
+#include "engine/settings.h"
+#include "islands/partition.h"
+#include "qp/island_solver.h"
+
+namespace islet {
+
+// Detects the contacts at the bodies' present poses, for bodies about to travel as given [m].
+using DetectContacts = std::function<void(std::span<const Vector3> travel_W, std::vector<Contact>* contacts)>;
+
+struct MotionOutcome {
+  int passes = 0;              // position problems solved one after the other
+  bool reached = true;         // no pair overlaps by more than the tolerance
+  double penetration_max = 0;  // [m] at the end
+};
+
+class Mover {
+ public:
+  Mover(const Settings& settings, parallel::WorkerPool* pool);
+
+  // contacts: near contacts at the poses before the move, on return those after it. tolerances: [m] per body; a pair's is the
+  // smaller one. detect is called after each pass.
+  MotionOutcome Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
+                     const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts);
+
+  void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
+
+  // [m] where free motion would take each body; zero for those that stand still.
+  std::span<const Vector3> PlanTravel(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
+
+ private:
+  struct Displacement {
+    Vector3 linear = Vector3::Zero();    // [m]
+    Vector3 angular = Vector3::Zero();   // [rad] rotation vector, W
+  };
+  void PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
+  double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
+  bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  void Apply(std::span<Body> bodies);
+  void TakeBackWork(std::span<Body> bodies) const;
+
+  Settings settings_;
+  parallel::WorkerPool* pool_;
+  std::vector<Displacement> planned_;              // of this pass
+  std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
+  std::vector<std::uint8_t> cut_, wanted_;
+  std::vector<std::pair<int, int>> pairs_;
+  std::vector<int> linked_, island_contacts_;
+  std::vector<Matrix3> frames_;
+  std::vector<double> gaps_;
+  islands::Partition partition_;
+  struct Worker {
+    IslandGatherer gatherer;
+    qp::Problem problem;
+    qp::Solution solution;
+    qp::IslandSolver solver;
+  };
+  std::vector<Worker> workers_;
+};
+
+}  // namespace islet

@@ -1,0 +1,155 @@
+#include "engine/response.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace islet {
+namespace {
+
+constexpr int kRestitutionHalvings = 3;
+constexpr double kEnergySlack = 1e-9;      // relative; rounding of the energies
+constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
+
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
+double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {
+  velocities->clear();
+  double fastest = 0;
+  const auto row = [&](const qp::Jacobian& jacobian, int body) {
+    return jacobian.row(0).dot(problem.bodies[body].velocity);
+  };
+  for (const qp::ContactTerm& c : problem.contacts) {
+    double u = c.drift[0];
+    if (c.body_a >= 0) u += row(c.jacobian_a, c.body_a);
+    if (c.body_b >= 0) u += row(c.jacobian_b, c.body_b);
+    velocities->push_back(u);
+    fastest = std::max(fastest, -u);
+  }
+  return fastest;
+}
+
+bool Usable(qp::Status status) { return status == qp::Status::kSolved || status == qp::Status::kInaccurate; }
+
+bool AnyDrift(const qp::Problem& problem) {
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const qp::ContactTerm& c) { return !c.drift.isZero(0); });
+}
+
+qp::Settings SolverSettings(const Settings& settings, double v_ref) {
+  qp::Settings out;
+  out.model = settings.model;
+  out.cone = settings.cone;
+  out.tolerance = 1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
+  out.coulomb_tolerance = settings.tolerance;
+  out.coulomb_rounds = settings.coulomb_rounds;
+  out.velocity_scale = v_ref;
+  return out;
+}
+
+double KineticEnergy(const qp::Problem& problem, const std::vector<double>* velocities) {
+  double energy = 0;
+  for (size_t i = 0; i < problem.bodies.size(); ++i) {
+    const qp::BodyTerm& body = problem.bodies[i];
+    const qp::Vector6 v = velocities ? Eigen::Map<const qp::Vector6>(&(*velocities)[6 * i]) : Eigen::Map<const qp::Vector6>(body.velocity.data());
+    energy += 0.5 * body.mass * v.head<3>().squaredNorm() + 0.5 * v.tail<3>().dot(body.inertia * v.tail<3>());
+  }
+  return energy;
+}
+
+}  // namespace
+
+// Targets halve with each attempt and vanish with the last. False if there was nothing left to lower.
+bool IslandResponder::LowerRestitution(int attempt) {
+  bool any = false;
+  for (qp::ContactTerm& c : problem_.contacts) {
+    any = any || c.target > 0;
+    c.target = attempt < kRestitutionHalvings ? c.target / 2 : 0;
+  }
+  return any;
+}
+
+void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
+  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  const bool may_gain = AnyDrift(problem_);  // moving walls do work
+  const double energy_before = KineticEnergy(problem_, nullptr);
+  const auto solve = [&] {
+    solver_.Solve(problem_, solver_settings, &solution_);
+    outcome->iterations += solution_.iterations;
+    outcome->rounds = std::max(outcome->rounds, solution_.rounds);
+  };
+  const auto good = [&] {
+    return Usable(solution_.status) &&
+           (may_gain || KineticEnergy(problem_, &solution_.velocities) <= energy_before * (1 + kEnergySlack));
+  };
+  solve();
+  for (int attempt = 0; !good() && LowerRestitution(attempt); ++attempt) {
+    outcome->restitution_lowered = true;
+    solve();
+  }
+  outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
+  if (Usable(solution_.status)) return;
+  for (qp::ContactTerm& c : problem_.contacts) c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
+  solve();
+  outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
+  for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
+}
+
+void IslandResponder::Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
+                             std::span<Vector3> impulses, ResponseOutcome* outcome) {
+  if (outcome->status == QpStatus::kFailed) {
+    for (const int contact : island.contacts) impulses[contact].setZero();
+    return;
+  }
+  outcome->certificate = Certify(problem_, solution_, settings.model, settings.cone, v_ref);
+  IslandGatherer::ScatterVelocities(solution_, island.bodies, bodies);
+  for (size_t c = 0; c < island.contacts.size(); ++c) impulses[island.contacts[c]] = solution_.impulses[c];
+}
+
+ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, const ContactFrames& contacts,
+                                                   const Settings& settings, double rest_speed, double threshold,
+                                                   std::span<Body> bodies, std::span<Vector3> impulses) {
+  ResponseOutcome outcome;
+  for (const int contact : island.contacts) impulses[contact].setZero();
+  const auto approaches = [&](int number) {
+    const Contact& c = contacts.contacts[number];
+    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
+  };
+  if (std::none_of(island.contacts.begin(), island.contacts.end(), approaches)) return outcome;
+  const Stopwatch watch;
+  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+  const double v_ref = std::max(rest_speed, ApproachVelocities(problem_, &free_));
+  for (size_t c = 0; c < island.contacts.size(); ++c) {
+    if (free_[c] < -threshold) problem_.contacts[c].target = -contacts.contacts[island.contacts[c]].restitution * free_[c];
+  }
+  Solve(settings, v_ref, &outcome);
+  outcome.seconds = watch.seconds();
+  Finish(island, settings, v_ref, bodies, impulses, &outcome);
+  return outcome;
+}
+
+ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const ContactFrames& contacts,
+                                               const Settings& settings, double rest_speed, std::span<Body> bodies,
+                                               std::span<Vector3> impulses) {
+  ResponseOutcome outcome;
+  for (const int contact : island.contacts) impulses[contact].setZero();
+  if (island.contacts.empty()) return outcome;
+  const Stopwatch watch;
+  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+  const double fastest = ApproachVelocities(problem_, &free_);
+  // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still rub: design Sec. 3.)
+  if (fastest == 0 && settings.model == Model::kCoulomb) return outcome;
+  const double v_ref = std::max({rest_speed, fastest, 1e-12});
+  Solve(settings, v_ref, &outcome);
+  outcome.seconds = watch.seconds();
+  Finish(island, settings, v_ref, bodies, impulses, &outcome);
+  return outcome;
+}
+
+}  // namespace islet

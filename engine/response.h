@@ -1,0 +1,60 @@
+// Steps 2 and 3 on one island: problem, solve, certificate, scatter; and the one policy for problems that have no
+// solution.                                                                                     [SM04 Sec. 4.1, 4.2]
+//
+//   collision  needed only if contacts still approach: bounces u_n >= -epsilon u_n^- ; restitution is lowered, for the
+//              whole island and counted, while the problem has no solution or the answer holds more energy than before
+//   static     after gravity; restitution 0
+//   no solution (walls that close on a body): the same contacts made slightly compliant, status kInfeasible
+//   no finite answer: velocities stay as they were, status kFailed
+//
+//   threads: one responder per worker; writes only the island's own bodies and contacts
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/island_problem.h"
+#include "engine/certificate.h"
+#include "engine/settings.h"
+#include "engine/step_report.h"
+#include "qp/island_solver.h"
+
+namespace islet {
+
+struct IslandView {
+  std::span<const int> bodies;    // of the world, ascending
+  std::span<const int> contacts;
+};
+
+struct ResponseOutcome {
+  QpStatus status = QpStatus::kNone;
+  int iterations = 0;
+  int rounds = 0;
+  bool restitution_lowered = false;
+  double seconds = 0;             // [s] wall
+  Certificate certificate;
+};
+
+class IslandResponder {
+ public:
+  // rest_speed: [m/s] |g| dt; threshold: [m/s] contacts that approach slower do not collide.
+  // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten.
+  ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
+                                    double rest_speed, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
+  ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
+                                double rest_speed, std::span<Body> bodies, std::span<Vector3> impulses);
+
+ private:
+  void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
+  bool LowerRestitution(int attempt);
+  void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
+              std::span<Vector3> impulses, ResponseOutcome* outcome);
+
+  IslandGatherer gatherer_;
+  qp::Problem problem_;
+  qp::Solution solution_;
+  qp::IslandSolver solver_;
+  std::vector<double> free_;       // contact velocities before
+};
+
+}  // namespace islet

@@ -1,0 +1,66 @@
+#include "engine/rotation.h"
+
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace islet {
+namespace {
+
+Matrix3 CrossMatrix(const Vector3& r) {
+  Matrix3 m;
+  m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
+  return m;
+}
+
+bool IsIsotropic(const Matrix3& inertia) {
+  const double mean = inertia.trace() / 3;
+  return (inertia - mean * Matrix3::Identity()).cwiseAbs().maxCoeff() < 1e-14 * mean;
+}
+
+// The midpoint angular velocity w solves I w + dt/2 w x I w = L, everything in B.
+Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity, double dt) {
+  const Vector3 momentum = inertia * angular_velocity;
+  Vector3 w = angular_velocity;
+  for (int i = 0; i < 20; ++i) {
+    const Vector3 p = inertia * w;
+    const Vector3 residual = p + 0.5 * dt * w.cross(p) - momentum;
+    if (residual.norm() <= 1e-16 * momentum.norm()) break;
+    const Matrix3 slope = inertia + 0.5 * dt * (CrossMatrix(w) * inertia - CrossMatrix(p));
+    w -= slope.inverse() * residual;
+  }
+  return w;
+}
+
+}  // namespace
+
+Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt) {
+  if (angular_velocity_W.isZero(0)) return Vector3::Zero();
+  if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
+  const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
+  const double speed = w.norm();
+  return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
+}
+
+Quaternion Exp(const Vector3& v) {
+  const double angle = v.norm();
+  const double share = angle > 1e-6 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48;
+  return Quaternion(std::cos(0.5 * angle), share * v.x(), share * v.y(), share * v.z());
+}
+
+Vector3 Log(const Quaternion& q) {
+  const double sign = q.w() < 0 ? -1 : 1;
+  const double sine = q.vec().norm();
+  const double share = sine > 1e-9 ? 2 * std::atan2(sine, sign * q.w()) / sine : 2.0;
+  return sign * share * q.vec();
+}
+
+Vector3 AngularVelocityAfter(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
+                             const Quaternion& rotation_new_WB) {
+  if (IsIsotropic(inertia_B)) return angular_velocity_W;
+  const Vector3 momentum_W = rotation_WB * Vector3(inertia_B * (rotation_WB.conjugate() * angular_velocity_W));
+  const Vector3 momentum_B = rotation_new_WB.conjugate() * momentum_W;
+  return rotation_new_WB * Vector3(inertia_B.inverse() * momentum_B);
+}
+
+}  // namespace islet

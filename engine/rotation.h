@@ -1,0 +1,24 @@
+// Free rotation of a rigid body through one step, and rotation vectors.
+//
+// Implicit midpoint rule on the body-frame Euler equations with the Cayley map: keeps |L| and the kinetic energy exactly
+// (to rounding), for any inertia and any step. A constant angular velocity turns by 2 atan(|w| dt / 2).   [Aus93, SW93]
+//   threads: pure functions
+#pragma once
+
+#include "engine/linear_algebra.h"
+
+namespace islet {
+
+// [rad] world rotation vector of the step from rotation_WB with angular velocity angular_velocity_W.
+Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt);
+
+// exp of a rotation vector, as a unit quaternion.
+Quaternion Exp(const Vector3& rotation_vector);
+// Inverse of Exp, angle in [0, pi].
+Vector3 Log(const Quaternion& rotation);
+
+// [rad/s] after the body has turned to rotation_new_WB with its angular momentum kept.
+Vector3 AngularVelocityAfter(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
+                             const Quaternion& rotation_new_WB);
+
+}  // namespace islet

@@ -1,0 +1,41 @@
+#include "engine/settings.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace islet {
+namespace {
+
+void Require(bool holds, const std::string& field, double value, const std::string& rule) {
+  if (!holds) throw std::invalid_argument("settings: " + field + " = " + std::to_string(value) + " must be " + rule);
+}
+
+}  // namespace
+
+void Settings::Validate() const {
+  for (int i = 0; i < 3; ++i) Require(std::isfinite(gravity[i]), "gravity", gravity[i], "finite");
+  Require(bounce_limit >= 0 || bounce_limit == kAutoBounceLimit, "bounce_limit", bounce_limit, ">= 0, or auto (-1)");
+  Require(freeze_count >= 0, "freeze_count", freeze_count, ">= 0 frames");
+  Require(freeze_seconds > 0 && std::isfinite(freeze_seconds), "freeze_seconds", freeze_seconds, "> 0 s");
+  Require(freeze_travel > 0 && freeze_travel < 1, "freeze_travel", freeze_travel, "in (0, 1) body radii");
+  Require(tolerance > 0 && tolerance <= 0.1, "tolerance", tolerance, "in (0, 0.1]");
+  Require(coulomb_rounds >= 1, "coulomb_rounds", coulomb_rounds, ">= 1");
+  Require(touch_gap > 0 && touch_gap < 0.1, "touch_gap", touch_gap, "in (0, 0.1) of a shape's size");
+  Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance, "in (0, touch_gap]");
+  Require(motion_passes >= 1, "motion_passes", motion_passes, ">= 1");
+  Require(threads >= 0, "threads", threads, ">= 0 (0: all cores)");
+  for (const Region& region : cold_volumes)
+    for (int i = 0; i < 3; ++i) Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i], "<= the upper one");
+}
+
+Settings Settings::Paper() {
+  Settings settings;
+  settings.model = Model::kKinetic;
+  settings.cone = Cone::kOctagon;
+  settings.bounce_law = BounceLaw::kEq5;
+  settings.freezing = Freezing::kPaper;
+  return settings;
+}
+
+}  // namespace islet

@@ -1,0 +1,323 @@
+#include "engine/world.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <tuple>
+
+#include <Eigen/Eigenvalues>
+
+#include "engine/contact_suite.h"
+#include "engine/detection.h"
+#include "engine/motion.h"
+#include "engine/state_hash.h"
+#include "engine/suite_frame.h"
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+[[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem) {
+  throw std::invalid_argument(body + ": " + field + " " + problem);
+}
+
+void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
+  if (v.allFinite()) return;
+  Reject(body, field, "= (" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ") is not finite");
+}
+
+void RequirePositive(const std::string& body, const std::string& field, double value) {
+  if (!(value > 0) || !std::isfinite(value)) Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
+}
+
+// Also refuses moments that no mass distribution has: each at most the sum of the other two.
+void RequireInertia(const std::string& body, const Matrix3& inertia) {
+  const Eigen::SelfAdjointEigenSolver<Matrix3> solver(inertia);
+  const Vector3 moments = solver.eigenvalues();
+  if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9) || !(moments[0] > 0))
+    Reject(body, "inertia", "is not symmetric positive definite (smallest moment " + std::to_string(moments[0]) + ")");
+  if (moments[2] > (moments[0] + moments[1]) * (1 + 1e-9))
+    Reject(body, "inertia", "breaks the triangle inequality: largest moment " + std::to_string(moments[2]));
+}
+
+Body MakeBody(const BodyDefinition& d, const std::string& name) {
+  RequireFinite(name, "position", d.position_W);
+  RequireFinite(name, "linear velocity", d.linear_velocity_W);
+  RequireFinite(name, "angular velocity", d.angular_velocity_W);
+  const double length = d.rotation_WB.norm();
+  if (!(std::abs(length - 1) < 1e-6)) Reject(name, "rotation", "has length " + std::to_string(length) + ", not 1");
+  if (!(d.friction >= 0) || !std::isfinite(d.friction)) Reject(name, "friction", "= " + std::to_string(d.friction) + " must be >= 0");
+  if (!(d.restitution >= 0 && d.restitution <= 1)) Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
+  if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic) Reject(name, "kind", "= dynamic: a half-space has no mass");
+  Body body;
+  body.kind = d.kind;
+  body.radius = d.shape.radius();
+  if (d.kind == BodyKind::kDynamic) {
+    if (d.mass) RequirePositive(name, "mass", *d.mass);
+    RequirePositive(name, "density", d.density);
+    const MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
+    body.mass = filled.mass;
+    body.inertia_B = d.inertia_B.value_or(filled.inertia_B);
+    RequireInertia(name, body.inertia_B);
+  }
+  body.position_W = d.position_W;
+  body.rotation_WB = d.rotation_WB.normalized();
+  body.linear_velocity_W = d.linear_velocity_W;
+  body.angular_velocity_W = d.angular_velocity_W;
+  if (d.kind == BodyKind::kFixed && !(d.linear_velocity_W.isZero(0) && d.angular_velocity_W.isZero(0)))
+    Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
+  body.friction = d.friction;
+  body.restitution = d.restitution;
+  return body;
+}
+
+}  // namespace
+
+struct World::Impl {
+  Settings settings;
+  std::unique_ptr<parallel::WorkerPool> own_pool;
+  parallel::WorkerPool* pool;
+  ContactSuite suite;
+  Detector detector;
+  Mover mover;
+  MaterialCallback material;
+
+  std::vector<Body> bodies;
+  std::vector<Shape> shapes;
+  std::vector<double> tolerances;       // [m] per body: overlap allowed by the motion
+  std::vector<Contact> near_contacts;   // at the current poses, up to the reach of the last detection
+  std::vector<Contact> touching;        // of these, those that touch
+  std::vector<Contact> resolved;        // touching ones at the start of the last step, whose impulses the suite holds
+  std::vector<Contact> detected, still; // scratch
+  std::vector<Vector3> travel;          // [m] that the last detection expected of each body
+  std::vector<double> margins;          // [m] and how far it may stray from that
+  bool stale = true;                    // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;            // those before it were checked for initial overlap
+  double time = 0;
+
+  Impl(const Settings& s, parallel::WorkerPool* p)
+      : settings(s), own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)), pool(p ? p : own_pool.get()),
+        suite(s, pool), detector(pool), mover(s, pool) {}
+
+  Body& At(int number);
+  void DetectAll();
+  void DetectMoving(std::span<const Vector3> expected);
+  void ChooseMargins(std::span<const Vector3> expected);
+  bool StaysInReach(std::span<const Vector3> planned) const;
+  void MixMaterials(std::vector<Contact>* contacts) const;
+  void SelectTouching();
+  double dt_hint = 1.0 / 30;
+};
+
+World::World(const Settings& settings) : World(settings, nullptr) {}
+World::World(const Settings& settings, parallel::WorkerPool* pool) {
+  settings.Validate();
+  impl_ = std::make_unique<Impl>(settings, pool);
+}
+World::~World() = default;
+World::World(World&&) noexcept = default;
+World& World::operator=(World&&) noexcept = default;
+
+Body& World::Impl::At(int number) {
+  if (number < 0 || number >= static_cast<int>(bodies.size()) || bodies[number].removed)
+    throw std::invalid_argument("no body has number " + std::to_string(number));
+  return bodies[number];
+}
+
+int World::Add(const BodyDefinition& definition) {
+  Impl& w = *impl_;
+  const int number = static_cast<int>(w.bodies.size());
+  w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
+  w.shapes.push_back(definition.shape);
+  w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
+  w.stale = true;
+  return number;
+}
+
+void World::Remove(int body) {
+  impl_->At(body).removed = true;
+  impl_->bodies[body].frozen = false;
+  SetTwist({}, &impl_->bodies[body]);
+  impl_->stale = true;
+}
+
+void World::Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB) {
+  const std::string name = "body " + std::to_string(body);
+  Body& b = impl_->At(body);
+  RequireFinite(name, "position", position_W);
+  if (!(std::abs(rotation_WB.norm() - 1) < 1e-6)) Reject(name, "rotation", "has length " + std::to_string(rotation_WB.norm()) + ", not 1");
+  b.position_W = position_W;
+  b.rotation_WB = rotation_WB.normalized();
+  b.frozen = false;
+  impl_->stale = true;
+}
+
+void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W) {
+  const std::string name = "body " + std::to_string(body);
+  Body& b = impl_->At(body);
+  RequireFinite(name, "linear velocity", linear_W);
+  RequireFinite(name, "angular velocity", angular_W);
+  if (b.kind == BodyKind::kFixed) Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
+  SetTwist({linear_W, angular_W}, &b);
+  b.frozen = false;
+  impl_->stale = true;
+}
+
+void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) {
+  const std::string name = "body " + std::to_string(body);
+  Body& b = impl_->At(body);
+  RequireFinite(name, "force", force_W);
+  RequireFinite(name, "torque", torque_W);
+  b.force_W = force_W;
+  b.torque_W = torque_W;
+}
+
+void World::SetGravity(const Vector3& gravity_W) {
+  impl_->suite.SetGravity(gravity_W);
+  impl_->settings.gravity = gravity_W;
+  impl_->mover.SetGravity(gravity_W);
+}
+
+void World::SetMaterialCallback(MaterialCallback callback) {
+  impl_->material = std::move(callback);
+  impl_->stale = true;
+}
+
+// Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
+void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
+  travel.assign(expected.begin(), expected.end());
+  margins.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& body = bodies[i];
+    const bool moves = body.Moves() || body.kind == BodyKind::kKinematic;
+    const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
+    margins[i] = 2 * settings.touch_gap * size;
+    if (!moves || !std::isfinite(body.radius)) continue;
+    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius + settings.gravity.norm() * dt_hint * dt_hint;
+  }
+}
+
+void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
+  if (!material) return;
+  for (Contact& c : *contacts) {
+    const Material m = material(c, bodies[c.body_a], bodies[c.body_b]);
+    c.friction = m.friction;
+    c.restitution = m.restitution;
+  }
+}
+
+void World::Impl::DetectAll() {
+  detector.Detect(bodies, shapes, travel, margins, &near_contacts, /*include_frozen=*/true);
+  MixMaterials(&near_contacts);
+  stale = false;
+}
+
+// Contacts between bodies that stand still are kept: their poses have not changed since they were found.
+void World::Impl::DetectMoving(std::span<const Vector3> expected) {
+  ChooseMargins(expected);
+  still.clear();
+  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still), [&](const Contact& c) {
+    return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]);
+  });
+  detector.Detect(bodies, shapes, travel, margins, &detected);
+  MixMaterials(&detected);
+  near_contacts.clear();
+  std::merge(still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
+             [](const Contact& x, const Contact& y) { return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b); });
+}
+
+// Every body ends near the path that the last detection swept for it.
+bool World::Impl::StaysInReach(std::span<const Vector3> planned) const {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    const double length = travel[i].squaredNorm();
+    const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
+    const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
+    if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
+  }
+  return true;
+}
+
+void World::Impl::SelectTouching() {
+  touching.clear();
+  for (const Contact& c : near_contacts) {
+    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+    if (c.gap <= settings.touch_gap * size) touching.push_back(c);
+  }
+}
+
+void World::CheckInitialOverlap() {
+  Impl& w = *impl_;
+  if (w.stale) {
+    w.travel.resize(w.bodies.size());
+    for (size_t i = 0; i < w.bodies.size(); ++i) w.travel[i] = w.dt_hint * w.bodies[i].linear_velocity_W;
+    w.ChooseMargins(std::vector<Vector3>(w.travel));
+    w.DetectAll();
+    w.SelectTouching();
+  }
+  for (const Contact& c : w.near_contacts) {
+    const double allowed = w.settings.touch_gap * std::min(w.shapes[c.body_a].size(), w.shapes[c.body_b].size());
+    if (std::max(c.body_a, c.body_b) < static_cast<int>(w.checked_bodies) || -c.gap <= allowed) continue;
+    throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + " overlap by " +
+                                std::to_string(-c.gap) + " m at the start");
+  }
+  w.checked_bodies = w.bodies.size();
+}
+
+StepReport World::Step(double dt) {
+  if (!(dt > 0) || !std::isfinite(dt)) throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  Impl& w = *impl_;
+  StepReport report;
+  double lap = Seconds();
+  const auto finish = [&lap](double* stage) {
+    const double now = Seconds();
+    *stage += now - lap;
+    lap = now;
+  };
+  w.dt_hint = dt;
+  CheckInitialOverlap();                                                                  // detection, if anything changed
+  w.resolved = w.touching;
+  finish(&report.seconds.detect);
+
+  w.suite.Resolve(dt, w.bodies, w.resolved, &report);                                     // steps 1 to 4
+  lap = Seconds();
+
+  const std::span<const Twist> before = w.suite.velocities_before_gravity();
+  const std::span<const Vector3> planned = w.mover.PlanTravel(dt, before, w.bodies);
+  if (!w.StaysInReach(planned)) {
+    w.DetectMoving(planned);
+    finish(&report.seconds.detect);
+  }
+  double detect_seconds = 0;
+  const DetectContacts detect = [&](std::span<const Vector3> travel, std::vector<Contact>*) {
+    const double start = Seconds();
+    w.DetectMoving(travel);
+    detect_seconds += Seconds() - start;
+  };
+  const MotionOutcome moved = w.mover.Move(dt, before, w.tolerances, detect, w.bodies, &w.near_contacts);
+  w.SelectTouching();
+  finish(&report.seconds.move);
+  report.seconds.move -= detect_seconds;
+  report.seconds.detect += detect_seconds;
+
+  report.penetration_max = moved.penetration_max;
+  report.motion_passes = moved.passes;
+  report.motion_failures = moved.reached ? 0 : 1;
+  w.time += dt;
+  return report;
+}
+
+std::span<const Body> World::bodies() const { return impl_->bodies; }
+const Body& World::body(int number) const { return impl_->bodies.at(number); }
+const Shape& World::shape(int number) const { return impl_->shapes.at(number); }
+std::span<const Contact> World::contacts() const { return impl_->touching; }
+std::span<const Contact> World::resolved_contacts() const { return impl_->resolved; }
+std::span<const Vector3> World::impulses() const { return impl_->suite.impulses(); }
+const Settings& World::settings() const { return impl_->settings; }
+double World::time() const { return impl_->time; }
+std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }
+
+}  // namespace islet
