@@ -126,17 +126,29 @@ Item DrawSolid(const Shape& shape, const Body& body, const Colour& colour, const
   return item;
 }
 
-// Walls and floor are painted first (upright ones have the depth of infinity), tilted bodies among the others.
+// When a fixed body is painted: walls and floor first, then the tilted ones at the far side, at the near side last, and
+// those in the middle among the moving bodies.
+double FixedDepth(const Body& body, bool upright, const Region& visible, const Camera& camera) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (upright) return -kInfinity;
+  Vector3 aside = body.position_W - 0.5 * (visible.lower + visible.upper);
+  aside.z() = 0;
+  const double nearness = camera.Nearness(aside);
+  const double half_width = 0.5 * (visible.upper - visible.lower).head<2>().minCoeff();
+  if (std::abs(nearness) > 0.3 * half_width) return nearness > 0 ? kInfinity : -kInfinity;
+  return camera.Nearness(body.position_W);
+}
+
 Item DrawFixed(const Shape& shape, const Body& body, const Region& visible, const Camera& camera) {
   const bool upright = body.rotation_WB.vec().norm() < 1e-9;
   const Colour colour = upright ? Colour(0.90, 0.89, 0.86) : Colour(0.62, 0.66, 0.70);
-  Item item{upright ? -std::numeric_limits<double>::infinity() : camera.Nearness(body.position_W), ""};
+  Item item{FixedDepth(body, upright, visible, camera), ""};
   for (const Face& face : Faces(shape, body)) {
     if (!FacesCamera(face, camera)) continue;
     const Polygon seen = Clip(face.corners_W, visible);
     if (seen.size() < 3) continue;
     const std::string fill = "fill=\"" + Hex(Lit(colour, face.normal_W, camera, kWallShadow)) + "\"";
-    item.svg += Path(seen, upright ? fill : fill + " fill-opacity=\".45\"", camera);
+    item.svg += Path(seen, upright ? fill : fill + " fill-opacity=\".4\"", camera);
   }
   return item;
 }

@@ -170,9 +170,9 @@ endforeach()
 # The same bits with one thread and with two, and others from another seed.
 foreach(scene IN ITEMS stack cubejam csstack "cubeglass;--count;100" "cubeglass7;--count;100" "sphereglass;--count;100"
     officetoy balance revival "manystacks;--count;8")
-  islet(status stdout stderr run ${scene} --frames 25 --threads 1 --report -)
+  islet(status stdout stderr run ${scene} --frames 70 --threads 1 --report -)
   string(JSON one ERROR_VARIABLE error GET "${stdout}" state_hash)
-  islet(status stdout stderr run ${scene} --frames 25 --threads 2 --report -)
+  islet(status stdout stderr run ${scene} --frames 70 --threads 2 --report -)
   string(JSON two ERROR_VARIABLE error GET "${stdout}" state_hash)
   check_match("hash of ${scene}" one "^[0-9a-f]+$")
   check_equal("hash of ${scene} with two threads" "${two}" "${one}")
