@@ -91,14 +91,13 @@ double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, const Body& body, c
   return kBalanceTolerance * std::max(frame.rest_speed, StillSpeed(body, settings));
 }
 
-int CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings) {
+void CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings) {
   touched_.assign(frame.bodies.size(), 0);
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
     if (frame.holding[c][0] <= 0) continue;
     touched_[frame.contacts.contacts[c].body_a] = 1;
     touched_[frame.contacts.contacts[c].body_b] = 1;
   }
-  int count = 0;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     if (!body.Moves() || !touched_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
@@ -106,9 +105,7 @@ int CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings)
     if (FastestPoint(TwistOf(body), body.radius) > limit) continue;
     body.frozen = true;
     SetTwist({}, &body);
-    ++count;
   }
-  return count;
 }
 
 }  // namespace islet

@@ -34,10 +34,8 @@ class CertifiedFreezing {
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
   double StillSpeed(const Body& body, const Settings& settings) const;
 
-  // End of a frame: freezes what may freeze, sets its velocity to zero. Returns how many froze.
-  int Freeze(const SuiteFrame& frame, const Settings& settings);
-
-  void Wake(int body) { still_seconds_[body] = 0; }
+  // End of a frame: freezes what may freeze, sets its velocity to zero.
+  void Freeze(const SuiteFrame& frame, const Settings& settings);
 
  private:
   struct Load {

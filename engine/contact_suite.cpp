@@ -20,7 +20,7 @@ namespace islet {
 namespace {
 
 constexpr int kWakeRounds = 4;        // re-solves of islands into which frozen bodies woke, per frame
-constexpr int kBalancePasses = 20;    // growth of the set of frozen bodies that is balanced again
+constexpr int kLocalPasses = 3;       // after that all joined frozen bodies are balanced together
 constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
 
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -100,7 +100,8 @@ struct ContactSuite::Impl {
   };
   std::vector<Outcome> outcomes;                          // per island
   std::vector<int> bounce_counts, unbalanced, candidates, woken;
-  std::vector<std::uint8_t> chosen;                       // per body
+  std::vector<std::uint8_t> chosen;                       // per island
+  std::vector<std::uint8_t> was_frozen;                   // per body, at the start of the frame
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();
@@ -111,14 +112,15 @@ struct ContactSuite::Impl {
   IslandView View(int island) const;
   void CutAtImmovable();
   void Bounce(StepReport* report);
-  void WakeByBounce(StepReport* report);
+  void WakeByBounce();
   void ResolveIsland(int island, Worker* worker);
   void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
   bool CheckFrozen(StepReport* report);
+  void AddJoinedFrozen();
   void BalanceCandidates(StepReport* report);
   void ReportIslands(StepReport* report) const;
   void Freeze(StepReport* report);
-  int FreezeLikePaper();
+  void FreezeLikePaper();
   void Finish(StepReport* report);
 };
 
@@ -145,7 +147,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   s.Begin(dt, bodies, contacts);
   timer.Lap(&report->seconds.islands);
   s.Bounce(report);                                       // step 1
-  s.WakeByBounce(report);
+  s.WakeByBounce();
   timer.Lap(&report->seconds.pq);
   s.ResolveIslands(false, report, &timer);                // steps 2 and 3
   for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(report); ++round) {
@@ -174,6 +176,8 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding}) impulses->assign(contacts.size(), Vector3::Zero());
   if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
   freeze_counters.resize(bodies.size(), 0);
+  was_frozen.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
   RecallHolding();
 }
 
@@ -243,7 +247,7 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
 }
 
 // A frozen body that bounced away wakes; one that only trembled is put back, and what it got counts as load.
-void ContactSuite::Impl::WakeByBounce(StepReport* report) {
+void ContactSuite::Impl::WakeByBounce() {
   frame.after_bounces.resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
@@ -255,8 +259,6 @@ void ContactSuite::Impl::WakeByBounce(StepReport* report) {
     if (wakes) {
       body.frozen = false;
       freeze_counters[i] = 0;
-      if (settings.freezing == Freezing::kCertified) certified.Wake(static_cast<int>(i));
-      ++report->woken;
     } else {
       SetTwist({}, &body);
     }
@@ -330,28 +332,40 @@ void ContactSuite::Impl::ReportIslands(StepReport* report) const {
   }
 }
 
-// Certified freezing: are the frozen bodies still held? The set that is balanced again grows until no neighbour's balance
-// is disturbed. True if bodies woke.
+// Certified freezing: are the frozen bodies still held? Solving the unbalanced ones again may disturb their neighbours, so
+// the set grows until nothing is disturbed: first by those alone, then by all that are joined to them. True if bodies woke.
 bool ContactSuite::Impl::CheckFrozen(StepReport* report) {
   woken.clear();
   candidates.clear();
-  for (int pass = 0; pass < kBalancePasses && woken.empty(); ++pass) {
+  for (int pass = 0; woken.empty(); ++pass) {
     certified.FindUnbalanced(frame, &unbalanced);
     const size_t before = candidates.size();
     candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
     std::sort(candidates.begin(), candidates.end());
     candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
     if (candidates.size() == before) return false;
+    if (pass >= kLocalPasses) AddJoinedFrozen();
     BalanceCandidates(report);
   }
-  if (woken.empty()) woken = candidates;  // no end in sight: the safe side
-  for (const int i : woken) {
-    frame.bodies[i].frozen = false;
-    freeze_counters[i] = 0;
-    certified.Wake(i);
+  // Suspects only: with its neighbours as walls a body can be squeezed in ways that the joint problem would not. They join
+  // the bodies that move, and freeze again at the end of the frame if the joint problem leaves them at rest.
+  for (const int i : woken) frame.bodies[i].frozen = false;
+  return true;
+}
+
+// All frozen bodies that contacts join to a candidate through frozen bodies.
+void ContactSuite::Impl::AddJoinedFrozen() {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].frozen;
+  Partition([this](const Contact& c) { return !cut[c.body_a] && !cut[c.body_b]; });
+  chosen.assign(partition.num_islands(), 0);
+  for (const int i : candidates) chosen[partition.body_to_island[i]] = 1;
+  candidates.clear();
+  for (int island = 0; island < partition.num_islands(); ++island) {
+    const std::span<const int> members = partition.bodies_of(island);
+    if (chosen[island]) candidates.insert(candidates.end(), members.begin(), members.end());
   }
-  report->woken += static_cast<int>(woken.size());
-  return !woken.empty();
+  std::sort(candidates.begin(), candidates.end());
 }
 
 // The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them.
@@ -381,11 +395,15 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
 }
 
 void ContactSuite::Impl::Freeze(StepReport* report) {
-  if (settings.freezing == Freezing::kCertified) report->newly_frozen = certified.Freeze(frame, settings);
-  if (settings.freezing == Freezing::kPaper) report->newly_frozen = FreezeLikePaper();
+  if (settings.freezing == Freezing::kCertified) certified.Freeze(frame, settings);
+  if (settings.freezing == Freezing::kPaper) FreezeLikePaper();
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];
+    report->woken += !frame.bodies[i].frozen && was_frozen[i];
+  }
 }
 
-int ContactSuite::Impl::FreezeLikePaper() {
+void ContactSuite::Impl::FreezeLikePaper() {
   const size_t n = frame.bodies.size();
   std::vector<double> energy(n), threshold(n);
   std::vector<std::uint8_t> touches(n, 0), may(n, 0), frozen(n, 0);
@@ -404,13 +422,12 @@ int ContactSuite::Impl::FreezeLikePaper() {
     touches[c.body_a] |= stands(c.body_b);
     touches[c.body_b] |= stands(c.body_a);
   }
-  const int count = islands::UpdateFreezing({energy, threshold, touches, may}, settings.freeze_count, freeze_counters, frozen);
+  islands::UpdateFreezing({energy, threshold, touches, may}, settings.freeze_count, freeze_counters, frozen);
   for (size_t i = 0; i < n; ++i) {
     if (!frozen[i]) continue;
     frame.bodies[i].frozen = true;
     SetTwist({}, &frame.bodies[i]);
   }
-  return count;
 }
 
 void ContactSuite::Impl::Finish(StepReport* report) {

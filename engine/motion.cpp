@@ -10,6 +10,8 @@
 namespace islet {
 namespace {
 
+constexpr double kPassTolerance = 1e-3;  // of the deepest overlap that a pass corrects; the next pass sees to the rest
+
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
 }
@@ -113,37 +115,29 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
   return true;
 }
 
-// The frictionless contact problem with displacements for velocities and gaps for drifts.
+// The frictionless contact problem with displacements for velocities: the change of the planned ones, from rest, that
+// opens all predicted gaps. (The planned displacements themselves as v0 would drown a millimetre in a metre of flight.)
 void Mover::SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   Worker& w = workers_[worker];
   const std::span<const int> members = partition_.bodies_of(island);
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
   w.gatherer.Gather(bodies, {contacts, frames_}, members, numbers, &w.problem);
-  for (size_t i = 0; i < members.size(); ++i)
-    w.problem.bodies[i].velocity << planned_[members[i]].linear, planned_[members[i]].angular;
+  for (qp::BodyTerm& body : w.problem.bodies) body.velocity.setZero();
   for (size_t k = 0; k < numbers.size(); ++k) {
-    const Contact& contact = contacts[numbers[k]];
-    qp::ContactTerm& term = w.problem.contacts[k];
-    term.friction = 0;
-    term.drift.setZero();
-    // What walls do is known: their part of the predicted gap.
-    double wall = contact.gap;
-    for (const auto& [number, sign] : {std::pair{contact.body_a, -1.0}, std::pair{contact.body_b, 1.0}}) {
-      if (bodies[number].kind != BodyKind::kKinematic) continue;
-      wall += sign * contact.normal_W.dot(planned_[number].linear + planned_[number].angular.cross(contact.point_W - bodies[number].position_W));
-    }
-    term.drift[0] = wall;
+    w.problem.contacts[k].friction = 0;
+    w.problem.contacts[k].drift = Vector3(gaps_[numbers[k]], 0, 0);
   }
   qp::Settings solver;
   solver.model = Model::kConvex;
   solver.velocity_scale = scale;
-  solver.tolerance = 1e-3;  // of the deepest overlap; the passes see to the rest
+  solver.tolerance = kPassTolerance;
   w.solver.Solve(w.problem, solver, &w.solution);
   if (w.solution.status == qp::Status::kFailed || w.solution.status == qp::Status::kInfeasible) return;
   for (size_t i = 0; i < members.size(); ++i) {
     const double* d = &w.solution.velocities[6 * i];
-    planned_[members[i]] = {Vector3(d[0], d[1], d[2]), Vector3(d[3], d[4], d[5])};
+    planned_[members[i]].linear += Vector3(d[0], d[1], d[2]);
+    planned_[members[i]].angular += Vector3(d[3], d[4], d[5]);
   }
 }
 

@@ -447,6 +447,30 @@ TEST_P(RandomPolytopes, MovingApartByTheDepthEndsTheOverlap) {
   EXPECT_GT(tested, 300);
 }
 
+// The promise of the header, for bodies that are apart: whatever b does, as long as it keeps n . displacement >= -gap at
+// every contact it does not get into a, whether it slides along or comes as near as it may.
+TEST_P(RandomPolytopes, KeptOffByTheirGapsTheyStayApart) {
+  Rng rng(81);
+  int tested = 0;
+  for (int trial = 0; trial < 6000; ++trial) {
+    RandomPair pair = MakePair(&rng, GetParam());
+    const double size = std::min(pair.a.size(), pair.b.size());
+    const Vector3 travel = trial % 2 == 0 ? Vector3::Zero() : RandomVector(&rng, 0.3);
+    if (BestSeparation(pair, &rng) <= 0) continue;
+    const auto contacts = Collide(pair.a, pair.pose_a, pair.b, pair.pose_b, 0.3, travel);
+    if (contacts.empty()) continue;
+    const Vector3 n = contacts[0].normal_W;
+    const Vector3 start = pair.pose_b.position_W;
+    for (int move = 0; move < 5; ++move) {
+      const Vector3 step = RandomVector(&rng, 0.5);
+      pair.pose_b.position_W = start + step - (n.dot(step) + LeastGap(contacts)) * n;
+      EXPECT_LE(-BestSeparation(pair, &rng), 1.1e-4 * size) << "trial " << trial;
+    }
+    ++tested;
+  }
+  EXPECT_GT(tested, 300);
+}
+
 TEST_P(RandomPolytopes, SwappingTheBodiesFlipsTheNormal) {
   Rng rng(41);
   for (int trial = 0; trial < 2000; ++trial) {
