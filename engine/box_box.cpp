@@ -11,17 +11,28 @@ namespace {
 
 struct Axis {
   AxisScore score;
-  double separation = 0;  // [m]
-  int index = -1;         // faces: 0..2 of a, 3..5 of b; edges: 3 i + j
+  double separation = 0;             // [m]
+  int index = -1;                    // faces: 0..2 of a, 3..5 of b; edges: 3 i + j
   Vector3 normal = Vector3::Zero();  // unit, from a to b, W
 };
 
 // Everything the fifteen tests share. t, R: b's centre and axes seen from a.
 struct Pair {
   Pair(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach_, const Vector3& travel)
-      : shape_a(a), shape_b(b), pose_a(pa), pose_b(pb), half_a(a.half_extents()), half_b(b.half_extents()),
-        A(pa.rotation_WB), B(pb.rotation_WB), between(pb.position_W - pa.position_W), R(A.transpose() * B),
-        absolute_R(R.cwiseAbs()), t(A.transpose() * between), travel_W(travel), size(std::min(a.size(), b.size())),
+      : shape_a(a),
+        shape_b(b),
+        pose_a(pa),
+        pose_b(pb),
+        half_a(a.half_extents()),
+        half_b(b.half_extents()),
+        A(pa.rotation_WB),
+        B(pb.rotation_WB),
+        between(pb.position_W - pa.position_W),
+        R(A.transpose() * B),
+        absolute_R(R.cwiseAbs()),
+        t(A.transpose() * between),
+        travel_W(travel),
+        size(std::min(a.size(), b.size())),
         reach(reach_) {}
   const Shape &shape_a, &shape_b;
   const Placement &pose_a, &pose_b;
@@ -117,7 +128,8 @@ bool AppendEdgeContact(const Pair& pair, const Axis& axis, std::vector<Contact>*
 }
 
 // Corners of the face whose outward normal is sign * axis, counter-clockwise seen from outside.
-std::array<Vector3, 4> FaceCorners(const Vector3& centre, const Matrix3& rotation, const Vector3& half, int axis, double sign) {
+std::array<Vector3, 4> FaceCorners(const Vector3& centre, const Matrix3& rotation, const Vector3& half, int axis,
+                                   double sign) {
   const int u = (axis + 1) % 3, w = (axis + 2) % 3;
   const Vector3 middle = centre + sign * half[axis] * rotation.col(axis);
   const Vector3 du = half[u] * rotation.col(u), dw = sign * half[w] * rotation.col(w);
@@ -137,8 +149,8 @@ void AppendFaces(const Pair& pair, const Axis& axis, std::vector<Contact>* conta
   Eigen::Index incident_axis = 0;
   cosines.cwiseAbs().maxCoeff(&incident_axis);
   const double incident_sign = cosines[incident_axis] > 0 ? -1 : 1;
-  const std::array<Vector3, 4> reference = FaceCorners(of_b ? pair.between : centre_a, reference_R, reference_half,
-                                                       reference_axis, reference_sign);
+  const std::array<Vector3, 4> reference =
+      FaceCorners(of_b ? pair.between : centre_a, reference_R, reference_half, reference_axis, reference_sign);
   const std::array<Vector3, 4> incident = FaceCorners(of_b ? centre_a : pair.between, incident_R, incident_half,
                                                       static_cast<int>(incident_axis), incident_sign);
   ClipInput input;

@@ -8,7 +8,8 @@ namespace islet {
 namespace {
 
 // [m] extent of a box along a unit direction, as an interval over its eight corners relative to an origin.
-void Project(const Vector3& half, const Placement& pose, const Vector3& origin, const Vector3& direction, double* lower, double* upper) {
+void Project(const Vector3& half, const Placement& pose, const Vector3& origin, const Vector3& direction, double* lower,
+             double* upper) {
   *lower = std::numeric_limits<double>::infinity();
   *upper = -*lower;
   for (int corner = 0; corner < 8; ++corner) {

@@ -10,8 +10,8 @@ double MixFriction(double friction_a, double friction_b) { return std::sqrt(fric
 double MixRestitution(double restitution_a, double restitution_b) { return std::max(restitution_a, restitution_b); }
 
 // Every continuous choice of tangents on the sphere fails somewhere. This one, the reflection that takes a pole to the
-// normal applied to fixed tangents of the pole, fails at the pole alone and keeps full accuracy up to about 1e-8 from it.
-// The pole is a direction that no scene's floor or wall faces. Fixed tangents are such that e_z gets (e_x, e_y).
+// normal applied to fixed tangents of the pole, fails at the pole alone and keeps full accuracy up to about 1e-8 from
+// it. The pole is a direction that no scene's floor or wall faces. Fixed tangents are such that e_z gets (e_x, e_y).
 Matrix3 ContactFrame(const Vector3& normal_W) {
   const Vector3 pole = Vector3(-6, -10, -15) / 19;
   const Vector3 pole_tangent_1 = Vector3(305, -30, -102) / 323;

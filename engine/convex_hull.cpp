@@ -117,7 +117,8 @@ class Wrapping {
       const double length = std::hypot(along, up), best_length = std::hypot(best_along, best_up);
       const double slack = 0.5 * tolerance_ * std::min(length, best_length);
       bool sooner = turn > slack;
-      if (std::abs(turn) <= slack) {  // one ray, or the two ends of the plane itself, of which the forward one comes first
+      if (std::abs(turn) <=
+          slack) {  // one ray, or the two ends of the plane itself, of which the forward one comes first
         const bool same_ray = along * best_along + up * best_up > 0;
         sooner = same_ray ? length > best_length : along > 0;
       }

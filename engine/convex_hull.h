@@ -1,5 +1,5 @@
-// Points -> the polytope around them, by gift wrapping: each face is found whole, with every point of its plane, so that
-// coplanar points make one polygon and never slivers.
+// Points -> the polytope around them, by gift wrapping: each face is found whole, with every point of its plane, so
+// that coplanar points make one polygon and never slivers.
 //
 //   in:  points in any order, duplicates and inner points allowed      out: a closed polytope, in the points' frame
 //   cost: faces x points; meant for shapes (up to some thousand points), not for clouds

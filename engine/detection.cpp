@@ -71,14 +71,14 @@ struct Detector::Impl {
   parallel::WorkerPool* pool;
   Tree tree;
   int calls_since_rebuild = 0;
-  std::vector<Node*> leaves;              // per body; null for half-spaces and removed bodies
-  std::vector<Placement> poses;           // per body
-  std::vector<BoundingBox> boxes;         // per body, swept and inflated
-  std::vector<char> queries;              // per body: whether it looks for partners
-  std::vector<int> half_spaces;           // bodies
+  std::vector<Node*> leaves;       // per body; null for half-spaces and removed bodies
+  std::vector<Placement> poses;    // per body
+  std::vector<BoundingBox> boxes;  // per body, swept and inflated
+  std::vector<char> queries;       // per body: whether it looks for partners
+  std::vector<int> half_spaces;    // bodies
   std::vector<std::vector<Pair>> pairs_of_task;
   std::vector<Pair> pairs, unsorted;
-  std::vector<int> pair_start;            // per body a
+  std::vector<int> pair_start;  // per body a
   std::vector<std::vector<Contact>> contacts_of_task;
 
   void Prepare();
@@ -163,7 +163,8 @@ void Detector::Impl::UpdateTree() {
 void Detector::Impl::Query(int body, std::vector<const Node*>* stack, std::vector<Pair>* found) const {
   auto consider = [&](int other) {
     if (other == body || (queries[other] && other < body)) return;  // the smaller of two that look reports the pair
-    if (Wanted(bodies[body], bodies[other], include_frozen)) found->push_back({std::min(body, other), std::max(body, other)});
+    if (Wanted(bodies[body], bodies[other], include_frozen))
+      found->push_back({std::min(body, other), std::max(body, other)});
   };
   const BoundingBox& box = boxes[body];
   stack->clear();
@@ -211,7 +212,8 @@ void Detector::Impl::SortPairs() {
   for (const Pair& pair : unsorted) pairs[pair_start[pair.a]++] = pair;
   int begin = 0;
   for (int i = 0; i < n; ++i) {
-    std::sort(pairs.begin() + begin, pairs.begin() + pair_start[i], [](const Pair& p, const Pair& q) { return p.b < q.b; });
+    std::sort(pairs.begin() + begin, pairs.begin() + pair_start[i],
+              [](const Pair& p, const Pair& q) { return p.b < q.b; });
     begin = pair_start[i];
   }
 }

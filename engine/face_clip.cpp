@@ -10,8 +10,8 @@ namespace {
 // may give two points of a pair the same number.
 std::uint32_t FaceFeature(const ClipInput& input, int edge_in, int edge_out) {
   auto bits = [](int value, int count) { return static_cast<std::uint32_t>(value) & ((1u << count) - 1u); };
-  return bits(input.reference_is_b, 1) << 30 | bits(input.reference_face, 7) << 23 | bits(input.incident_face, 7) << 16 |
-         bits(edge_in, 8) << 8 | bits(edge_out, 8);
+  return bits(input.reference_is_b, 1) << 30 | bits(input.reference_face, 7) << 23 |
+         bits(input.incident_face, 7) << 16 | bits(edge_in, 8) << 8 | bits(edge_out, 8);
 }
 
 }  // namespace

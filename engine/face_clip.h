@@ -1,5 +1,5 @@
-// The manifold of two faces that meet: the incident face is cut to the outline of the reference face, and each corner of
-// what remains becomes a contact with a gap of its own.
+// The manifold of two faces that meet: the incident face is cut to the outline of the reference face, and each corner
+// of what remains becomes a contact with a gap of its own.
 //
 //         incident face of the other body
 //      *-----------------*
@@ -17,17 +17,17 @@ namespace islet {
 
 // The two bodies seen from any common origin; keep it near the bodies, for round-off.
 struct ClipInput {
-  Vector3 origin_W;                 // [m] added to the points at the end
+  Vector3 origin_W;                    // [m] added to the points at the end
   const Vector3* reference = nullptr;  // [m] corners, counter-clockwise seen from outside, relative to origin
   int num_reference = 0;
-  Vector3 normal;                   // unit, outward of the reference face, W
+  Vector3 normal;  // unit, outward of the reference face, W
   const Vector3* incident = nullptr;
   int num_incident = 0;
   bool reference_is_b = false;
-  int reference_face = 0;           // numbers that go into Contact::feature
+  int reference_face = 0;  // numbers that go into Contact::feature
   int incident_face = 0;
-  double size = 0;                  // [m] smallest extent of the pair
-  double reach = 0;                 // [m]
+  double size = 0;   // [m] smallest extent of the pair
+  double reach = 0;  // [m]
 };
 
 class FaceClip {
@@ -42,7 +42,8 @@ class FaceClip {
  private:
   struct Corner {
     Vector3 point;
-    int edge_in, edge_out;  // the sides of the polygon that meet here: side planes first, then edges of the incident face
+    // The sides of the polygon that meet here: side planes first, then edges of the incident face.
+    int edge_in, edge_out;
   };
   void Cut(const Vector3& on_plane, const Vector3& outward, double slack, int side);
   void Emit(const ClipInput& input, const Corner& corner, double gap, std::vector<Contact>* contacts) const;

@@ -1,8 +1,9 @@
 // From the axis of a face to contacts: the last step that boxes and hulls share.
 //
-// Usually that is the clipped manifold. While the bodies are apart it can miss the corner that is nearest to the reference
-// plane, when that corner lies beside the reference face. Then the nearest points of the two bodies make the one contact,
-// or, where the travel speaks against their direction, the whole incident face is kept off the reference plane.
+// Usually that is the clipped manifold. While the bodies are apart it can miss the corner that is nearest to the
+// reference plane, when that corner lies beside the reference face. Then the nearest points of the two bodies make the
+// one contact, or, where the travel speaks against their direction, the whole incident face is kept off the reference
+// plane.
 //   threads: pure; scratch memory is one per thread
 #pragma once
 
@@ -16,8 +17,8 @@ namespace islet {
 
 struct FaceAxis {
   AxisScore score;
-  double separation = 0;                  // [m]
-  Vector3 normal_W = Vector3::Zero();     // unit, from a to b
+  double separation = 0;               // [m]
+  Vector3 normal_W = Vector3::Zero();  // unit, from a to b
 };
 
 void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,

@@ -10,10 +10,14 @@ namespace {
 // The rank in which the two-shape functions take their arguments: half-space, polytope, sphere.
 int Rank(ShapeKind kind) {
   switch (kind) {
-    case ShapeKind::kHalfSpace: return 0;
-    case ShapeKind::kBox: return 1;
-    case ShapeKind::kConvexHull: return 2;
-    case ShapeKind::kSphere: return 3;
+    case ShapeKind::kHalfSpace:
+      return 0;
+    case ShapeKind::kBox:
+      return 1;
+    case ShapeKind::kConvexHull:
+      return 2;
+    case ShapeKind::kSphere:
+      return 3;
   }
   return 3;
 }

@@ -2,9 +2,10 @@
 // and clipping of the two faces that meet.
 //
 // Every function appends contacts whose normal points from a into b, with signed gaps (negative = overlap), up to
-// `reach` apart. Face against face gives the whole clipped polygon; edge against edge one point. All points of a pair
-// share one normal n along which the shapes are apart by at most the smallest gap, so that keeping
-// n . (relative displacement) >= -gap at each point keeps the pair from overlapping.
+// `reach` apart. Face against face gives the whole clipped polygon; edge against edge, and bodies whose nearest
+// features face each other at a slant, one point. All points of a pair share one normal n. Bodies that are apart stay
+// apart, to within 1e-4 of the smaller one's size, if they keep n . (relative displacement) >= -gap at each point and
+// do not turn.
 //
 //   axis: among the axes that separate two polytopes now, the one that separates them best after b has moved by
 //         `travel_ba_W` relative to a. A cube that falls past a ledge gets the ledge's side, not its top.

@@ -142,9 +142,9 @@ int IncidentFace(const Turned& other, const Vector3& outward, const Vector3& on_
   for (int f = 0; f < other.num_faces(); ++f) {
     const double cosine = outward.dot(other.normals[f]);
     if (cosine >= best_cosine) continue;
-    const bool at_deepest = std::any_of(
-        other.source->faces[f].begin(), other.source->faces[f].end(),
-        [&](int v) { return outward.dot(other.vertices[v] - on_plane) <= least + slack; });
+    const bool at_deepest = std::any_of(other.source->faces[f].begin(), other.source->faces[f].end(), [&](int v) {
+      return outward.dot(other.vertices[v] - on_plane) <= least + slack;
+    });
     if (at_deepest) best = f, best_cosine = cosine;
   }
   return best;

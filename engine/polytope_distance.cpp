@@ -78,8 +78,9 @@ NearestPoint NearestOnPolytope(const Polytope& polytope, double size, const Vect
 
 // A corner or an edge of a that lies deeper than (best - separation) under a's top, or of b as high over b's bottom,
 // cannot be nearer than the best found so far: few features are left to look at.
-ClosestPoints ClosestOfApart(const Polytope& a, double size_a, const Polytope& b, double size_b, const Matrix3& rotation_ab,
-                             const Vector3& position_ab, const Vector3& n, double separation) {
+ClosestPoints ClosestOfApart(const Polytope& a, double size_a, const Polytope& b, double size_b,
+                             const Matrix3& rotation_ab, const Vector3& position_ab, const Vector3& n,
+                             double separation) {
   static thread_local std::vector<Vector3> vertices_b;  // in a's frame
   static thread_local std::vector<Segment> edges_b;
   vertices_b.clear();

@@ -1,8 +1,9 @@
 // Which of the axes that a pair of polytopes offers carries the contact. Shared by boxes and hulls.
 //
-// An axis n (unit, from a to b) has a separation s(n): the gap between the two bodies' extents along it, negative if they
-// overlap. Bodies that overlap along every axis leave by the one of least depth. Bodies that some axis separates stay
-// apart as long as any one does, so among those the best is the one that still separates them most after the travel.
+// An axis n (unit, from a to b) has a separation s(n): the gap between the two bodies' extents along it, negative if
+// they overlap. Bodies that overlap along every axis leave by the one of least depth. Bodies that some axis separates
+// stay apart as long as any one does, so among those the best is the one that still separates them most after the
+// travel.
 #pragma once
 
 #include <algorithm>

@@ -1,7 +1,8 @@
 // The shapes a body can have, with exact mass properties. Immutable after construction; copying is cheap (shared data).
 //
 // The body frame B has its origin at the centre of mass. A half-space is { x : x . e_z <= 0 } in B: its surface passes
-// through the body's position and its outward normal is the body's z axis; it has no mass and must be fixed or kinematic.
+// through the body's position and its outward normal is the body's z axis; it has no mass and must be fixed or
+// kinematic.
 //   errors: a factory throws std::invalid_argument that names the field and the value
 //   threads: const use from any thread
 #pragma once
@@ -18,38 +19,38 @@ namespace islet {
 enum class ShapeKind { kSphere, kBox, kHalfSpace, kConvexHull };
 
 struct MassProperties {
-  double mass = 0;                         // [kg]
-  Matrix3 inertia_B = Matrix3::Zero();     // [kg m^2] about the centre of mass
+  double mass = 0;                      // [kg]
+  Matrix3 inertia_B = Matrix3::Zero();  // [kg m^2] about the centre of mass
 };
 
 // Faces of a convex polytope in B; a box is one too.
 struct Polytope {
-  std::vector<Vector3> vertices;              // [m]
-  std::vector<std::vector<int>> faces;        // vertex numbers, counter-clockwise seen from outside
-  std::vector<Vector3> face_normals;          // unit, outward, one per face
-  std::vector<std::array<int, 2>> edges;      // vertex numbers, each edge once, smaller first
+  std::vector<Vector3> vertices;               // [m]
+  std::vector<std::vector<int>> faces;         // vertex numbers, counter-clockwise seen from outside
+  std::vector<Vector3> face_normals;           // unit, outward, one per face
+  std::vector<std::array<int, 2>> edges;       // vertex numbers, each edge once, smaller first
   std::vector<std::array<int, 2>> edge_faces;  // the two faces that meet at each edge, smaller first
 };
 
 class Shape {
  public:
-  static Shape Sphere(double radius);                          // [m] > 0
-  static Shape Box(const Vector3& half_extents);               // [m] each > 0
+  static Shape Sphere(double radius);             // [m] > 0
+  static Shape Box(const Vector3& half_extents);  // [m] each > 0
   static Shape HalfSpace();
   // Hull of at least four points that are not coplanar. The points may be given in any frame: the shape moves its
   // origin to the centre of mass and tells by how much, in hull_offset().
   static Shape ConvexHull(std::span<const Vector3> points);
 
   ShapeKind kind() const;
-  double radius() const;                  // [m] of a sphere; else farthest point from the centre of mass (half-space: infinity)
-  const Vector3& half_extents() const;    // of a box; of the others: of the bounding box in B
-  double size() const;                    // [m] the smallest extent, by which contact tolerances are scaled (half-space: infinity)
-  const Vector3& hull_offset() const;     // centre of mass in the frame the hull's points were given in
-  const Polytope& polytope() const;       // box and hull; empty for the others
-  double Volume() const;                  // [m^3] (half-space: infinity)
-  MassProperties MassFromDensity(double density) const;   // [kg/m^3] > 0
+  double radius() const;                // [m] farthest point from the centre of mass (half-space: infinity)
+  const Vector3& half_extents() const;  // of a box; of the others: of the bounding box in B
+  double size() const;                  // [m] smallest extent, scales contact tolerances (half-space: infinity)
+  const Vector3& hull_offset() const;   // centre of mass in the frame the hull's points were given in
+  const Polytope& polytope() const;     // box and hull; empty for the others
+  double Volume() const;                // [m^3] (half-space: infinity)
+  MassProperties MassFromDensity(double density) const;  // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
-  MassProperties MassFromMass(double mass) const;         // [kg] > 0
+  MassProperties MassFromMass(double mass) const;  // [kg] > 0
 
   struct Data;
 

@@ -104,7 +104,8 @@ std::vector<Contact> BruteForce(const Scene& scene, bool include_frozen) {
         c.friction = MixFriction(body_a.friction, body_b.friction);
         c.restitution = MixRestitution(body_a.restitution, body_b.restitution);
       }
-      std::stable_sort(found.begin(), found.end(), [](const Contact& p, const Contact& q) { return p.feature < q.feature; });
+      std::stable_sort(found.begin(), found.end(),
+                       [](const Contact& p, const Contact& q) { return p.feature < q.feature; });
       contacts.insert(contacts.end(), found.begin(), found.end());
     }
   }

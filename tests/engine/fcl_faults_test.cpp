@@ -1,5 +1,5 @@
-// Why islet has a narrow phase of its own. Each test runs an input of the kind on which FCL has been reported wrong through
-// both: what FCL 0.7 does here is printed and recorded, never judged; what ours does is.
+// Why islet has a narrow phase of its own. Each test runs an input of the kind on which FCL has been reported wrong
+// through both: what FCL 0.7 does here is printed and recorded, never judged; what ours does is.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -214,8 +214,8 @@ TEST(FclFaults, GhostAndRepeatedPoints) {
     const auto fcl_boxes = Points(Fcl(a, b));
     const auto fcl_meshes = Points(Fcl({a.shape, BoxMesh(half_a), a.pose}, {b.shape, BoxMesh(half_b), b.pose}));
     for (const auto& [kind, points] : {std::pair{"boxes", fcl_boxes}, std::pair{"meshes", fcl_meshes}}) {
-      std::printf("FCL, %s %s: %zu points, %d distinct, %d outside one of the bodies\n", kind, name.c_str(), points.size(),
-                  DistinctPoints(points), count_ghosts(points));
+      std::printf("FCL, %s %s: %zu points, %d distinct, %d outside one of the bodies\n", kind, name.c_str(),
+                  points.size(), DistinctPoints(points), count_ghosts(points));
       RecordProperty(std::string("fcl_ghosts_") + kind + "_" + name, count_ghosts(points));
       RecordProperty(std::string("fcl_distinct_") + kind + "_" + name, DistinctPoints(points));
     }
@@ -238,7 +238,8 @@ TEST(FclFaults, FaceContactsNeedTheirCorners) {
   const Vector3 half_plate(35, 35, 0.5), half(0.5, 0.5, 0.5);
   std::array<int, 2> fcl_fewer{};
   for (int step = 0; step < 200; ++step) {
-    const Placement pose = Turned({0.3 * std::sin(1.0 * step), 0.3 * std::cos(2.0 * step), 0.4999}, Vector3::UnitZ(), 0.01 * step);
+    const Placement pose =
+        Turned({0.3 * std::sin(1.0 * step), 0.3 * std::cos(2.0 * step), 0.4999}, Vector3::UnitZ(), 0.01 * step);
     const Solid plate = Box(half_plate, At(0, 0, -0.5)), cube = Box(half, pose);
     const Solid hull{Shape::ConvexHull(BoxCorners(half)), BoxConvex(half), pose};
     fcl_fewer[0] += DistinctPoints(Points(Fcl(plate, cube))) < 4;
@@ -254,11 +255,14 @@ TEST(FclFaults, FaceContactsNeedTheirCorners) {
       }
     }
   }
-  const Solid lower = Box(half, At(0, 0, 0)), upper = Box(half, Turned({0, 0, 0.999}, Vector3::UnitZ(), std::atan(1.0)));
+  const Solid lower = Box(half, At(0, 0, 0)),
+              upper = Box(half, Turned({0, 0, 0.999}, Vector3::UnitZ(), std::atan(1.0)));
   const int fcl_octagon = DistinctPoints(Points(Fcl(lower, upper)));
   EXPECT_EQ(Ours(lower, upper).size(), 8u);
-  std::printf("FCL: fewer than four points in %d of 200 poses of a box on a plate, in %d of 20 of its hull; %d of 8 of an octagon\n",
-              fcl_fewer[0], fcl_fewer[1], fcl_octagon);
+  std::printf(
+      "FCL: fewer than four points in %d of 200 poses of a box on a plate, in %d of 20 of its hull; %d of 8 of an "
+      "octagon\n",
+      fcl_fewer[0], fcl_fewer[1], fcl_octagon);
   RecordProperty("fcl_fewer_than_four_boxes", fcl_fewer[0]);
   RecordProperty("fcl_fewer_than_four_hulls", fcl_fewer[1]);
   RecordProperty("fcl_octagon_points", fcl_octagon);

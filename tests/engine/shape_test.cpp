@@ -17,7 +17,8 @@ namespace {
 std::vector<Vector3> BoxCorners(const Vector3& half) {
   std::vector<Vector3> corners;
   for (int c = 0; c < 8; ++c) {
-    corners.emplace_back((c & 1) ? half.x() : -half.x(), (c & 2) ? half.y() : -half.y(), (c & 4) ? half.z() : -half.z());
+    corners.emplace_back((c & 1) ? half.x() : -half.x(), (c & 2) ? half.y() : -half.y(),
+                         (c & 4) ? half.z() : -half.z());
   }
   return corners;
 }
@@ -43,8 +44,8 @@ void ExpectValid(const Polytope& polytope) {
       const int from = loop[k], to = loop[(k + 1) % loop.size()], after = loop[(k + 2) % loop.size()];
       EXPECT_TRUE(directed.insert({from, to}).second);
       EXPECT_NEAR(normal.dot(polytope.vertices[from] - polytope.vertices[loop[0]]), 0, 1e-9 * extent);
-      const Vector3 turn = (polytope.vertices[to] - polytope.vertices[from])
-                               .cross(polytope.vertices[after] - polytope.vertices[to]);
+      const Vector3 turn =
+          (polytope.vertices[to] - polytope.vertices[from]).cross(polytope.vertices[after] - polytope.vertices[to]);
       EXPECT_GT(turn.dot(normal), 0);  // counter-clockwise, strictly convex
     }
   }
@@ -149,7 +150,8 @@ TEST(ConvexHull, PrismsHaveTwoPolygons) {
   for (int sides : {3, 5, 6, 12, 40}) {
     std::vector<Vector3> points;
     for (int k = 0; k < sides; ++k) {
-      for (double z : {-1.0, 1.0}) points.push_back(SomeRotation() * Vector3(std::cos(2 * pi * k / sides), std::sin(2 * pi * k / sides), z));
+      for (double z : {-1.0, 1.0})
+        points.push_back(SomeRotation() * Vector3(std::cos(2 * pi * k / sides), std::sin(2 * pi * k / sides), z));
     }
     const Shape hull = Shape::ConvexHull(points);
     ExpectValid(hull.polytope());
@@ -216,9 +218,7 @@ TEST(Errors, NameFieldAndValue) {
     Shape::ConvexHull(std::vector<Vector3>{{0, 0, 0}, {1, 0, 0}, {0, nan, 0}, {0, 0, 1}});
   });
   ExpectError("only 1 of them differ", [] { Shape::ConvexHull(std::vector<Vector3>(10, Vector3(1, 2, 3))); });
-  ExpectError("one line", [] {
-    Shape::ConvexHull(std::vector<Vector3>{{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}});
-  });
+  ExpectError("one line", [] { Shape::ConvexHull(std::vector<Vector3>{{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}}); });
   ExpectError("one plane", [] {
     Shape::ConvexHull(std::vector<Vector3>{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {1, 1, 1}, {0.3, 0.2, 1}});
   });
