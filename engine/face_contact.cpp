@@ -51,7 +51,7 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
   if (score.BetterThan(axis.score, 0)) {
     contacts->push_back(contact);
   } else {
-    clip.AppendCorners(input, std::max(input.reach, axis.separation + slack), contacts);
+    clip.AppendCorners(input, input.reach, contacts);
   }
 }
 
