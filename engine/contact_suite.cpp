@@ -99,7 +99,7 @@ struct ContactSuite::Impl {
     ResponseOutcome collision, resting;
   };
   std::vector<Outcome> outcomes;                          // per island
-  std::vector<int> bounce_counts, unbalanced, candidates, woken;
+  std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
   std::vector<std::uint8_t> chosen;                       // per island
   std::vector<std::uint8_t> was_frozen;                   // per body, at the start of the frame
 
@@ -121,6 +121,7 @@ struct ContactSuite::Impl {
   void ReportIslands(StepReport* report) const;
   void Freeze(StepReport* report);
   void FreezeLikePaper();
+  void SettleCaughtBodies();
   void Finish(StepReport* report);
 };
 
@@ -430,7 +431,27 @@ void ContactSuite::Impl::FreezeLikePaper() {
   }
 }
 
+// The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
+// within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
+// velocity alone.
+void ContactSuite::Impl::SettleCaughtBodies() {
+  caught.clear();
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    if (!(frame.holding[c][0] > 0)) continue;
+    const auto velocity = [&](int i) -> Vector3 {
+      const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
+      return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
+    };
+    if (contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold) continue;
+    caught.push_back(contact.body_a);
+    caught.push_back(contact.body_b);
+  }
+  for (const int i : caught) frame.before_gravity[i] = TwistOf(frame.bodies[i]);
+}
+
 void ContactSuite::Impl::Finish(StepReport* report) {
+  SettleCaughtBodies();
   const size_t nc = frame.contacts.contacts.size();
   report->contacts = static_cast<int>(nc);
   impulses_W.resize(nc);
