@@ -7,7 +7,8 @@
 namespace islet {
 namespace {
 
-constexpr int kRestitutionHalvings = 3;
+constexpr int kLoweringAttempts = 3;       // of restitution, before it vanishes
+constexpr double kBlameShare = 0.02;       // of the largest multiplier times bounce: contacts above it lose their bounce
 constexpr double kEnergySlack = 1e-9;      // relative; rounding of the energies
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
 
@@ -65,20 +66,33 @@ double KineticEnergy(const qp::Problem& problem, const std::vector<double>* velo
 
 }  // namespace
 
-// Targets halve with each attempt and vanish with the last. False if there was nothing left to lower.
+// Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
+// halved; with the last attempt all vanish. False if there was nothing left to lower.
 bool IslandResponder::LowerRestitution(int attempt) {
-  bool any = false;
-  for (qp::ContactTerm& c : problem_.contacts) {
-    any = any || c.target > 0;
-    c.target = attempt < kRestitutionHalvings ? c.target / 2 : 0;
+  const bool blame = solution_.status == qp::Status::kInfeasible && solution_.impulses.size() == problem_.contacts.size();
+  double worst = 0;
+  for (size_t c = 0; c < problem_.contacts.size(); ++c)
+    worst = std::max(worst, problem_.contacts[c].target * (blame ? solution_.impulses[c][0] : 1));
+  if (worst == 0) return false;
+  for (size_t c = 0; c < problem_.contacts.size(); ++c) {
+    double& target = problem_.contacts[c].target;
+    if (attempt >= kLoweringAttempts) {
+      target = 0;
+    } else if (!blame) {
+      target /= 2;
+    } else if (target * solution_.impulses[c][0] >= kBlameShare * worst) {
+      target = 0;
+    }
   }
-  return any;
+  return true;
 }
 
 void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
-  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  qp::Settings solver_settings = SolverSettings(settings, v_ref);
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = KineticEnergy(problem_, nullptr);
+  const bool bounces = std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
+  if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto solve = [&] {
     solver_.Solve(problem_, solver_settings, &solution_);
     outcome->iterations += solution_.iterations;

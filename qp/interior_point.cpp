@@ -15,6 +15,9 @@ Velocity At(std::vector<double>& values, int first) { return Velocity(&values[fi
 ConstVelocity At(const std::vector<double>& values, int first) { return ConstVelocity(&values[first]); }
 
 constexpr double kStepShare = 0.995;      // of the way to the boundary
+constexpr double kResidualShare = 10;     // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
+constexpr int kMaxRefinements = 1;
 constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
 constexpr double kCorrectorReach = 0.3;   // by how much a corrector tries to lengthen the step
 constexpr double kCorrectorGain = 0.1;    // what it must have gained of that to be kept
@@ -75,6 +78,8 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
     body.velocity *= per_velocity;
     energy_scale_ += 0.5 * body.mass + 0.5 * body.velocity.dot(MassTimes(body, body.velocity));
   }
+  energy_limit_ = std::isfinite(settings.energy_limit) ? settings.energy_limit * per_velocity * per_velocity / mean_mass_
+                                                       : 1e6 * energy_scale_;
   bool bounces = false;
   for (ContactTerm& contact : scaled_.contacts) {
     contact.drift *= per_velocity;
@@ -203,7 +208,7 @@ bool InteriorPoint::FactoriseNewton() {
     if (r >= nc) {
       normal_blocks_[r - nc] = block(0, 0);
     } else if (rows_[r].compliance > 0) {
-      blocks_[r] = (Matrix3::Identity() + rows_[r].compliance * block).inverse() * block;
+      blocks_[r] = Softening(r) * block;
     } else {
       blocks_[r] = block;
     }
@@ -214,34 +219,68 @@ bool InteriorPoint::FactoriseNewton() {
 
 // With t the target in scaled space: W dz + W^-1 ds = t, ds = T (J dy + R dj) - weight r_p, dj = T^T dz. Eliminating ds and
 // dz leaves dj = (I + D R)^-1 (g - D J dy), g = T^T W^-1 (t + W^-1 weight r_p).
-void InteriorPoint::ComputeDirection(double weight) {
-  const int stride = 6 * kkt_.num_fields();
+void InteriorPoint::ComputeDirection(double weight, bool refine) {
   for (size_t i = 0; i < dy_.size(); ++i) dy_[i] = -weight * dual_[i];
+  constants_.resize(rows_.size());
   double a[kMaxRows], b[kMaxRows];
-  const auto softened = [&](size_t r, const Vector3& g) -> Vector3 {
-    if (rows_[r].compliance == 0) return g;
-    return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).inverse() * g;
-  };
-  const auto constant_part = [&](size_t r) -> Vector3 {
+  for (size_t r = 0; r < rows_.size(); ++r) {
     const Rows& rows = rows_[r];
-    const int d = NumRows(rows.cone.kind);
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &primal_[rows.first], a);
-    for (int i = 0; i < d; ++i) a[i] = weight * a[i] + target_[rows.first + i];
+    for (int i = 0; i < NumRows(rows.cone.kind); ++i) a[i] = weight * a[i] + target_[rows.first + i];
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, b);
-    return softened(r, MapFromRows(rows.cone, b));
-  };
-  for (size_t r = 0; r < rows_.size(); ++r)
-    AddForce(scaled_.contacts[rows_[r].contact], stride, rows_[r].field, rows_[r].sign, constant_part(r), &dy_);
+    constants_[r] = MapFromRows(rows.cone, b);
+    if (rows.compliance > 0) constants_[r] = (Softening(r) * constants_[r]).eval();
+    AddForce(scaled_.contacts[rows.contact], 6 * kkt_.num_fields(), rows.field, rows.sign, constants_[r], &dy_);
+  }
   kkt_.Solve(dy_.data());
+  CompleteDirection(weight);
+  for (int i = 0; refine && i < kMaxRefinements; ++i) {
+    DirectionError(weight);
+    kkt_.Solve(error_.data());
+    for (size_t k = 0; k < dy_.size(); ++k) dy_[k] -= error_[k];
+    CompleteDirection(weight);
+  }
+}
+
+// (I + D R)^-1 of a compliant contact.
+Matrix3 InteriorPoint::Softening(size_t r) {
+  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).inverse();
+}
+
+// ds and dz, in scaled space, that belong to dy_.
+void InteriorPoint::CompleteDirection(double weight) {
+  const int stride = 6 * kkt_.num_fields();
+  double a[kMaxRows];
   for (size_t r = 0; r < rows_.size(); ++r) {
     const Rows& rows = rows_[r];
     const int d = NumRows(rows.cone.kind);
     Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
-    if (rows.compliance > 0) dw += rows.compliance * (constant_part(r) - blocks_[r] * dw).eval();
+    if (rows.compliance > 0) dw += rows.compliance * (constants_[r] - blocks_[r] * dw).eval();
     MapToRows(rows.cone, dw, a);
     for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);
     for (int i = 0; i < d; ++i) dz_[rows.first + i] = target_[rows.first + i] - ds_[rows.first + i];
+  }
+}
+
+// What the direction leaves of the momentum balance: Q dy - A^T dz + weight r. The scalings near the solution span sixteen
+// orders of magnitude, and the factorisation alone would stop near 1e-7.
+void InteriorPoint::DirectionError(double weight) {
+  const int fields = kkt_.num_fields(), stride = 6 * fields;
+  error_.resize(dy_.size());
+  for (int i = 0; i < scaled_.num_bodies(); ++i) {
+    const BodyTerm& body = scaled_.bodies[i];
+    const Vector6 dv = MassTimes(body, At(dy_, stride * i));
+    At(error_, stride * i) = dv + weight * At(dual_, stride * i);
+    if (fields == 1) continue;
+    At(error_, stride * i) -= MassTimes(body, At(dy_, stride * i + 6));
+    At(error_, stride * i + 6) = weight * At(dual_, stride * i + 6) - dv;
+  }
+  double dz[kMaxRows];
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    const Rows& rows = rows_[r];
+    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], dz);
+    AddForce(scaled_.contacts[rows.contact], stride, rows.field, -rows.sign, MapFromRows(rows.cone, dz), &error_);
   }
 }
 
@@ -274,7 +313,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
     const double gap = now.gap / energy_scale_;
-    const double merit = std::max({gap, now.primal, now.dual});
+    const double merit = std::max({gap, now.primal / kResidualShare, now.dual / kResidualShare});
     if (!std::isfinite(merit)) break;
     stalled = merit < 0.9 * best_merit ? 0 : stalled + 1;
     if (merit < best_merit) {
@@ -282,12 +321,17 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       best = {gap, now.primal, now.dual};
       best_z_ = z_, best_y_ = y_;
     }
+    if (merit > settings.tolerance && now.primal > settings.tolerance && LeastEnergy() > energy_limit_) {
+      best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_, best_merit = merit;
+      break;
+    }
     if (merit <= settings.tolerance || solution->iterations >= settings.max_iterations || stalled >= 15) break;
     if (!UpdateScalings() || !FactoriseNewton()) break;
     const double mu = now.gap / degree_;
 
     for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];
-    ComputeDirection(1);
+    refine_ = gap < kRefineBelow;
+    ComputeDirection(1, false);
     const double affine = LongestStep(1);
     const double sigma = std::pow(1 - affine, 3);
     double unit[kMaxRows], product[kMaxRows];
@@ -299,7 +343,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
       for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
     }
-    ComputeDirection(1 - sigma);
+    ComputeDirection(1 - sigma, refine_);
     double step = std::min(1.0, kStepShare * LongestStep(2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
       if (!ImproveCentrality(sigma, mu, &step)) break;
@@ -312,6 +356,26 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   if (best_merit <= settings.tolerance) return Status::kSolved;
   if (!std::isfinite(best_merit)) return Status::kFailed;
   return best.primal > 1e-3 ? Status::kInfeasible : Status::kInaccurate;
+}
+
+// Lower bound on the kinetic energy of all velocities that satisfy the contacts, by weak duality: for z in the dual cone
+// 0 <= z . (A v + c) <= |A^T z| |v| + z . c in the mass metric and its dual.
+double InteriorPoint::LeastEnergy() {
+  const int stride = 6 * kkt_.num_fields();
+  error_.assign(dual_.size(), 0.0);
+  double lack = 0;
+  for (const Rows& rows : rows_) {
+    if (rows.sign < 0 || rows.compliance > 0) continue;
+    const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
+    lack -= j.dot(rows.offset);
+    AddForce(scaled_.contacts[rows.contact], stride, 0, 1, j, &error_);
+  }
+  double push = 0;
+  for (int i = 0; i < scaled_.num_bodies(); ++i) {
+    const Vector6 force = At(error_, stride * i);
+    push += force.dot(InverseMassTimes(scaled_.bodies[i], force));
+  }
+  return lack <= 0 ? 0 : 0.5 * lack * lack / push;
 }
 
 // One centrality corrector: look where a longer step would lead, pull the products that leave the band back into it,
@@ -332,7 +396,7 @@ bool InteriorPoint::ImproveCentrality(double sigma, double mu, double* step) {
     JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
     for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
   }
-  ComputeDirection(1 - sigma);
+  ComputeDirection(1 - sigma, refine_);
   const double longer = std::min(1.0, kStepShare * LongestStep(2));
   if (longer >= *step + kCorrectorGain * (reach - *step)) {
     *step = longer;

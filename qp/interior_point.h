@@ -43,10 +43,14 @@ class InteriorPoint {
   void Load(const Problem& problem, const Settings& settings, std::span<const double> slips);
   void ChooseStart();
   Residuals ComputeResiduals();
+  double LeastEnergy();
   bool UpdateScalings();
   bool FactoriseNewton();
   // Direction for the complementarity targets in target_ (scaled space), residuals weighted by `weight`.
-  void ComputeDirection(double weight);  // reads primal_, dual_ and the factors
+  void ComputeDirection(double weight, bool refine);  // reads primal_, dual_ and the factors
+  void CompleteDirection(double weight);
+  void DirectionError(double weight);
+  Matrix3 Softening(size_t r);
   double LongestStep(double limit) const;
   bool ImproveCentrality(double sigma, double mu, double* step);
   void Advance(double step);
@@ -59,13 +63,16 @@ class InteriorPoint {
   KktSystem kkt_;
   std::vector<Rows> rows_;
   int num_rows_ = 0, degree_ = 0;
-  double mean_mass_ = 1, energy_scale_ = 1;
+  double mean_mass_ = 1, energy_scale_ = 1, energy_limit_ = 0;
   std::vector<double> y_;                          // unknowns
   std::vector<double> s_, z_, point_, lambda_;     // per row
   std::vector<double> eta_;                        // per Rows
   std::vector<double> primal_, dual_;              // residuals: s - A y - c; stationarity
   std::vector<double> target_, ds_, dz_, dy_;      // direction; target, ds and dz in scaled space
   std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_, best_y_;
+  std::vector<double> error_;                      // of the direction, in the momentum balance
+  std::vector<Vector3> constants_;                 // per Rows: part of dj that dy does not change
+  bool refine_ = false;
   std::vector<Matrix3> blocks_;                    // D per contact
   std::vector<double> normal_blocks_;              // E per contact
 };

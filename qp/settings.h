@@ -1,6 +1,8 @@
 // What an island solve may be asked for.
 #pragma once
 
+#include <limits>
+
 namespace islet::qp {
 
 enum class Model {
@@ -22,6 +24,9 @@ struct Settings {
   int coulomb_rounds = 4;       // cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
   double velocity_scale = 1;    // [m/s] v_ref, > 0; what the tolerances are relative to
+  // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
+  // more, the solve stops as infeasible. Infinity: a million times the energy at hand.
+  double energy_limit = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace islet::qp
