@@ -10,6 +10,9 @@
 namespace islet {
 namespace {
 
+// Corrections turn bodies less than the mass metric would: a turn is right to first order only, and a cube held back at a
+// corner would be turned far enough to hit its neighbours.
+constexpr double kTurnWeight = 16;  // measured: 1 leaves overlaps of 0.1 m in cubejam after 8 passes, 4 none, 16 takes a quarter fewer passes
 constexpr double kPassTolerance = 1e-3;  // of the deepest overlap that a pass corrects; the next pass sees to the rest
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
@@ -44,9 +47,12 @@ std::span<const Vector3> Mover::PlanTravel(double dt, std::span<const Twist> bef
   return travel_;
 }
 
+// With the whole turn of the point, not its first order: a cube may turn by a third of a radian in a step.
 double Mover::PredictedGap(const Contact& c, std::span<const Body> bodies) const {
   const auto at_point = [&](int i) -> Vector3 {
-    return planned_[i].linear + planned_[i].angular.cross(c.point_W - bodies[i].position_W);
+    if (planned_[i].angular.isZero(0)) return planned_[i].linear;
+    const Vector3 lever = c.point_W - bodies[i].position_W;
+    return planned_[i].linear + (Exp(planned_[i].angular) * lever - lever);
   };
   return c.gap + c.normal_W.dot(at_point(c.body_b) - at_point(c.body_a));
 }
@@ -123,7 +129,11 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
   w.gatherer.Gather(bodies, {contacts, frames_}, members, numbers, &w.problem);
-  for (qp::BodyTerm& body : w.problem.bodies) body.velocity.setZero();
+  for (qp::BodyTerm& body : w.problem.bodies) {
+    body.velocity.setZero();
+    body.inertia *= kTurnWeight;
+    body.inverse_inertia /= kTurnWeight;
+  }
   for (size_t k = 0; k < numbers.size(); ++k) {
     w.problem.contacts[k].friction = 0;
     w.problem.contacts[k].drift = Vector3(gaps_[numbers[k]], 0, 0);
