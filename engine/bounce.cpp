@@ -5,6 +5,8 @@
 namespace islet {
 namespace {
 
+constexpr double kSmallestSlip = 1e-12;  // relative to the approach: less is none
+
 // [1/kg] W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies: contact velocity per impulse.
 Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame) {
   Matrix3 response = (a.inverse_mass + b.inverse_mass) * Matrix3::Identity();
@@ -45,7 +47,9 @@ Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& c
   const Matrix3 response = ContactResponse(a, b, contact, frame);
   if (law == BounceLaw::kExact) return ExactImpulse(response, u, contact.friction, contact.restitution);
   const double slip = u.tail<2>().norm();
-  const Vector3 direction(1, slip > 0 ? -contact.friction * u[1] / slip : 0, slip > 0 ? -contact.friction * u[2] / slip : 0);
+  // Rounding has a direction too, but no friction.
+  const double share = slip > kSmallestSlip * -u[0] ? -contact.friction / slip : 0;
+  const Vector3 direction(1, share * u[1], share * u[2]);
   // Eq. 2: along the normal alone; Eq. 6: along the normal with friction's share. Both then act along `direction`.
   const double per_impulse = law == BounceLaw::kEq5 ? response(0, 0) : response.row(0).dot(direction);
   return -(1 + contact.restitution) * u[0] / std::max(per_impulse, 1e-3 * response(0, 0)) * direction;
