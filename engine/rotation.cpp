@@ -1,11 +1,15 @@
 #include "engine/rotation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/LU>
 
 namespace islet {
 namespace {
+
+constexpr double kLargestTurn = 0.5;  // [rad] in one midpoint step
+constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
 
 Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;
@@ -32,14 +36,29 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity
   return w;
 }
 
+Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt) {
+  const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
+  const double speed = w.norm();
+  return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
+}
+
 }  // namespace
 
 Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt) {
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
-  const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
-  const double speed = w.norm();
-  return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
+  const double turn = dt * angular_velocity_W.norm();
+  if (turn <= kLargestTurn) return MidpointRotation(inertia_B, rotation_WB, angular_velocity_W, dt);
+  // Newton's steps need a turn of about a radian at most.
+  const int parts = static_cast<int>(std::min(std::ceil(turn / kLargestTurn), kMostParts));
+  Quaternion rotation = rotation_WB;
+  Vector3 velocity = angular_velocity_W;
+  for (int i = 0; i < parts; ++i) {
+    const Quaternion turned = Quaternion(Exp(MidpointRotation(inertia_B, rotation, velocity, dt / parts)) * rotation).normalized();
+    velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
+    rotation = turned;
+  }
+  return Log(Quaternion(rotation * rotation_WB.conjugate()));
 }
 
 Quaternion Exp(const Vector3& v) {
