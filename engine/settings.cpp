@@ -26,7 +26,8 @@ void Settings::Validate() const {
   Require(motion_passes >= 1, "motion_passes", motion_passes, ">= 1");
   Require(threads >= 0, "threads", threads, ">= 0 (0: all cores)");
   for (const Region& region : cold_volumes)
-    for (int i = 0; i < 3; ++i) Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i], "<= the upper one");
+    for (int i = 0; i < 3; ++i) Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i],
+              "<= the upper one, " + std::to_string(region.upper[i]));
 }
 
 Settings Settings::Paper() {

@@ -1,0 +1,72 @@
+// Bodies that many tests build: floors, inclines, unit cubes and spheres of 1 kg.
+#pragma once
+
+#include <span>
+
+#include "engine/world.h"
+
+namespace islet::testing {
+
+inline constexpr double kGravity = 9.81;  // [m/s^2]
+
+inline Quaternion Turn(double angle, const Vector3& axis) { return Quaternion(Eigen::AngleAxisd(angle, axis.normalized())); }
+
+// Half-space below z = 0, or turned by `incline` about y: it then falls towards +x.
+inline BodyDefinition Floor(double friction = 0.5, double restitution = 0, double incline = 0) {
+  return {.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .rotation_WB = Turn(incline, Vector3::UnitY()),
+          .friction = friction, .restitution = restitution};
+}
+
+inline BodyDefinition Cube(const Vector3& position, double friction = 0.5, double restitution = 0) {
+  return {.shape = Shape::Box({0.5, 0.5, 0.5}), .mass = 1, .position_W = position, .friction = friction, .restitution = restitution};
+}
+
+// A cube that lies on Floor(.., incline), its centre above the origin.
+inline BodyDefinition CubeOnIncline(double incline, double friction) {
+  BodyDefinition cube = Cube(Turn(incline, Vector3::UnitY()) * Vector3(0, 0, 0.5), friction);
+  cube.rotation_WB = Turn(incline, Vector3::UnitY());
+  return cube;
+}
+
+inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double friction = 0.5, double restitution = 0) {
+  return {.shape = Shape::Sphere(radius), .mass = 1, .position_W = position, .friction = friction, .restitution = restitution};
+}
+
+inline void Run(World* world, int frames, double dt = 1.0 / 60) {
+  for (int i = 0; i < frames; ++i) world->Step(dt);
+}
+
+// [J] of the dynamic bodies, potential energy counted from z = 0.
+inline double Energy(std::span<const Body> bodies, double gravity = kGravity) {
+  double energy = 0;
+  for (const Body& b : bodies)
+    if (b.kind == BodyKind::kDynamic && !b.removed) energy += b.KineticEnergy() + b.mass * gravity * b.position_W.z();
+  return energy;
+}
+
+inline Vector3 Momentum(std::span<const Body> bodies) {
+  Vector3 sum = Vector3::Zero();
+  for (const Body& b : bodies)
+    if (b.kind == BodyKind::kDynamic && !b.removed) sum += b.mass * b.linear_velocity_W;
+  return sum;
+}
+
+// [N m s] about the origin.
+inline Vector3 AngularMomentum(std::span<const Body> bodies) {
+  Vector3 sum = Vector3::Zero();
+  for (const Body& b : bodies)
+    if (b.kind == BodyKind::kDynamic && !b.removed) sum += b.position_W.cross(b.mass * b.linear_velocity_W) + b.AngularMomentumW();
+  return sum;
+}
+
+// [N s] that the last step's contacts put on `body`.
+inline Vector3 ImpulseOn(const World& world, int body) {
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < world.resolved_contacts().size(); ++c) {
+    if (world.resolved_contacts()[c].body_a == body) sum -= world.impulses()[c];
+    if (world.resolved_contacts()[c].body_b == body) sum += world.impulses()[c];
+  }
+  return sum;
+}
+
+}  // namespace islet::testing
