@@ -51,10 +51,12 @@ Vector3 OneContact::Slide(const Vector3& q, double friction) const {
     evaluate(lambda);
     (excess > 0 ? low : high) = lambda;
     const double newton = lambda - excess / slope;
+    // Asked of the Newton step, before the bracket: at the root it may equal the end of the bracket, and halving would
+    // jump away from the answer.
+    if (std::abs(newton - lambda) <= 1e-15 * lambda || std::abs(excess) <= 4e-16 * friction * jn) break;
     const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
-    const bool done = std::abs(next - lambda) <= 1e-15 * next || std::abs(excess) <= 1e-16 * friction * jn;
+    if (next == lambda) break;
     lambda = next;
-    if (done) break;
   }
   evaluate(lambda);
   // On the cone exactly, whatever was rounded.
