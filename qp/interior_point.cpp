@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
+#include <Eigen/Cholesky>
 
 namespace islet::qp {
 namespace {
@@ -208,7 +208,7 @@ bool InteriorPoint::FactoriseNewton() {
     if (r >= nc) {
       normal_blocks_[r - nc] = block(0, 0);
     } else if (rows_[r].compliance > 0) {
-      blocks_[r] = Softening(r) * block;
+      blocks_[r] = (Matrix3::Identity() + rows_[r].compliance * block).llt().solve(block);
     } else {
       blocks_[r] = block;
     }
@@ -244,7 +244,7 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
 
 // (I + D R)^-1 of a compliant contact.
 Matrix3 InteriorPoint::Softening(size_t r) {
-  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).inverse();
+  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).llt().solve(Matrix3::Identity());
 }
 
 // ds and dz, in scaled space, that belong to dy_.
@@ -255,7 +255,7 @@ void InteriorPoint::CompleteDirection(double weight) {
     const Rows& rows = rows_[r];
     const int d = NumRows(rows.cone.kind);
     Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
-    if (rows.compliance > 0) dw += rows.compliance * (constants_[r] - blocks_[r] * dw).eval();
+    if (rows.compliance > 0) dw = Softening(r) * dw + rows.compliance * constants_[r];
     MapToRows(rows.cone, dw, a);
     for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);

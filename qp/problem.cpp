@@ -26,7 +26,7 @@ void ValidateContact(const Problem& problem, int number) {
   if (c.body_b < -1 || c.body_b >= n || c.body_b == c.body_a) Reject("contact", number, "body_b", c.body_b);
   if (!(c.friction >= 0) || !std::isfinite(c.friction)) Reject("contact", number, "friction", c.friction);
   if (!std::isfinite(c.target)) Reject("contact", number, "target", c.target);
-  if (!(c.compliance >= 0)) Reject("contact", number, "compliance", c.compliance);
+  if (!(c.compliance >= 0) || !std::isfinite(c.compliance)) Reject("contact", number, "compliance", c.compliance);
   if (!c.drift.allFinite()) Reject("contact", number, "drift", c.drift.sum());
   if (!c.jacobian_a.allFinite()) Reject("contact", number, "jacobian_a", c.jacobian_a.sum());
   if (!c.jacobian_b.allFinite()) Reject("contact", number, "jacobian_b", c.jacobian_b.sum());
