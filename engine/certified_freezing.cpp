@@ -41,13 +41,17 @@ void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
   const Body& b = frame.bodies[contact.body_b];
   if (!a.frozen && !b.frozen) return;
   const bool stored = StandsStill(a) && StandsStill(b);
-  const Vector3 impulse = frame.frames[number] * (frame.collisions[number] + frame.holding[number]);
+  const Vector3 local = frame.collisions[number] + frame.holding[number];
+  const Vector3 impulse = frame.frames[number] * local;
+  // Stored impulses can leave the cone: a material callback may have lowered the friction since.
+  const bool slips = stored && local.tail<2>().norm() > contact.friction * local[0] + kBalanceTolerance * local.norm();
   const auto add = [&](const Body& body, Load& load, double sign) {
     if (!body.frozen) return;
     const Vector3 turn = sign * (contact.point_W - body.position_W).cross(impulse);
     load.linear += sign * impulse;
     load.angular += turn;
     load.size += impulse.norm();
+    load.slips = load.slips || slips;
     if (stored) return;
     load.moving_linear += sign * impulse;
     load.moving_angular += turn;
@@ -68,13 +72,14 @@ void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>
     load.moving_linear = load.linear;
     load.moving_angular = load.angular;
     load.size = load.linear.norm() + load.angular.norm() / body.radius;
+    load.slips = false;
   }
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) AddContact(frame, c);
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
     if (!body.frozen) continue;
     const double imbalance = loads_[i].linear.norm() + loads_[i].angular.norm() / body.radius;
-    if (imbalance > kBalanceTolerance * loads_[i].size) unbalanced->push_back(static_cast<int>(i));
+    if (loads_[i].slips || imbalance > kBalanceTolerance * loads_[i].size) unbalanced->push_back(static_cast<int>(i));
   }
 }
 

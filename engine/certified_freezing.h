@@ -4,7 +4,7 @@
 //   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, and
 //            which the static-contact solution of this very frame leaves at rest
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
-//            (stored ones where nothing moves, this frame's where something does) must sum to zero. A support that is gone, a
+//            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their cones. A support that is gone, a
 //            load that changed, gravity that turned, a wall that began to move: all show as imbalance
 //   the suite then solves the static problem of the unbalanced bodies again; those that it gives a velocity wake
 //   threads: one caller at a time
@@ -42,6 +42,7 @@ class CertifiedFreezing {
     Vector3 linear, angular;            // [N s], [N m s] of everything
     Vector3 moving_linear, moving_angular;  // without the stored impulses
     double size;                        // [N s] sum of magnitudes: what "zero" is relative to
+    bool slips;                         // a stored impulse lies outside its friction cone
   };
   void AddContact(const SuiteFrame& frame, size_t contact);
 

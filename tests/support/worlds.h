@@ -32,7 +32,7 @@ inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double 
   return {.shape = Shape::Sphere(radius), .mass = 1, .position_W = position, .friction = friction, .restitution = restitution};
 }
 
-inline void Run(World* world, int frames, double dt = 1.0 / 60) {
+inline void StepTimes(World* world, int frames, double dt = 1.0 / 60) {
   for (int i = 0; i < frames; ++i) world->Step(dt);
 }
 

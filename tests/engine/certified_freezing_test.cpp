@@ -1,0 +1,414 @@
+// Certified freezing as a user meets it: through World.
+#include "engine/certified_freezing.h"
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Ball;
+using testing::Cube;
+using testing::CubeOnIncline;
+using testing::Floor;
+using testing::ImpulseOn;
+using testing::kGravity;
+using testing::StepTimes;
+using testing::Turn;
+
+constexpr double kDt = 1.0 / 60;
+
+Settings OneThread() {
+  Settings settings;
+  settings.threads = 1;
+  return settings;
+}
+
+bool AllFrozen(const World& world) {
+  for (const Body& b : world.bodies())
+    if (b.kind == BodyKind::kDynamic && !b.removed && !b.frozen) return false;
+  return true;
+}
+
+int FramesUntilFrozen(World* world, int most, double dt = kDt) {
+  for (int frame = 1; frame <= most; ++frame) {
+    world->Step(dt);
+    if (AllFrozen(*world)) return frame;
+  }
+  return most + 1;
+}
+
+// A stack of n cubes, frozen. Body 0 is the floor.
+World FrozenStack(int n, double friction = 0.5) {
+  World world(OneThread());
+  world.Add(Floor(friction));
+  for (int i = 0; i < n; ++i) world.Add(Cube({0, 0, i + 0.5}, friction));
+  EXPECT_LE(FramesUntilFrozen(&world, 60), 60);
+  return world;
+}
+
+TEST(CertifiedFreezing, CubeOnTheFloorFreezesWithinAFifthOfASecond) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    World world(OneThread());
+    world.Add(Floor());
+    world.Add(Cube({0, 0, 0.5}));
+    EXPECT_LE(FramesUntilFrozen(&world, 1000, dt) * dt, 0.2) << dt;
+    EXPECT_GE(world.time(), 0.1 - dt);
+    EXPECT_EQ(world.body(1).linear_velocity_W, Vector3::Zero());
+  }
+}
+
+TEST(CertifiedFreezing, NeverFreezesInTheAirOrAtTheTopOfAFlight) {
+  World world(OneThread());
+  world.Add(Floor());
+  BodyDefinition cube = Cube({0, 0, 5});
+  cube.linear_velocity_W = {0, 0, 0.5 * kGravity * kDt};  // stands still between two frames
+  world.Add(cube);
+  for (int i = 0; i < 30; ++i) {
+    world.Step(kDt);
+    EXPECT_FALSE(world.body(1).frozen);
+  }
+  world.SetGravity(Vector3::Zero());
+  world.SetVelocity(1, Vector3::Zero(), Vector3::Zero());
+  StepTimes(&world, 60);
+  EXPECT_FALSE(world.body(1).frozen) << "a body that touches nothing is held by nothing";
+}
+
+// Frozen bodies still carry and weigh.
+TEST(CertifiedFreezing, FloorUnderAFrozenStackCarriesAllOfIt) {
+  World world = FrozenStack(8);
+  for (int i = 0; i < 5; ++i) {
+    world.Step(kDt);
+    ASSERT_TRUE(AllFrozen(world));
+    EXPECT_NEAR(ImpulseOn(world, 0).z(), -8 * kGravity * kDt, 1e-3 * kGravity * kDt);
+    for (int body = 1; body <= 8; ++body) EXPECT_NEAR((ImpulseOn(world, body) - Vector3(0, 0, kGravity * kDt)).norm(), 0, 2e-3 * kGravity * kDt);
+  }
+  world.Step(kDt / 2);  // impulses are per time
+  EXPECT_NEAR(ImpulseOn(world, 0).z(), -4 * kGravity * kDt, 1e-3 * kGravity * kDt);
+  EXPECT_TRUE(AllFrozen(world));
+}
+
+// Falls in the frame in which the support is gone, by the full g dt.
+TEST(CertifiedFreezing, FallsInTheFrameInWhichItsSupportIsRemoved) {
+  World world = FrozenStack(3);
+  world.Remove(1);
+  const StepReport report = world.Step(kDt);
+  EXPECT_EQ(report.woken, 2);
+  for (const int body : {2, 3}) {
+    EXPECT_FALSE(world.body(body).frozen);
+    EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
+    EXPECT_NEAR(world.body(body).position_W.z(), body - 0.5 - 0.5 * kGravity * kDt * kDt, 1e-6);
+  }
+}
+
+TEST(CertifiedFreezing, FallsWhenAFixedSupportIsRemoved) {
+  World world(OneThread());
+  BodyDefinition table = Cube({0, 0, 0});
+  table.kind = BodyKind::kFixed;
+  table.mass.reset();
+  world.Add(table);
+  world.Add(Cube({0, 0, 1}));
+  world.Add(Cube({0, 0, 2}));
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  world.Remove(0);
+  world.Step(kDt);
+  for (const int body : {1, 2}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
+}
+
+TEST(CertifiedFreezing, FallsWhenItsSupportIsTeleportedAway) {
+  World world = FrozenStack(3);
+  world.Teleport(1, {5, 0, 0.5}, Quaternion::Identity());
+  world.Step(kDt);
+  for (const int body : {2, 3}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
+}
+
+// Half of it is left under the load: the rest has to tip.
+TEST(CertifiedFreezing, TipsWhenItsSupportIsShiftedBeyondItsCentre) {
+  World world = FrozenStack(2);
+  world.Teleport(1, {0.6, 0, 0.5}, Quaternion::Identity());
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(2).frozen);
+  EXPECT_LT(world.body(2).angular_velocity_W.y(), -1e-3);
+}
+
+TEST(CertifiedFreezing, StaysWhenTheSupportIsShiftedALittle) {
+  World world = FrozenStack(2);
+  world.Teleport(1, {0.2, 0, 0.5}, Quaternion::Identity());
+  StepTimes(&world, 60);
+  EXPECT_TRUE(AllFrozen(world));
+  EXPECT_NEAR((world.body(2).position_W - Vector3(0, 0, 1.5)).norm(), 0, 1e-4);
+}
+
+TEST(CertifiedFreezing, GravityTurnedBeyondTheFrictionAngleSlidesInThatFrame) {
+  World world = FrozenStack(1);
+  const double turn = 30 * M_PI / 180;  // tan = 0.577 > 0.5
+  world.SetGravity(kGravity * Vector3(std::sin(turn), 0, -std::cos(turn)));
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.x(), kGravity * (std::sin(turn) - 0.5 * std::cos(turn)) * kDt, 1e-5);
+}
+
+TEST(CertifiedFreezing, GravityTurnedBelowTheFrictionAngleLeavesItFrozen) {
+  World world = FrozenStack(3);
+  for (const double degrees : {5.0, 15.0, 26.0}) {  // tan 26 = 0.488; tips only at tan = 1/3 for three cubes, so one by one
+    World cube = FrozenStack(1);
+    cube.SetGravity(kGravity * Vector3(std::sin(degrees * M_PI / 180), 0, -std::cos(degrees * M_PI / 180)));
+    for (int i = 0; i < 30; ++i) {
+      const StepReport report = cube.Step(kDt);
+      EXPECT_EQ(report.woken, 0) << degrees;
+    }
+    EXPECT_TRUE(AllFrozen(cube)) << degrees;
+    EXPECT_NEAR(cube.body(1).position_W.x(), 0, 1e-6) << degrees;
+  }
+  world.SetGravity(kGravity * Vector3(std::sin(0.25), 0, -std::cos(0.25)));  // tan = 0.255 < 1/3
+  StepTimes(&world, 30);
+  EXPECT_TRUE(AllFrozen(world));
+  world.SetGravity(kGravity * Vector3(std::sin(0.36), 0, -std::cos(0.36)));  // tan = 0.376 > 1/3: the tower tips
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(3).frozen);
+}
+
+TEST(CertifiedFreezing, SlowPushBelowTheThresholdIsHeldAboveItSlides) {
+  World world = FrozenStack(1);
+  for (double push = 0.05; push < 0.99; push += 0.05) {  // of mu m g
+    world.SetForce(1, {push * 0.5 * kGravity, 0, 0}, Vector3::Zero());
+    world.Step(kDt);
+    EXPECT_TRUE(world.body(1).frozen) << push;
+  }
+  world.SetForce(1, {0.99 * 0.5 * kGravity, 0, 0}, Vector3::Zero());
+  StepTimes(&world, 10);
+  EXPECT_TRUE(world.body(1).frozen);
+  EXPECT_EQ(world.body(1).linear_velocity_W, Vector3::Zero());
+  world.SetForce(1, {1.01 * 0.5 * kGravity, 0, 0}, Vector3::Zero());
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 0.01 * 0.5 * kGravity * kDt, 1e-5);
+}
+
+// T3: the same in every direction.
+TEST(CertifiedFreezing, PushThresholdIsTheSameInEveryDirection) {
+  for (int k = 0; k < 16; ++k) {
+    World world = FrozenStack(1);
+    const Vector3 direction(std::cos(k * M_PI / 8 + 0.1), std::sin(k * M_PI / 8 + 0.1), 0);
+    world.SetForce(1, 0.985 * 0.5 * kGravity * direction, Vector3::Zero());
+    StepTimes(&world, 5);
+    EXPECT_TRUE(world.body(1).frozen) << k;
+    world.SetForce(1, 1.015 * 0.5 * kGravity * direction, Vector3::Zero());
+    world.Step(kDt);
+    EXPECT_FALSE(world.body(1).frozen) << k;
+  }
+}
+
+TEST(CertifiedFreezing, TorqueThatTipsWakes) {
+  World world = FrozenStack(1);
+  world.SetForce(1, Vector3::Zero(), {0, 0.45 * kGravity, 0});  // the edge holds m g / 2
+  StepTimes(&world, 5);
+  EXPECT_TRUE(world.body(1).frozen);
+  world.SetForce(1, Vector3::Zero(), {0, 0.55 * kGravity, 0});
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_GT(world.body(1).angular_velocity_W.y(), 1e-3);
+}
+
+World FrozenOnKinematic(int n) {
+  World world(OneThread());
+  BodyDefinition plate{.shape = Shape::Box({5, 5, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5, .restitution = 0};
+  world.Add(plate);
+  for (int i = 0; i < n; ++i) world.Add(Cube({0, 0, i + 0.5}));
+  EXPECT_LE(FramesUntilFrozen(&world, 60), 60);
+  return world;
+}
+
+TEST(CertifiedFreezing, KinematicFloorThatStartsTakesItsLoadAlong) {
+  World world = FrozenOnKinematic(2);
+  world.SetVelocity(0, {0.05, 0, 0}, Vector3::Zero());  // slow: mu g dt = 0.08 m/s can follow
+  world.Step(kDt);
+  for (const int body : {1, 2}) {
+    EXPECT_FALSE(world.body(body).frozen);
+    EXPECT_NEAR(world.body(body).linear_velocity_W.x(), 0.05, 1e-4);
+  }
+  StepTimes(&world, 60);
+  EXPECT_NEAR(world.body(2).position_W.x() - world.body(0).position_W.x(), 0, 2e-3);
+}
+
+TEST(CertifiedFreezing, KinematicFloorThatSinksLetsItsLoadFall) {
+  World world = FrozenOnKinematic(1);
+  world.SetVelocity(0, {0, 0, -3}, Vector3::Zero());
+  world.Step(kDt);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.z(), -kGravity * kDt, 1e-5);
+}
+
+TEST(CertifiedFreezing, KinematicFloorThatTurnsTakesItsLoadAlong) {
+  World world = FrozenOnKinematic(1);
+  world.SetVelocity(0, Vector3::Zero(), {0, 0, 0.05});
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_NEAR(world.body(1).angular_velocity_W.z(), 0.05, 1e-4);
+}
+
+// Friction lowered under a frozen body: the impulses still balance, but they have left the cone.
+TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
+  const double incline = std::atan(0.4);
+  World world(OneThread());
+  world.Add(Floor(0.5, 0, incline));
+  world.Add(CubeOnIncline(incline, 0.5));
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0.1, 0}; });
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * kDt, 1e-4);
+}
+
+TEST(CertifiedFreezing, LoadPlacedOnAFrozenStackIsCarried) {
+  World world = FrozenStack(4);
+  const int load = world.Add(Cube({0.1, 0, 4.5}));
+  world.Step(kDt);
+  EXPECT_NEAR(ImpulseOn(world, 0).z(), -5 * kGravity * kDt, 2e-3 * kGravity * kDt);
+  for (int body = 1; body <= 4; ++body) EXPECT_TRUE(world.body(body).frozen) << body;
+  EXPECT_LE(FramesUntilFrozen(&world, 30), 30);
+  EXPECT_NEAR((world.body(load).position_W - Vector3(0.1, 0, 4.5)).norm(), 0, 1e-4);
+}
+
+// The end of a frozen plank: holds m, tips under more than its own moment allows.
+TEST(CertifiedFreezing, LoadThatTipsAFrozenPlankWakesIt) {
+  World world(OneThread());
+  world.Add(Floor());
+  BodyDefinition pedestal = Cube({0, 0, 0.5});
+  pedestal.kind = BodyKind::kFixed;
+  pedestal.mass.reset();
+  world.Add(pedestal);
+  const int plank = world.Add({.shape = Shape::Box({2, 0.5, 0.1}), .mass = 1, .position_W = {0, 0, 1.1}, .restitution = 0});
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  BodyDefinition load = Cube({1.4, 0, 1.7});  // beyond the edge by 0.9 against the plank's 0.5
+  world.Add(load);
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(plank).frozen);
+  EXPECT_GT(world.body(plank).angular_velocity_W.y(), 1e-3);
+}
+
+TEST(CertifiedFreezing, NeighbourThatCarriesNothingMayGo) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  world.Add(Cube({1, 0, 0.5}));  // touches, loads nothing
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  world.Remove(2);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(world.Step(kDt).woken, 0);
+  EXPECT_TRUE(world.body(1).frozen);
+}
+
+TEST(CertifiedFreezing, UnloadedStackStays) {
+  World world = FrozenStack(5);
+  world.Remove(5);
+  EXPECT_EQ(world.Step(kDt).woken, 0);
+  EXPECT_NEAR(ImpulseOn(world, 0).z(), -4 * kGravity * kDt, 2e-3 * kGravity * kDt);
+}
+
+// T25. A ball on a fixed ball is out of balance however little: it must roll off, not freeze.
+TEST(CertifiedFreezing, BallOnABallRollsOff) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    for (const double angle : {0.1, 0.01, 0.001}) {
+      World world(OneThread());
+      BodyDefinition below = Ball(Vector3::Zero());
+      below.kind = BodyKind::kFixed;
+      below.mass.reset();
+      world.Add(below);
+      world.Add(Ball({std::sin(angle), 0, std::cos(angle)}));
+      // theta'' = 5 g / (7 (R + r)) theta: it has left the ball at about acosh(1 / angle) / 2.65 s.
+      const double most = (std::acosh(1 / angle) + 2) / std::sqrt(5 * kGravity / 7);
+      while (world.time() < most && world.body(1).position_W.z() > 0) world.Step(dt);
+      EXPECT_LT(world.body(1).position_W.z(), 0) << dt << " " << angle;
+      EXPECT_NEAR(world.body(1).position_W.y(), 0, 1e-9);
+    }
+  }
+}
+
+// T26, Fig. 5: the blow wakes the whole row in the frame of the hit.
+TEST(CertifiedFreezing, HitWakesTheWholeRowInOneFrame) {
+  World world(OneThread());
+  world.Add(Floor());
+  for (int i = 0; i < 4; ++i) world.Add(Cube({static_cast<double>(i), 0, 0.5}));
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  BodyDefinition ball = Ball({-1.005, 0, 0.5});
+  ball.linear_velocity_W = {6, 0, 0};
+  ball.angular_velocity_W = {0, 12, 0};
+  world.Add(ball);
+  int woken = 0, frames = 0;
+  for (; woken == 0 && frames < 10; ++frames) woken = world.Step(kDt).woken;
+  EXPECT_EQ(woken, 4);
+  for (int body = 1; body <= 4; ++body) EXPECT_GT(world.body(body).linear_velocity_W.x(), 0.1) << body;
+}
+
+// Equal to the run in which nothing was ever frozen. (The ball touches: across a gap it would first have to be stopped by the
+// position update, which shares the push with a row that can move.)
+TEST(CertifiedFreezing, HitRowMovesAsIfItHadNeverBeenFrozen) {
+  std::vector<Vector3> ends[2];
+  for (const bool freeze : {false, true}) {
+    Settings settings = OneThread();
+    settings.freezing = freeze ? Freezing::kCertified : Freezing::kOff;
+    World world(settings);
+    world.Add(Floor());
+    for (int i = 0; i < 3; ++i) world.Add(Cube({static_cast<double>(i), 0, 0.5}));
+    StepTimes(&world, 30);
+    BodyDefinition ball = Ball({-1.0005, 0, 0.5});
+    ball.linear_velocity_W = {3, 0, 0};
+    world.Add(ball);
+    StepTimes(&world, 12);
+    for (int i = 1; i <= 4; ++i) ends[freeze].push_back(world.body(i).position_W);
+  }
+  for (size_t i = 0; i < ends[0].size(); ++i) EXPECT_NEAR((ends[0][i] - ends[1][i]).norm(), 0, 1e-3) << i;
+}
+
+// A pyramid of cubes freezes; without its bottom row nothing may float.
+TEST(CertifiedFreezing, NothingFloatsWhenTheLowerHalfIsRemoved) {
+  World world(OneThread());
+  world.Add(Floor());
+  std::vector<int> lower, upper;
+  constexpr int kRows = 6;
+  for (int row = 0; row < kRows; ++row)
+    for (int i = 0; i < kRows - row; ++i)
+      (row < kRows / 2 ? lower : upper).push_back(world.Add(Cube({1.05 * i + 0.525 * row, 0, row + 0.5})));
+  ASSERT_LE(FramesUntilFrozen(&world, 120), 120);
+  for (const int body : lower) world.Remove(body);
+  world.Step(kDt);
+  for (const int body : upper) {
+    EXPECT_FALSE(world.body(body).frozen) << body;
+    EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-4) << body;
+  }
+  StepTimes(&world, 300);
+  for (const int body : upper) EXPECT_LT(world.body(body).position_W.z(), 3.1) << body;
+  EXPECT_TRUE(AllFrozen(world));
+}
+
+TEST(CertifiedFreezing, ResidualSpeedNeverSurvivesInAFrozenBody) {
+  World world = FrozenStack(5);
+  const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
+  StepTimes(&world, 600);
+  for (size_t i = 0; i < before.size(); ++i) {
+    EXPECT_EQ(world.bodies()[i].position_W, before[i].position_W);
+    EXPECT_EQ(world.bodies()[i].rotation_WB.coeffs(), before[i].rotation_WB.coeffs());
+    EXPECT_EQ(world.bodies()[i].linear_velocity_W, Vector3::Zero());
+  }
+}
+
+TEST(CertifiedFreezing, SetVelocityAndForceOnAFrozenBody) {
+  World world = FrozenStack(2);
+  world.SetVelocity(2, {1, 0, 0}, Vector3::Zero());
+  EXPECT_FALSE(world.body(2).frozen);
+  world.Step(kDt);
+  EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 1 - 0.5 * kGravity * kDt, 1e-4);
+  World lifted = FrozenStack(2);
+  lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
+  lifted.Step(kDt);
+  EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
+  EXPECT_TRUE(lifted.body(1).frozen);
+}
+
+}  // namespace
+}  // namespace islet
