@@ -4,8 +4,9 @@
 //   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, and
 //            which the static-contact solution of this very frame leaves at rest
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
-//            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their cones. A support that is gone, a
-//            load that changed, gravity that turned, a wall that began to move: all show as imbalance
+//            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their
+//            cones. A support that is gone, a load that changed, gravity that turned, friction that was lowered, a wall
+//            that began to move: all show
 //   the suite then solves the static problem of the unbalanced bodies again; those that it gives a velocity wake
 //   threads: one caller at a time
 #pragma once

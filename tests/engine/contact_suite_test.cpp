@@ -1,0 +1,278 @@
+#include "engine/contact_suite.h"
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "parallel/worker_pool.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::kGravity;
+
+constexpr double kDt = 1.0 / 60;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+Body Wall() {
+  Body wall;
+  wall.kind = BodyKind::kFixed;
+  return wall;
+}
+
+Body UnitCube(const Vector3& position) {
+  Body cube;
+  cube.inertia_B = Matrix3::Identity() / 6;
+  cube.radius = std::sqrt(0.75);
+  cube.position_W = position;
+  return cube;
+}
+
+void AddFace(int a, int b, const Vector3& centre, double friction, double restitution, std::vector<Contact>* contacts) {
+  std::uint32_t feature = 0;
+  for (const double x : {-0.5, 0.5})
+    for (const double y : {-0.5, 0.5})
+      contacts->push_back({.body_a = a, .body_b = b, .point_W = centre + Vector3(x, y, 0), .normal_W = Vector3::UnitZ(), .friction = friction,
+                           .restitution = restitution, .feature = feature++});
+}
+
+struct Suite {
+  explicit Suite(const Settings& settings = {}, int threads = 1) : pool(threads), suite(settings, &pool) {}
+  StepReport Resolve(double dt = kDt) {
+    StepReport report;
+    suite.Resolve(dt, bodies, contacts, &report);
+    return report;
+  }
+  parallel::WorkerPool pool;
+  ContactSuite suite;
+  std::vector<Body> bodies;
+  std::vector<Contact> contacts;
+};
+
+TEST(ContactSuite, FreeBodyGetsGravityAndForce) {
+  Suite s;
+  s.bodies = {UnitCube(Vector3::Zero())};
+  s.bodies[0].force_W = {3, 0, 0};
+  s.bodies[0].torque_W = {0, 0, 1};
+  const StepReport report = s.Resolve();
+  EXPECT_NEAR((s.bodies[0].linear_velocity_W - kDt * Vector3(3, 0, -kGravity)).norm(), 0, 1e-15);
+  EXPECT_NEAR((s.bodies[0].angular_velocity_W - kDt * Vector3(0, 0, 6)).norm(), 0, 1e-15);
+  EXPECT_EQ(report.contacts, 0);
+  EXPECT_EQ(report.awake, 1);
+  EXPECT_EQ(s.suite.velocities_before_gravity()[0].linear_W, Vector3::Zero());
+}
+
+TEST(ContactSuite, NoBodiesNoContacts) {
+  Suite s;
+  EXPECT_EQ(s.Resolve().contacts, 0);
+}
+
+TEST(ContactSuite, CubeOnAFloorByHand) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+  AddFace(0, 1, Vector3::Zero(), 0.5, 0.2, &s.contacts);
+  const StepReport report = s.Resolve();
+  EXPECT_LT(s.bodies[1].linear_velocity_W.norm(), 1e-7);
+  Vector3 sum = Vector3::Zero();
+  for (const Vector3& j : s.suite.impulses()) sum += j;
+  EXPECT_NEAR((sum - Vector3(0, 0, kGravity * kDt)).norm(), 0, 1e-6);
+  EXPECT_EQ(report.contacts, 4);
+  EXPECT_EQ(report.active_contacts, 4);
+  ASSERT_EQ(report.islands.size(), 1u);
+  EXPECT_EQ(report.islands[0].first_body, 1);
+  EXPECT_EQ(report.islands[0].bodies, 1);
+  EXPECT_EQ(report.islands[0].collision_status, QpStatus::kNone);
+  EXPECT_EQ(report.islands[0].static_status, QpStatus::kSolved);
+  EXPECT_EQ(report.bounces, 0);
+}
+
+// Drop at 2 m/s, e = 0.5: leaves the collisions at +1, then gravity of one step.
+TEST(ContactSuite, BallBouncesBeforeGravityActs) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+  s.bodies[1].linear_velocity_W = {0, 0, -2};
+  s.contacts = {{.body_a = 0, .body_b = 1, .normal_W = Vector3::UnitZ(), .friction = 0.5, .restitution = 0.5}};
+  const StepReport report = s.Resolve();
+  EXPECT_EQ(report.bounces, 1);
+  EXPECT_NEAR(s.suite.velocities_before_gravity()[1].linear_W.z(), 1, 1e-12);
+  EXPECT_NEAR(s.bodies[1].linear_velocity_W.z(), 1 - kGravity * kDt, 1e-12);
+  EXPECT_NEAR(s.suite.impulses()[0].z(), 3, 1e-12);
+}
+
+// The sum of all impulses is the change of momentum, in every setting.
+TEST(ContactSuite, ImpulsesExplainTheVelocities) {
+  std::mt19937 rng(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (const Model model : {Model::kKinetic, Model::kConvex, Model::kCoulomb}) {
+    for (const int bounce_limit : {0, 2, kAutoBounceLimit}) {
+      Settings settings;
+      settings.model = model;
+      settings.bounce_limit = bounce_limit;
+      Suite s(settings);
+      s.bodies = {Wall()};
+      for (int i = 1; i <= 6; ++i) {
+        s.bodies.push_back(UnitCube({0, 0, i - 0.5}));
+        s.bodies[i].linear_velocity_W = Vector3(uniform(rng), uniform(rng), uniform(rng));
+        s.bodies[i].angular_velocity_W = Vector3(uniform(rng), uniform(rng), uniform(rng));
+        AddFace(i - 1, i, {0, 0, i - 1.0}, 0.5, 0.3, &s.contacts);
+      }
+      std::vector<Body> expected = s.bodies;
+      const StepReport report = s.Resolve();
+      EXPECT_EQ(report.collision_qp.failed + report.static_qp.failed, 0);
+      for (Body& b : expected)
+        if (b.Moves()) b.linear_velocity_W.z() -= kGravity * kDt;
+      for (size_t c = 0; c < s.contacts.size(); ++c) {
+        const Contact& contact = s.contacts[c];
+        if (contact.body_a > 0) expected[contact.body_a].ApplyImpulse(-s.suite.impulses()[c], contact.point_W);
+        expected[contact.body_b].ApplyImpulse(s.suite.impulses()[c], contact.point_W);
+      }
+      for (size_t i = 1; i < expected.size(); ++i) {
+        EXPECT_LT((expected[i].linear_velocity_W - s.bodies[i].linear_velocity_W).norm(), 1e-9) << i;
+        EXPECT_LT((expected[i].angular_velocity_W - s.bodies[i].angular_velocity_W).norm(), 1e-9) << i;
+      }
+      for (const Contact& c : s.contacts) EXPECT_GT(NormalVelocity(c, s.bodies[c.body_a], s.bodies[c.body_b]), -1e-4);
+      EXPECT_LT(report.certificate.momentum, 1e-9);
+    }
+  }
+}
+
+// Islands do not see each other: two stacks apart move as each alone.
+TEST(ContactSuite, IslandsAreIndependentBitForBit) {
+  const auto add_stack = [](Suite* s, double x) {
+    const int first = static_cast<int>(s->bodies.size());
+    s->bodies.push_back(Wall());
+    for (int i = 1; i <= 3; ++i) {
+      s->bodies.push_back(UnitCube({x, 0, i - 0.5}));
+      s->bodies.back().linear_velocity_W = {0.3 * i, 0.1, -0.2};
+      AddFace(first + i - 1, first + i, {x, 0, i - 1.0}, 0.5, 0.3, &s->contacts);
+    }
+  };
+  Suite both, alone;
+  add_stack(&both, 7);
+  add_stack(&both, 0);
+  add_stack(&alone, 0);
+  both.bodies[2].linear_velocity_W.y() = 5;
+  EXPECT_EQ(both.Resolve().islands.size(), 2u);
+  alone.Resolve();
+  for (int i = 1; i <= 3; ++i) {
+    EXPECT_EQ(both.bodies[4 + i].linear_velocity_W, alone.bodies[i].linear_velocity_W);
+    EXPECT_EQ(both.bodies[4 + i].angular_velocity_W, alone.bodies[i].angular_velocity_W);
+  }
+}
+
+TEST(ContactSuite, SameBitsOnAnyNumberOfThreads) {
+  std::vector<Vector3> first;
+  for (const int threads : {1, 2, 4, 8}) {
+    Suite s({}, threads);
+    std::mt19937 rng(9);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (int stack = 0; stack < 60; ++stack) {
+      const int base = static_cast<int>(s.bodies.size());
+      s.bodies.push_back(Wall());
+      for (int i = 1; i <= 1 + stack % 5; ++i) {
+        s.bodies.push_back(UnitCube({2.0 * stack, 0, i - 0.5}));
+        s.bodies.back().linear_velocity_W = Vector3(uniform(rng), uniform(rng), uniform(rng));
+        AddFace(base + i - 1, base + i, {2.0 * stack, 0, i - 1.0}, 0.5, 0.3, &s.contacts);
+      }
+    }
+    s.Resolve();
+    std::vector<Vector3> velocities;
+    for (const Body& b : s.bodies) velocities.push_back(b.linear_velocity_W), velocities.push_back(b.angular_velocity_W);
+    if (first.empty()) first = velocities;
+    EXPECT_EQ(velocities, first) << threads;
+  }
+}
+
+// Used as a plug-in: the caller integrates, contacts stay where they are, the bodies freeze and keep their impulses.
+TEST(ContactSuite, FreezesWithoutAWorldAndKeepsTheImpulses) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0, 0, 1.5})};
+  AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+  AddFace(1, 2, {0, 0, 1}, 0.5, 0, &s.contacts);
+  int newly = 0;
+  for (int i = 0; i < 15; ++i) newly += s.Resolve().newly_frozen;
+  EXPECT_EQ(newly, 2);
+  EXPECT_TRUE(s.bodies[1].frozen && s.bodies[2].frozen);
+  const StepReport report = s.Resolve();
+  EXPECT_EQ(report.frozen, 2);
+  EXPECT_EQ(report.static_qp.solved, 0) << "nothing has changed: nothing to solve";
+  double floor = 0;
+  for (int c = 0; c < 4; ++c) floor += s.suite.impulses()[c].z();
+  EXPECT_NEAR(floor, 2 * kGravity * kDt, 1e-5);
+  // The lower contacts go: both must fall at once, although the upper ones still hold.
+  s.contacts.erase(s.contacts.begin(), s.contacts.begin() + 4);
+  EXPECT_EQ(s.Resolve().woken, 2);
+  for (const int i : {1, 2}) EXPECT_NEAR(s.bodies[i].linear_velocity_W.z(), -kGravity * kDt, 1e-9);
+}
+
+TEST(ContactSuite, PaperFreezesByItsCounterAndOnlyInColdVolumes) {
+  for (const bool cold : {false, true}) {
+    Settings settings = Settings::Paper();
+    settings.freeze_count = 3;
+    if (!cold) settings.cold_volumes = {{{5, 5, 5}, {6, 6, 6}}};
+    Suite s(settings);
+    s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+    AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+    int frames = 0;
+    while (frames < 20 && !s.bodies[1].frozen) s.Resolve(), ++frames;
+    EXPECT_EQ(frames, cold ? 4 : 20);
+  }
+}
+
+TEST(ContactSuite, FreezingOffNeverFreezes) {
+  Settings settings;
+  settings.freezing = Freezing::kOff;
+  Suite s(settings);
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+  AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+  for (int i = 0; i < 30; ++i) s.Resolve();
+  EXPECT_FALSE(s.bodies[1].frozen);
+}
+
+TEST(ContactSuite, BadInputIsNamed) {
+  struct Case {
+    const char* text;
+    void (*spoil)(std::vector<Contact>*);
+  };
+  const Case cases[] = {
+      {"body_a = -1", [](std::vector<Contact>* c) { (*c)[1].body_a = -1; }},
+      {"body_b = 2", [](std::vector<Contact>* c) { (*c)[1].body_b = 2; }},
+      {"body_b = 0", [](std::vector<Contact>* c) { (*c)[1].body_b = 0; }},
+      {"point", [](std::vector<Contact>* c) { (*c)[1].point_W.y() = kNan; }},
+      {"normal", [](std::vector<Contact>* c) { (*c)[1].normal_W *= 2; }},
+      {"normal", [](std::vector<Contact>* c) { (*c)[1].normal_W.x() = kNan; }},
+      {"friction = -", [](std::vector<Contact>* c) { (*c)[1].friction = -1; }},
+      {"friction = nan", [](std::vector<Contact>* c) { (*c)[1].friction = kNan; }},
+      {"restitution = 1.5", [](std::vector<Contact>* c) { (*c)[1].restitution = 1.5; }},
+      {"restitution = nan", [](std::vector<Contact>* c) { (*c)[1].restitution = kNan; }},
+  };
+  for (const Case& bad : cases) {
+    Suite s;
+    s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+    AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+    bad.spoil(&s.contacts);
+    try {
+      s.Resolve();
+      ADD_FAILURE() << bad.text << " was accepted";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_NE(std::string(error.what()).find(bad.text), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("contact 1"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(s.bodies[1].linear_velocity_W, Vector3::Zero()) << "a refused step changes nothing";
+  }
+  Suite s;
+  for (const double dt : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()}) EXPECT_THROW(s.Resolve(dt), std::invalid_argument);
+  EXPECT_THROW(s.suite.SetGravity({0, kNan, 0}), std::invalid_argument);
+  Settings settings;
+  settings.tolerance = -1;
+  EXPECT_THROW(ContactSuite(settings, &s.pool), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace islet

@@ -1,0 +1,295 @@
+#include "engine/world.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "parallel/worker_pool.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Ball;
+using testing::Cube;
+using testing::Floor;
+using testing::ImpulseOn;
+using testing::kGravity;
+using testing::StepTimes;
+using testing::Turn;
+
+constexpr double kDt = 1.0 / 60;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+template <typename Call>
+void ExpectRefused(Call call, const std::vector<std::string>& names) {
+  try {
+    call();
+    ADD_FAILURE() << names[0] << " was accepted";
+  } catch (const std::invalid_argument& error) {
+    for (const std::string& name : names) EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what() << " lacks " << name;
+  }
+}
+
+// x = g t^2 / 2 to rounding: the trapezoidal rule is exact.
+TEST(World, FreeFallIsExact) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 0.1}) {
+    World world;
+    BodyDefinition cube = Cube({1, 2, 100});
+    cube.linear_velocity_W = {3, 0, 2};
+    world.Add(cube);
+    StepTimes(&world, 30, dt);
+    const double t = world.time();
+    EXPECT_NEAR(t, 30 * dt, 1e-12);
+    EXPECT_NEAR((world.body(0).position_W - Vector3(1 + 3 * t, 2, 100 + 2 * t - 0.5 * kGravity * t * t)).norm(), 0, 1e-11);
+  }
+}
+
+TEST(World, EmptyWorldSteps) {
+  World world;
+  EXPECT_EQ(world.Step(kDt).contacts, 0);
+  EXPECT_EQ(world.bodies().size(), 0u);
+  EXPECT_NEAR(world.time(), kDt, 1e-15);
+}
+
+TEST(World, MassComesFromDensityOrMassAndInertiaFromTheShape) {
+  World world;
+  const int a = world.Add({.shape = Shape::Box({0.5, 1, 1.5}), .density = 2});
+  EXPECT_NEAR(world.body(a).mass, 12, 1e-12);
+  EXPECT_NEAR(world.body(a).inertia_B(0, 0), 12 * (4 + 9) / 12.0, 1e-12);
+  const int b = world.Add({.shape = Shape::Sphere(2), .mass = 5, .position_W = {10, 0, 0}});
+  EXPECT_NEAR(world.body(b).inertia_B(2, 2), 0.4 * 5 * 4, 1e-12);
+  const int c = world.Add({.shape = Shape::Sphere(2), .mass = 5, .inertia_B = Matrix3(3 * Matrix3::Identity()), .position_W = {20, 0, 0}});
+  EXPECT_EQ(world.body(c).inertia_B, Matrix3(3 * Matrix3::Identity()));
+}
+
+TEST(World, BadDefinitionsNameBodyFieldAndValue) {
+  const BodyDefinition good = Cube({0, 0, 5});
+  const auto refused = [&](auto spoil, const std::vector<std::string>& names) {
+    World world;
+    world.Add(Floor());
+    BodyDefinition bad = good;
+    spoil(bad);
+    std::vector<std::string> all = names;
+    all.push_back("body 1");
+    ExpectRefused([&] { world.Add(bad); }, all);
+    EXPECT_EQ(world.bodies().size(), 1u);
+    world.Step(kDt);
+  };
+  refused([](BodyDefinition& d) { d.mass = 0; }, {"mass", "0.0"});
+  refused([](BodyDefinition& d) { d.mass = -2; }, {"mass", "-2.0"});
+  refused([](BodyDefinition& d) { d.mass = kNan; }, {"mass", "nan"});
+  refused([](BodyDefinition& d) { d.mass = kInfinity; }, {"mass", "inf"});
+  refused([](BodyDefinition& d) { d.mass.reset(), d.density = -1; }, {"density", "-1.0"});
+  refused([](BodyDefinition& d) { d.inertia_B = Matrix3::Zero(); }, {"inertia"});
+  refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Vector3(1, 1, -1).asDiagonal()); }, {"inertia", "-1.0"});
+  refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Vector3(1, 1, 2.1).asDiagonal()); }, {"inertia", "triangle", "2.1"});
+  refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Matrix3::Identity() * kNan); }, {"inertia"});
+  refused([](BodyDefinition& d) { Matrix3 m = Matrix3::Identity(); m(0, 1) = 0.3; d.inertia_B = m; }, {"inertia", "symmetric"});
+  refused([](BodyDefinition& d) { d.friction = -0.1; }, {"friction", "-0.1"});
+  refused([](BodyDefinition& d) { d.friction = kNan; }, {"friction", "nan"});
+  refused([](BodyDefinition& d) { d.friction = kInfinity; }, {"friction", "inf"});
+  refused([](BodyDefinition& d) { d.restitution = 1.1; }, {"restitution", "1.1"});
+  refused([](BodyDefinition& d) { d.restitution = -0.1; }, {"restitution", "-0.1"});
+  refused([](BodyDefinition& d) { d.restitution = kNan; }, {"restitution", "nan"});
+  refused([](BodyDefinition& d) { d.position_W.x() = kNan; }, {"position", "nan"});
+  refused([](BodyDefinition& d) { d.linear_velocity_W.x() = kInfinity; }, {"linear velocity", "inf"});
+  refused([](BodyDefinition& d) { d.angular_velocity_W.x() = kNan; }, {"angular velocity", "nan"});
+  refused([](BodyDefinition& d) { d.rotation_WB.coeffs() *= 1.1; }, {"rotation", "1.1"});
+  refused([](BodyDefinition& d) { d.rotation_WB.coeffs().setZero(); }, {"rotation", "0.0"});
+  refused([](BodyDefinition& d) { d.rotation_WB.w() = kNan; }, {"rotation"});
+  refused([](BodyDefinition& d) { d = Floor(); d.kind = BodyKind::kDynamic; }, {"kind", "half-space"});
+  refused([](BodyDefinition& d) { d.kind = BodyKind::kFixed, d.linear_velocity_W.x() = 1; }, {"velocity", "fixed"});
+}
+
+TEST(World, ThinPlateIsStillAMassDistribution) {
+  World world;  // I_z = I_x + I_y exactly
+  EXPECT_NO_THROW(world.Add({.shape = Shape::Box({1, 1, 1e-6}), .mass = 1, .inertia_B = Matrix3(Vector3(1, 1, 2).asDiagonal())}));
+}
+
+TEST(World, BadCallsAreNamed) {
+  World world;
+  world.Add(Floor());
+  const int cube = world.Add(Cube({0, 0, 5}));
+  const Quaternion upright = Quaternion::Identity();
+  for (const double dt : {0.0, -0.1, kNan, kInfinity}) ExpectRefused([&] { world.Step(dt); }, {"dt"});
+  for (const int number : {-1, 2, 1000}) {
+    ExpectRefused([&] { world.Remove(number); }, {std::to_string(number)});
+    ExpectRefused([&] { world.Teleport(number, {0, 0, 0}, upright); }, {std::to_string(number)});
+    ExpectRefused([&] { world.SetVelocity(number, {0, 0, 0}, {0, 0, 0}); }, {std::to_string(number)});
+    ExpectRefused([&] { world.SetForce(number, {0, 0, 0}, {0, 0, 0}); }, {std::to_string(number)});
+  }
+  ExpectRefused([&] { world.Teleport(cube, {kNan, 0, 0}, upright); }, {"body 1", "position", "nan"});
+  ExpectRefused([&] { world.Teleport(cube, {0, 0, 0}, Quaternion(2, 0, 0, 0)); }, {"body 1", "rotation", "2.0"});
+  ExpectRefused([&] { world.SetVelocity(cube, {0, kInfinity, 0}, {0, 0, 0}); }, {"body 1", "linear velocity", "inf"});
+  ExpectRefused([&] { world.SetVelocity(cube, {0, 0, 0}, {0, kNan, 0}); }, {"body 1", "angular velocity", "nan"});
+  ExpectRefused([&] { world.SetVelocity(0, {0, 1, 0}, {0, 0, 0}); }, {"body 0", "fixed"});
+  ExpectRefused([&] { world.SetForce(cube, {0, kNan, 0}, {0, 0, 0}); }, {"body 1", "force", "nan"});
+  ExpectRefused([&] { world.SetForce(cube, {0, 0, 0}, {0, 0, kNan}); }, {"body 1", "torque", "nan"});
+  ExpectRefused([&] { world.SetGravity({0, 0, kNan}); }, {"gravity"});
+  EXPECT_EQ(world.body(cube).position_W, Vector3(0, 0, 5)) << "a refused call changes nothing";
+  EXPECT_EQ(world.settings().gravity, Vector3(0, 0, -kGravity));
+  Settings bad;
+  bad.threads = -3;
+  ExpectRefused([&] { World refused(bad); }, {"threads", "-3"});
+}
+
+TEST(World, OverlapAtTheStartNamesBothBodiesAndTheDepth) {
+  World world;
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  world.Add(Cube({0, 0, 1.25}));
+  ExpectRefused([&] { world.CheckInitialOverlap(); }, {"1", "2", "0.25"});
+  ExpectRefused([&] { world.Step(kDt); }, {"1", "2", "0.25"});
+  world.Remove(2);
+  EXPECT_NO_THROW(world.Step(kDt));
+  world.Add(Cube({0, 0, 1.4}));  // later additions are checked too
+  ExpectRefused([&] { world.Step(kDt); }, {"1", "3"});
+}
+
+TEST(World, OverlappingWallsAreNobodysMistake) {
+  World world;
+  BodyDefinition wall{.shape = Shape::Box({5, 5, 1}), .kind = BodyKind::kFixed};
+  world.Add(wall);
+  wall.position_W = {0, 0, 0.5};
+  world.Add(wall);
+  EXPECT_NO_THROW(world.Step(kDt));
+}
+
+TEST(World, RemovedBodiesAreGoneButKeepTheirNumbers) {
+  World world;
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  const int upper = world.Add(Cube({0, 0, 1.5}));
+  world.Remove(1);
+  ExpectRefused([&] { world.Remove(1); }, {"1"});
+  StepTimes(&world, 120);
+  EXPECT_NEAR(world.body(upper).position_W.z(), 0.5, 1e-3);
+  EXPECT_TRUE(world.body(1).removed);
+  EXPECT_EQ(world.Add(Cube({5, 0, 0.5})), 3);
+  const StepReport report = world.Step(kDt);
+  EXPECT_EQ(report.awake + report.frozen, 2);
+  for (const Contact& c : world.contacts()) EXPECT_TRUE(c.body_a != 1 && c.body_b != 1);
+}
+
+TEST(World, TeleportMovesAndWakes) {
+  World world;
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  StepTimes(&world, 30);
+  EXPECT_TRUE(world.body(1).frozen);
+  world.Teleport(1, {3, 0, 2}, Turn(0.3, Vector3::UnitX()));
+  EXPECT_FALSE(world.body(1).frozen);
+  world.Step(kDt);
+  EXPECT_NEAR(world.body(1).position_W.z(), 2 - 0.5 * kGravity * kDt * kDt, 1e-12);
+  EXPECT_EQ(world.contacts().size(), 0u);
+}
+
+TEST(World, MaterialCallbackReplacesTheMixture) {
+  World world;
+  world.Add(Floor(0.5, 0.5));
+  world.Add(Cube({0, 0, 0.5}, 0.5, 0.5));
+  world.Add(Cube({5, 0, 0.5}, 0.5, 0.5));
+  world.SetVelocity(1, {2, 0, 0}, Vector3::Zero());
+  world.SetVelocity(2, {2, 0, 0}, Vector3::Zero());
+  world.SetMaterialCallback([](const Contact& c, const Body&, const Body&) { return Material{c.body_b == 1 ? 0.0 : 0.8, 0}; });
+  StepTimes(&world, 30);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 2, 1e-9);
+  EXPECT_NEAR(world.body(2).position_W.x() - 5, 4 / (2 * 0.8 * kGravity), 0.02);
+  world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{-1, 0}; });
+  ExpectRefused([&] { world.Step(kDt); }, {"friction", "-1"});
+}
+
+TEST(World, RunsOnTheCallersPoolWithTheSameResult) {
+  parallel::WorkerPool pool(3);
+  Settings one_thread;
+  one_thread.threads = 1;
+  World own(one_thread), shared({}, &pool), second({}, &pool);
+  for (World* world : {&own, &shared, &second}) {
+    world->Add(Floor());
+    for (int i = 0; i < 8; ++i) world->Add(Cube({1.5 * (i % 3), 0.2 * i, 0.6 + 1.1 * (i / 3)}));
+  }
+  for (int i = 0; i < 60; ++i) {
+    own.Step(kDt), shared.Step(kDt), second.Step(kDt);
+    ASSERT_EQ(own.StateHash(), shared.StateHash()) << i;
+    ASSERT_EQ(own.StateHash(), second.StateHash()) << i;
+  }
+}
+
+TEST(World, CanBeMoved) {
+  World world;
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 2}));
+  world.Step(kDt);
+  World other = std::move(world);
+  other.Step(kDt);
+  EXPECT_NEAR(other.time(), 2 * kDt, 1e-15);
+  world = World();  // a moved-from world may be assigned to, and destroyed
+  world.Add(Cube({0, 0, 2}));
+  world.Step(kDt);
+  EXPECT_EQ(world.bodies().size(), 1u);
+  world = std::move(other);
+  EXPECT_EQ(world.bodies().size(), 2u);
+}
+
+// What the accessors tell fits together: one impulse per resolved contact, momentum balance of every body.
+TEST(World, ContactsAndImpulsesAreConsistent) {
+  World world;
+  world.Add(Floor());
+  for (int i = 0; i < 4; ++i) world.Add(Cube({0.1 * i, 0, 0.5 + i}));
+  world.SetVelocity(1, {0.5, 0.5, 0}, Vector3::Zero());
+  for (int frame = 0; frame < 60; ++frame) {
+    const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
+    world.Step(kDt);
+    ASSERT_EQ(world.impulses().size(), world.resolved_contacts().size());
+    for (size_t c = 0; c < world.impulses().size(); ++c) {
+      const Contact& contact = world.resolved_contacts()[c];
+      EXPECT_LT(contact.body_a, contact.body_b);
+      const double normal = contact.normal_W.dot(world.impulses()[c]);
+      EXPECT_GE(normal, -1e-12);
+      EXPECT_LE((world.impulses()[c] - normal * contact.normal_W).norm(), contact.friction * normal + 1e-8);
+    }
+    for (size_t i = 1; i < before.size(); ++i) {
+      if (before[i].frozen || world.bodies()[i].frozen) continue;
+      const Vector3 change = world.bodies()[i].linear_velocity_W - before[i].linear_velocity_W;
+      EXPECT_NEAR((change - ImpulseOn(world, static_cast<int>(i)) + Vector3(0, 0, kGravity * kDt)).norm(), 0, 2e-3) << frame << " " << i;
+    }
+  }
+  for (const Contact& c : world.contacts()) EXPECT_LT(std::abs(c.gap), 1.1e-3);
+}
+
+TEST(World, KinematicBodyMovesAsTold) {
+  World world;
+  BodyDefinition plate{.shape = Shape::Box({1, 1, 0.1}), .kind = BodyKind::kKinematic};
+  plate.linear_velocity_W = {1, 0, 0};
+  plate.angular_velocity_W = {0, 0, 2};
+  world.Add(plate);
+  StepTimes(&world, 60);
+  EXPECT_NEAR(world.body(0).position_W.x(), 1, 1e-12);
+  EXPECT_NEAR(world.body(0).rotation_WB.angularDistance(Turn(2, Vector3::UnitZ())), 0, 1e-7);
+  EXPECT_EQ(world.body(0).linear_velocity_W, Vector3(1, 0, 0));
+}
+
+TEST(World, HashSeesEverything) {
+  const auto hash = [](auto change) {
+    World world;
+    world.Add(Floor());
+    world.Add(Cube({0, 0, 2}));
+    change(world);
+    return world.StateHash();
+  };
+  const std::uint64_t base = hash([](World&) {});
+  EXPECT_EQ(base, hash([](World&) {}));
+  EXPECT_NE(base, hash([](World& w) { w.Teleport(1, {0, 0, std::nextafter(2.0, 3.0)}, Quaternion::Identity()); }));
+  EXPECT_NE(base, hash([](World& w) { w.SetVelocity(1, {1e-300, 0, 0}, Vector3::Zero()); }));
+  EXPECT_NE(base, hash([](World& w) { w.Teleport(1, {0, 0, 2}, Turn(1e-9, Vector3::UnitX())); }));
+}
+
+}  // namespace
+}  // namespace islet
