@@ -162,8 +162,8 @@ void Mover::Apply(std::span<Body> bodies) {
   }
 }
 
-// v1 holds the energy of a fall to `aim`. Where the body stopped higher, its speed along the correction shrinks by what the
-// rest of the fall would have given.
+// v1 holds the energy of a motion to `aim_`. Where the body ended higher, gravity (and external force) did not do that work,
+// or the correction lifted the body: its kinetic energy pays, first that of its speed against the correction, then the rest.
 void Mover::TakeBackWork(std::span<Body> bodies) const {
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& body = bodies[i];
@@ -171,12 +171,21 @@ void Mover::TakeBackWork(std::span<Body> bodies) const {
     const Vector3 correction = body.position_W - aim_[i];
     const double length = correction.norm();
     if (length == 0) continue;
+    double work = -(body.mass * settings_.gravity + body.force_W).dot(correction);  // [J] not done
+    if (work <= 0) continue;
     const Vector3 direction = correction / length;
-    const double work = -(settings_.gravity + body.force_W / body.mass).dot(correction);  // [J/kg] not done
     const double speed = body.linear_velocity_W.dot(direction);
-    if (work <= 0 || speed >= 0) continue;
-    const double left = std::sqrt(std::max(0.0, speed * speed - 2 * work));
-    body.linear_velocity_W -= (speed + left) * direction;
+    if (speed < 0) {
+      const double available = 0.5 * body.mass * speed * speed;
+      const double left = std::sqrt(std::max(0.0, 1 - work / available));
+      body.linear_velocity_W -= (1 - left) * speed * direction;
+      work -= available;
+    }
+    if (work <= 0) continue;
+    const double energy = body.KineticEnergy();
+    const double share = energy > work ? std::sqrt(1 - work / energy) : 0;
+    body.linear_velocity_W *= share;
+    body.angular_velocity_W *= share;
   }
 }
 

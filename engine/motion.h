@@ -6,8 +6,8 @@
 //   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
-//   energy           a body held back from falling has not done the work of gravity that its velocity claims: its velocity
-//                    along the correction is reduced by that
+//   energy           a body held back from falling lacks the work of gravity that its velocity claims, a body lifted by a
+//                    correction has got height for nothing: its kinetic energy is reduced by that
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
