@@ -1,10 +1,14 @@
 #include "engine/bounce.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "qp/one_contact.h"
 
 namespace islet {
 namespace {
 
+constexpr double kEnergySlack = 1e-13;   // of the work: an elastic bounce gains nothing, up to rounding
 constexpr double kSmallestSlip = 1e-12;  // relative to the approach: less is none
 
 // [1/kg] W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies: contact velocity per impulse.
@@ -29,7 +33,7 @@ Vector3 ExactImpulse(const Matrix3& response, const Vector3& u, double friction,
     Vector3 q = u;
     q[0] *= 1 + restitution;
     const Vector3 j = contact.SolveCoulomb(q, friction);
-    if (restitution == 0 || EnergyGain(response, u, j) <= 0) return j;
+    if (restitution == 0 || EnergyGain(response, u, j) <= kEnergySlack * std::abs(j.dot(u))) return j;
     restitution = halvings < 20 ? restitution / 2 : 0;
   }
 }

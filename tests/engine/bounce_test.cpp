@@ -136,6 +136,22 @@ BounceBody RandomBody(std::mt19937& rng) {
   return body;
 }
 
+// Rounding must not be taken for a gain of energy, which would lower the restitution.
+TEST(BounceImpulse, ElasticSmoothBounceKeepsEnergyAndTurnsTheSpeedRound) {
+  std::mt19937 rng(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int trial = 0; trial < 10000; ++trial) {
+    BounceBody a = RandomBody(rng), b = RandomBody(rng);
+    const Contact contact = MakeContact({uniform(rng), uniform(rng), uniform(rng)}, 0, 1);
+    const double speed = (b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W)).z();
+    if (speed >= 0) continue;
+    const double before = Energy(a) + Energy(b);
+    Bounce(contact, BounceLaw::kExact, &a, &b);
+    EXPECT_NEAR((b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W)).z(), -speed, 1e-12);
+    EXPECT_NEAR(Energy(a) + Energy(b), before, 1e-12 * before);
+  }
+}
+
 // Kane's paradox included: levers that couple slip and normal motion, friction up to 100, restitution up to 1.
 TEST(BounceImpulse, ExactLawNeverRaisesEnergyAndEndsApproach) {
   std::mt19937 rng(3);
