@@ -17,6 +17,9 @@ struct Contact {
   Vector3 point_W = Vector3::Zero();    // [m] midway between the two surfaces
   Vector3 normal_W = Vector3::UnitZ();  // unit, from a into b
   double gap = 0;                       // [m] signed distance along the normal; < 0 overlaps
+  // False: still open by `gap`, and known only so that two supported bodies do not close it within the step. Such a contact
+  // never bounces; the static problem lets its bodies approach at gap / dt.
+  bool touches = true;
   double friction = 0;                  // mu of the pair
   double restitution = 0;               // epsilon of the pair
   std::uint32_t feature = 0;            // which features of the two shapes meet; the same point keeps its number

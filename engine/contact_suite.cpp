@@ -80,6 +80,7 @@ struct ContactSuite::Impl {
   std::vector<Contact> previous_contacts;
   std::vector<Vector3> previous_holding, impulses_W;
   double previous_dt = 0;
+  std::vector<double> support;                            // [N s] per body
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;
@@ -138,6 +139,7 @@ void ContactSuite::SetGravity(const Vector3& gravity_W) {
   impl_->settings.gravity = gravity_W;
 }
 std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
+std::span<const double> ContactSuite::support() const { return impl_->support; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
@@ -170,6 +172,7 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   double fastest = 0;
   for (size_t c = 0; c < contacts.size(); ++c) {
     frame.frames[c] = ContactFrame(contacts[c].normal_W);
+    if (!contacts[c].touches) continue;
     fastest = std::max(fastest, -NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]));
   }
   frame.threshold = 10 * settings.tolerance * std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
@@ -237,7 +240,7 @@ void ContactSuite::Impl::CutAtImmovable() {
 void ContactSuite::Impl::Bounce(StepReport* report) {
   cut.resize(frame.bodies.size());
   for (size_t i = 0; i < cut.size(); ++i) cut[i] = frame.bodies[i].kind != BodyKind::kDynamic || frame.bodies[i].removed;
-  Partition([](const Contact&) { return true; });
+  Partition([](const Contact& c) { return c.touches; });
   bounce_counts.assign(partition.num_islands(), 0);
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
@@ -278,7 +281,8 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
     body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
     if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.rest_speed, frame.bodies, frame.holding);
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.rest_speed, frame.dt, frame.bodies,
+                                                      frame.holding);
 }
 
 // only_woken: just the islands that a woken body joined; the others keep what they have.
@@ -369,7 +373,8 @@ void ContactSuite::Impl::AddJoinedFrozen() {
   std::sort(candidates.begin(), candidates.end());
 }
 
-// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them.
+// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. The
+// question is whether they stay at rest, and at rest the convex model is exact: nothing slides.
 void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   cut.assign(frame.bodies.size(), 1);
   for (const int i : candidates) {
@@ -379,19 +384,25 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   Partition([this](const Contact& c) {
     return (!cut[c.body_a] || !cut[c.body_b]) && !frame.bodies[c.body_a].Moves() && !frame.bodies[c.body_b].Moves();
   });
+  Settings at_rest = settings;
+  at_rest.model = Model::kConvex;
   outcomes.assign(partition.num_islands(), {});
-  ForEachIsland([this](int island, Worker* worker) {
-    outcomes[island].resting = worker->responder.ResolveStatic(View(island), frame.contacts, settings, frame.rest_speed,
-                                                               frame.bodies, frame.holding);
+  ForEachIsland([&](int island, Worker* worker) {
+    outcomes[island].resting = worker->responder.ResolveStatic(View(island), frame.contacts, at_rest, frame.rest_speed,
+                                                               frame.dt, frame.bodies, frame.holding);
   });
-  for (const Outcome& outcome : outcomes) {
-    Include(outcome.resting, &report->static_qp);
-    report->certificate.Include(outcome.resting.certificate);
-  }
+  chosen.assign(partition.num_islands(), 0);              // islands whose answer does not stand: a body woke
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
-    if (FastestPoint(TwistOf(body), body.radius) > certified.WakeSpeed(frame, body, settings)) woken.push_back(i);
+    if (FastestPoint(TwistOf(body), body.radius) > certified.WakeSpeed(frame, body, settings)) {
+      woken.push_back(i);
+      chosen[partition.body_to_island[i]] = 1;
+    }
     SetTwist({}, &body);
+  }
+  for (int island = 0; island < partition.num_islands(); ++island) {
+    Include(outcomes[island].resting, &report->static_qp);
+    if (!chosen[island]) report->certificate.Include(outcomes[island].resting.certificate);
   }
 }
 
@@ -433,7 +444,7 @@ void ContactSuite::Impl::FreezeLikePaper() {
 
 // The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
 // within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
-// velocity alone.
+// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
 void ContactSuite::Impl::SettleCaughtBodies() {
   caught.clear();
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
@@ -443,7 +454,7 @@ void ContactSuite::Impl::SettleCaughtBodies() {
       const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
       return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
     };
-    if (contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold) continue;
+    if (contact.touches && contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold) continue;
     caught.push_back(contact.body_a);
     caught.push_back(contact.body_b);
   }
@@ -453,12 +464,17 @@ void ContactSuite::Impl::SettleCaughtBodies() {
 void ContactSuite::Impl::Finish(StepReport* report) {
   SettleCaughtBodies();
   const size_t nc = frame.contacts.contacts.size();
-  report->contacts = static_cast<int>(nc);
+  for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
   for (size_t c = 0; c < nc; ++c) impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;
+  support.assign(frame.bodies.size(), 0.0);
+  for (size_t c = 0; c < nc; ++c) {
+    support[frame.contacts.contacts[c].body_a] += frame.holding[c][0];
+    support[frame.contacts.contacts[c].body_b] += frame.holding[c][0];
+  }
   for (const Body& body : frame.bodies) {
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
     (body.frozen ? report->frozen : report->awake) += 1;

@@ -52,10 +52,18 @@ class Mover {
     Vector3 linear = Vector3::Zero();    // [m]
     Vector3 angular = Vector3::Zero();   // [rad] rotation vector, W
   };
+  struct Worker {
+    IslandGatherer gatherer;
+    qp::Problem problem;
+    qp::Solution solution;
+    qp::IslandSolver solver;
+    qp::GaussSeidel sweeps;
+  };
   void PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
   double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   void TakeBackWork(std::span<Body> bodies) const;
 
@@ -69,12 +77,6 @@ class Mover {
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
   islands::Partition partition_;
-  struct Worker {
-    IslandGatherer gatherer;
-    qp::Problem problem;
-    qp::Solution solution;
-    qp::IslandSolver solver;
-  };
   std::vector<Worker> workers_;
 };
 

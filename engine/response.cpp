@@ -133,30 +133,40 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   for (const int contact : island.contacts) impulses[contact].setZero();
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
-    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
+    return c.touches && NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
   };
   if (std::none_of(island.contacts.begin(), island.contacts.end(), approaches)) return outcome;
   const Stopwatch watch;
-  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+  touching_.clear();
+  for (const int contact : island.contacts)
+    if (contacts.contacts[contact].touches) touching_.push_back(contact);
+  const IslandView touching{island.bodies, touching_};
+  gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
   const double v_ref = std::max(rest_speed, ApproachVelocities(problem_, &free_));
-  for (size_t c = 0; c < island.contacts.size(); ++c) {
-    if (free_[c] < -threshold) problem_.contacts[c].target = -contacts.contacts[island.contacts[c]].restitution * free_[c];
+  for (size_t c = 0; c < touching.contacts.size(); ++c) {
+    if (free_[c] < -threshold) problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
-  Finish(island, settings, v_ref, bodies, impulses, &outcome);
+  Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }
 
 ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const ContactFrames& contacts,
-                                               const Settings& settings, double rest_speed, std::span<Body> bodies,
-                                               std::span<Vector3> impulses) {
+                                               const Settings& settings, double rest_speed, double dt,
+                                               std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
   for (const int contact : island.contacts) impulses[contact].setZero();
   if (island.contacts.empty()) return outcome;
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
-  const double fastest = ApproachVelocities(problem_, &free_);
+  ApproachVelocities(problem_, &free_);
+  double fastest = 0;
+  for (size_t c = 0; c < island.contacts.size(); ++c) {
+    const Contact& contact = contacts.contacts[island.contacts[c]];
+    if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
+    fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
+  }
   // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still rub: design Sec. 3.)
   if (fastest == 0 && settings.model == Model::kCoulomb) return outcome;
   const double v_ref = std::max({rest_speed, fastest, 1e-12});

@@ -3,7 +3,7 @@
 //
 //   collision  needed only if contacts still approach: bounces u_n >= -epsilon u_n^- ; restitution is lowered, for the
 //              whole island and counted, while the problem has no solution or the answer holds more energy than before
-//   static     after gravity; restitution 0
+//   static     after gravity; restitution 0; contacts that do not touch yet may approach at gap / dt
 //   no solution (walls that close on a body): the same contacts made slightly compliant, status kInfeasible
 //   no finite answer: velocities stay as they were, status kFailed
 //
@@ -42,7 +42,7 @@ class IslandResponder {
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                     double rest_speed, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                double rest_speed, std::span<Body> bodies, std::span<Vector3> impulses);
+                                double rest_speed, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
 
  private:
   void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
@@ -55,6 +55,7 @@ class IslandResponder {
   qp::Solution solution_;
   qp::IslandSolver solver_;
   std::vector<double> free_;       // contact velocities before
+  std::vector<int> touching_;      // contacts of the collision problem
 };
 
 }  // namespace islet

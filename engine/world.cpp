@@ -109,6 +109,8 @@ struct World::Impl {
   bool StaysInReach(std::span<const Vector3> planned) const;
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
+  bool IsSupported(int body, double dt) const;
+  void SelectResolved(double dt);
   double dt_hint = 1.0 / 30;
 };
 
@@ -249,6 +251,32 @@ void World::Impl::SelectTouching() {
   }
 }
 
+// A body that rests on something, for the moment.
+bool World::Impl::IsSupported(int body, double dt) const {
+  const Body& b = bodies[body];
+  if (!b.Moves()) return true;
+  const std::span<const double> support = suite.support();
+  return static_cast<size_t>(body) < support.size() && support[body] >= 0.5 * b.mass * settings.gravity.norm() * dt && support[body] > 0;
+}
+
+// What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
+// to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
+// before they hit, so their bounce is that of the full speed.
+void World::Impl::SelectResolved(double dt) {
+  resolved.clear();
+  for (const Contact& c : near_contacts) {
+    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+    if (c.gap <= settings.touch_gap * size) {
+      resolved.push_back(c);
+      continue;
+    }
+    const double approach = -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) + settings.gravity.norm() * dt;
+    if (c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
+    resolved.push_back(c);
+    resolved.back().touches = false;
+  }
+}
+
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) {
@@ -279,7 +307,7 @@ StepReport World::Step(double dt) {
   };
   w.dt_hint = dt;
   CheckInitialOverlap();                                                                  // detection, if anything changed
-  w.resolved = w.touching;
+  w.SelectResolved(dt);
   finish(&report.seconds.detect);
 
   w.suite.Resolve(dt, w.bodies, w.resolved, &report);                                     // steps 1 to 4

@@ -36,9 +36,12 @@ int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance,
       const ContactTerm& contact = problem.contacts[c];
       const Local& local = locals_[c];
       Vector3& j = (*impulses)[c];
-      Vector3 q = ContactVelocity(contact, v) + contact.compliance * j - local.contact.w() * j;
+      const Vector3 u = ContactVelocity(contact, v) + contact.compliance * j;
+      Vector3 q = u - local.contact.w() * j;
       q[0] -= contact.target;
-      const Vector3 next = local.contact.SolveCoulomb(q, contact.friction);
+      const double pull = j[1] * j[1] + j[2] * j[2];
+      const double guess = pull > 0 ? std::sqrt((u[1] * u[1] + u[2] * u[2]) / pull) : 0;  // u_t = -lambda j_t
+      const Vector3 next = local.contact.SolveCoulomb(q, contact.friction, guess);
       const Vector3 change = next - j;
       j = next;
       if (contact.body_a >= 0) Eigen::Map<Vector6>(v + 6 * contact.body_a).noalias() += local.response_a * change;

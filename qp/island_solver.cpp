@@ -7,6 +7,7 @@
 namespace islet::qp {
 namespace {
 
+constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // between two interior-point solves
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
@@ -47,8 +48,8 @@ bool AllFinite(const Solution& solution) {
 
 }  // namespace
 
-double NaturalMapRms(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses) {
-  double sum = 0;
+NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses) {
+  double sum = 0, largest = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
     const double rho = 3 / DelassusBlock(problem, contact).trace();
@@ -56,8 +57,9 @@ double NaturalMapRms(const Problem& problem, const std::vector<double>& velociti
     u[0] += contact.friction * TangentSize(u) - contact.target;
     const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho * u, contact.friction)) / rho;
     sum += map.squaredNorm();
+    largest = std::max(largest, map.squaredNorm());
   }
-  return std::sqrt(sum / std::max(1, problem.num_contacts()));
+  return {std::sqrt(largest), std::sqrt(sum / std::max(1, problem.num_contacts()))};
 }
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution) {
@@ -102,6 +104,27 @@ double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
   return change;
 }
 
+// The sweeps meet the exact law by themselves: their answer, with its own slips, and velocities without the rounding of
+// thousands of increments.
+void IslandSolver::AcceptSweeps(const Problem& problem, double velocity_scale, Solution* solution) {
+  solution->impulses = swept_impulses_;
+  CopyFreeVelocities(problem, &solution->velocities);
+  for (int c = 0; c < problem.num_contacts(); ++c)
+    ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+  double gap = 0, energy = 0;
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const Vector3& j = solution->impulses[c];
+    Vector3 u = ContactVelocity(contact, solution->velocities.data()) + contact.compliance * j;
+    solution->slips[c] = Slip(u, contact.friction, Cone::kCircular);
+    u[0] += solution->slips[c] - contact.target;
+    gap += std::abs(j.dot(u));
+  }
+  for (const BodyTerm& body : problem.bodies) energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + velocity_scale * velocity_scale);
+  solution->gap = gap / energy;
+  solution->status = Status::kSolved;
+}
+
 // With bounces the problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a
 // sliding contact to open by mu |u_t| more than it should, and a jammed pile has no room for that.
 void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
@@ -120,9 +143,12 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   Settings inner = settings;
   int iterations = 0;
   if (circular) gauss_seidel_.Prepare(problem);
-  if (circular && AnyBounces(problem)) FindFirstSlips(problem, goal);
-  bool last = problem.num_bodies() <= 12;  // small islands: accuracy costs next to nothing
-  const bool small = last;
+  const bool small = problem.num_bodies() <= kSmallIsland;  // accuracy costs next to nothing, and sweeps alone often do
+  if (circular && (small || AnyBounces(problem))) {
+    FindFirstSlips(problem, goal);
+    if (CoulombMap(problem, swept_velocities_, swept_impulses_).max <= goal) return AcceptSweeps(problem, settings.velocity_scale, solution);
+  }
+  bool last = small;
   for (int round = 1;; ++round) {
     last = last || round >= settings.coulomb_rounds;
     inner.tolerance = last ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
@@ -132,15 +158,16 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     solution->iterations = iterations;
     solution->rounds = round;
     if (solution->status == Status::kFailed || solution->status == Status::kInfeasible) return;
-    const double map = NaturalMapRms(problem, solution->velocities, solution->impulses);
+    const double map = CoulombMap(problem, solution->velocities, solution->impulses).rms;
     if ((circular && last && map <= goal) || round >= settings.coulomb_rounds) return;
 
     swept_impulses_ = solution->impulses;
     swept_velocities_ = solution->velocities;
     if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     const double change = UpdateSlips(problem, settings.cone);
-    const double swept_map = circular ? NaturalMapRms(problem, swept_velocities_, swept_impulses_) : change;
-    last = small || swept_map <= goal;
+    const double swept_map = circular ? CoulombMap(problem, swept_velocities_, swept_impulses_).max : change;
+    if (circular && swept_map <= goal) return AcceptSweeps(problem, settings.velocity_scale, solution);
+    last = small;
     if (!circular && change <= goal) return;
   }
 }

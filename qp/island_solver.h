@@ -27,6 +27,7 @@ class IslandSolver {
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
 
   double UpdateSlips(const Problem& problem, Cone cone);
+  void AcceptSweeps(const Problem& problem, double velocity_scale, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
@@ -36,8 +37,11 @@ class IslandSolver {
   std::vector<double> slips_;
 };
 
-// [velocity] rms over the contacts of |j - P_K(j - rho u_hat)| / rho with rho = 3 / tr W_cc and u_hat = u - target n + s n,
-// with s = mu |u_t| of the answer itself: the natural map of exact Coulomb, on the circular cone.
-double NaturalMapRms(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses);
+// [velocity] |j - P_K(j - rho u_hat)| / rho over the contacts, rho = 3 / tr W_cc, u_hat = u - target n + mu |u_t| n: the natural
+// map of exact Coulomb friction, zero at a solution.
+struct NaturalMap {
+  double max, rms;
+};
+NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses);
 
 }  // namespace islet::qp

@@ -17,50 +17,47 @@ OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
 }
 
-Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction) const {
+Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction, double guess) const {
   if (q[0] >= 0) return Vector3::Zero();
   if (friction == 0) return {-q[0] / w_(0, 0), 0, 0};
   const Vector3 stick = -(inverse_ * q);
   const double tangent = std::sqrt(stick[1] * stick[1] + stick[2] * stick[2]);
   if (tangent <= friction * stick[0]) return stick;
-  return Slide(q, friction);
+  return Slide(q, friction, guess);
 }
 
-// In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn.
-Vector3 OneContact::Slide(const Vector3& q, double friction) const {
+// In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn. Newton's
+// method on mu j_n / |j_t| - 1, which is nearly linear in lambda, inside a bracket whose upper end may still be infinite.
+Vector3 OneContact::Slide(const Vector3& q, double friction, double guess) const {
   const double wnn = w_(0, 0);
   const double t1 = q[1] - w_(1, 0) * q[0] / wnn, t2 = q[2] - w_(2, 0) * q[0] / wnn;
   const double b[2] = {cosine_ * t1 + sine_ * t2, -sine_ * t1 + cosine_ * t2};
   const double c[2] = {cosine_ * w_(0, 1) + sine_ * w_(0, 2), -sine_ * w_(0, 1) + cosine_ * w_(0, 2)};
-  double j[2], jn = 0, excess = 0, slope = 0;
-  const auto evaluate = [&](double lambda) {
+  double j[2], jn = 0, size = 0;
+  double low = 0, high = INFINITY;
+  double lambda = guess > 0 && guess < 1e300 ? guess : stiffness_[0] + stiffness_[1];
+  for (int i = 0; i < 200; ++i) {
     double dj[2];
-    for (int i = 0; i < 2; ++i) {
-      j[i] = -b[i] / (stiffness_[i] + lambda);
-      dj[i] = -j[i] / (stiffness_[i] + lambda);
+    for (int k = 0; k < 2; ++k) {
+      const double inverse = 1 / (stiffness_[k] + lambda);
+      j[k] = -b[k] * inverse;
+      dj[k] = -j[k] * inverse;
     }
     jn = (-q[0] - c[0] * j[0] - c[1] * j[1]) / wnn;
-    const double size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
-    excess = size - friction * jn;
-    slope = (size > 0 ? (j[0] * dj[0] + j[1] * dj[1]) / size : 0) + friction * (c[0] * dj[0] + c[1] * dj[1]) / wnn;
-  };
-  double low = 0, high = stiffness_[0] + stiffness_[1];
-  for (evaluate(high); excess > 0 && high < 1e300; evaluate(high)) low = high, high *= 4;
-  double lambda = 0.5 * (low + high);
-  for (int i = 0; i < 100; ++i) {
-    evaluate(lambda);
-    (excess > 0 ? low : high) = lambda;
-    const double newton = lambda - excess / slope;
+    size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
+    if (size == 0) break;
+    const double value = friction * jn / size - 1;
+    const double slope = -friction * ((c[0] * dj[0] + c[1] * dj[1]) / wnn + jn * (j[0] * dj[0] + j[1] * dj[1]) / (size * size)) / size;
+    (value < 0 ? low : high) = lambda;
+    const double newton = lambda - value / slope;
     // Asked of the Newton step, before the bracket: at the root it may equal the end of the bracket, and halving would
     // jump away from the answer.
-    if (std::abs(newton - lambda) <= 1e-15 * lambda || std::abs(excess) <= 4e-16 * friction * jn) break;
-    const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
+    if (std::abs(newton - lambda) <= 1e-15 * lambda || std::abs(value) <= 4e-16) break;
+    const double next = newton > low && newton < high ? newton : std::isinf(high) ? 4 * lambda : 0.5 * (low + high);
     if (next == lambda) break;
     lambda = next;
   }
-  evaluate(lambda);
   // On the cone exactly, whatever was rounded.
-  const double size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
   const double fit = size > 0 ? friction * jn / size : 0;
   return {jn, fit * (cosine_ * j[0] - sine_ * j[1]), fit * (sine_ * j[0] + cosine_ * j[1])};
 }

@@ -18,13 +18,13 @@ class OneContact {
   OneContact() = default;
   explicit OneContact(const Matrix3& w);
 
-  // [impulse] (n, t1, t2).
-  Vector3 SolveCoulomb(const Vector3& q, double friction) const;
+  // [impulse] (n, t1, t2). guess: of lambda, if positive; it changes the effort, and the answer by no more than rounding.
+  Vector3 SolveCoulomb(const Vector3& q, double friction, double guess = 0) const;
 
   const Matrix3& w() const { return w_; }
 
  private:
-  Vector3 Slide(const Vector3& q, double friction) const;
+  Vector3 Slide(const Vector3& q, double friction, double guess) const;
 
   Matrix3 w_ = Matrix3::Identity(), inverse_ = Matrix3::Identity();
   // Tangential operator with the normal eliminated, W_tt - W_tn W_nt / W_nn = axes diag(stiffness) axes^T.

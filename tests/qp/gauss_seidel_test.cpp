@@ -61,14 +61,14 @@ TEST(GaussSeidel, AgreesWithTheIslandSolver) {
     settings.velocity_scale = VelocityScale(island.problem);
     solver.Solve(island.problem, settings, &solution);
     const double scale = settings.velocity_scale, goal = settings.coulomb_tolerance * scale;
-    if (qp::NaturalMapRms(island.problem, solution.velocities, solution.impulses) > goal) continue;
+    if (qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms > goal) continue;
     ++reached;
     Swept polished{solution.impulses, solution.velocities, 0};
     sweeper.Prepare(island.problem);
     sweeper.Sweep(island.problem, 20000, 1e-13 * scale, &polished.impulses, &polished.velocities);
     EXPECT_LT(VelocityDistance(island.problem, polished.velocities, solution.velocities), 1e-4 * scale);
     const Swept swept = SweepFromZero(island.problem, 20000, 1e-13 * scale);
-    EXPECT_LT(qp::NaturalMapRms(island.problem, swept.velocities, swept.impulses), 1e-4 * scale);
+    EXPECT_LT(qp::CoulombMap(island.problem, swept.velocities, swept.impulses).rms, 1e-4 * scale);
     if (VelocityDistance(island.problem, swept.velocities, solution.velocities) < 1e-4 * scale) ++same;
   }
   EXPECT_GE(reached, total * 9 / 10);

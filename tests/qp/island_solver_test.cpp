@@ -75,7 +75,7 @@ TEST(IslandSolver, OneContactIsTheClosedForm) {
     q[0] -= contact.target;
     const Vector3 expected = qp::OneContact(qp::DelassusBlock(problem, contact)).SolveCoulomb(q, contact.friction);
     EXPECT_EQ(solution.impulses[0], expected);
-    EXPECT_LT(qp::NaturalMapRms(problem, solution.velocities, solution.impulses), 1e-10);
+    EXPECT_LT(qp::CoulombMap(problem, solution.velocities, solution.impulses).rms, 1e-10);
     // The same contact twice shares the load and gives the same velocity, by the iterative way.
     Problem twice = problem;
     twice.contacts.push_back(contact);
@@ -158,7 +158,7 @@ double ShareBelow(double goal, double tolerance, int rounds, bool bounces, doubl
     settings.coulomb_rounds = rounds;
     const qp::Solution solution = Solve(island.problem, settings);
     EXPECT_LT(MomentumResidual(island.problem, solution.velocities, solution.impulses), 1e-6) << island.name;
-    const double map = qp::NaturalMapRms(island.problem, solution.velocities, solution.impulses);
+    const double map = qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms;
     ++total;
     if (map <= goal * settings.velocity_scale) ++reached;
   }
@@ -200,8 +200,8 @@ TEST(IslandSolver, OrderOfContactsAndBodiesDoesNotMatter) {
       const qp::Solution one = Solve(island.problem, settings), other = Solve(shuffled, settings);
       if (model == Model::kCoulomb) {
         const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-        if (qp::NaturalMapRms(island.problem, one.velocities, one.impulses) > goal) continue;
-        if (qp::NaturalMapRms(shuffled, other.velocities, other.impulses) > goal) continue;
+        if (qp::CoulombMap(island.problem, one.velocities, one.impulses).rms > goal) continue;
+        if (qp::CoulombMap(shuffled, other.velocities, other.impulses).rms > goal) continue;
       }
       std::vector<double> back(one.velocities.size());
       for (int i = 0; i < nb; ++i) std::copy_n(&other.velocities[6 * place[i]], 6, &back[6 * i]);
