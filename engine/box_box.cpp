@@ -176,9 +176,12 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   const Pair pair(a, pose_a, b, pose_b, reach, travel_ba_W);
   Axis face, edge;
   if (!BestFace(pair, &face) || !BestEdge(pair, &edge)) return;
-  if (edge.index >= 0 && edge.score.BetterThan(face.score, EdgeSlack(pair.size)) &&
-      AppendEdgeContact(pair, edge, contacts)) {
-    return;
+  if (edge.index >= 0 && edge.score.BetterThan(face.score, EdgeSlack(pair.size))) {
+    if (AppendEdgeContact(pair, edge, contacts)) return;
+    if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {
+      AppendNearestPoints(a, pose_a, b, pose_b, edge.normal, edge.separation, reach, contacts);
+      return;
+    }
   }
   AppendFaces(pair, face, contacts);
 }

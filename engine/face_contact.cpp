@@ -18,7 +18,21 @@ Contact ToContact(const ClosestPoints& closest, const Placement& pose_a) {
   return contact;
 }
 
+ClosestPoints Closest(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                      const Vector3& normal_W, double separation) {
+  const Matrix3 rotation_ab = pose_a.rotation_WB.transpose() * pose_b.rotation_WB;
+  const Vector3 position_ab = pose_a.rotation_WB.transpose() * (pose_b.position_W - pose_a.position_W);
+  return ClosestOfApart(a.polytope(), a.size(), b.polytope(), b.size(), rotation_ab, position_ab,
+                        pose_a.rotation_WB.transpose() * normal_W, separation);
+}
+
 }  // namespace
+
+void AppendNearestPoints(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                         const Vector3& normal_W, double separation, double reach, std::vector<Contact>* contacts) {
+  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, normal_W, separation);
+  if (closest.distance <= reach) contacts->push_back(ToContact(closest, pose_a));
+}
 
 void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                         const Vector3& travel_ba_W, const FaceAxis& axis, const ClipInput& input,
@@ -33,10 +47,7 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
     if (least > slack) clip.AppendCorners(input, axis.separation + slack, contacts);
     return;
   }
-  const Matrix3 rotation_ab = pose_a.rotation_WB.transpose() * pose_b.rotation_WB;
-  const Vector3 position_ab = pose_a.rotation_WB.transpose() * (pose_b.position_W - pose_a.position_W);
-  const ClosestPoints closest = ClosestOfApart(a.polytope(), a.size(), b.polytope(), b.size(), rotation_ab, position_ab,
-                                               pose_a.rotation_WB.transpose() * axis.normal_W, axis.separation);
+  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, axis.normal_W, axis.separation);
   Contact contact = ToContact(closest, pose_a);
   if (closest.distance <= TouchSlack(input.size)) {
     // A face that is about to rest keeps its corners; the point that they miss joins them along their normal.

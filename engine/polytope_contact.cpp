@@ -187,9 +187,12 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   Axis face, edges;
   if (!BestFace(scratch.a, scratch.b, reach, size, travel_ba_W, &face)) return;
   if (!BestEdges(scratch.a, scratch.b, reach, size, travel_ba_W, &edges)) return;
-  if (edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size)) &&
-      AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) {
-    return;
+  if (edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size))) {
+    if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
+    if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {
+      AppendNearestPoints(a, pose_a, b, pose_b, edges.normal, edges.separation, reach, contacts);
+      return;
+    }
   }
   ClipInput input = FacesOf(&scratch, face, reach, size);
   input.origin_W = pose_a.position_W;
