@@ -19,7 +19,7 @@
 namespace islet {
 namespace {
 
-constexpr int kWakeRounds = 4;        // re-solves of islands into which frozen bodies woke, per frame
+constexpr int kWakeRounds = 1;        // re-solves of islands into which frozen bodies woke, per frame: what wakes after that moves a frame later
 constexpr int kLocalPasses = 3;       // after that all joined frozen bodies are balanced together
 constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
 
@@ -388,8 +388,11 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   at_rest.model = Model::kConvex;
   outcomes.assign(partition.num_islands(), {});
   ForEachIsland([&](int island, Worker* worker) {
-    outcomes[island].resting = worker->responder.ResolveStatic(View(island), frame.contacts, at_rest, frame.rest_speed,
-                                                               frame.dt, frame.bodies, frame.holding);
+    const IslandView view = View(island);
+    double limit = INFINITY;
+    for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, frame.bodies[i], settings));
+    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.rest_speed, 0.1 * limit,
+                                                                frame.dt, frame.bodies, frame.holding);
   });
   chosen.assign(partition.num_islands(), 0);              // islands whose answer does not stand: a body woke
   for (const int i : candidates) {

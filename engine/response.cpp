@@ -9,6 +9,8 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;       // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;       // of the largest multiplier times bounce: contacts above it lose their bounce
+constexpr int kHoldingSweeps = 60;
+constexpr double kHoldingShare = 0.05;       // of the rest limit: sweeps stop when impulses change less
 constexpr double kEnergySlack = 1e-9;      // relative; rounding of the energies
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
 
@@ -173,6 +175,37 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
+  return outcome;
+}
+
+ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const ContactFrames& contacts,
+                                                const Settings& settings, double rest_speed, double rest_limit, double dt,
+                                                std::span<Body> bodies, std::span<Vector3> impulses) {
+  const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, rest_speed, dt, bodies, impulses); };
+  if (island.contacts.empty() || settings.cone != Cone::kCircular) return solve_anew();
+  const Stopwatch watch;
+  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+  solution_ = {};
+  for (const qp::BodyTerm& body : problem_.bodies)
+    solution_.velocities.insert(solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
+  for (size_t c = 0; c < island.contacts.size(); ++c) {
+    solution_.impulses.push_back(impulses[island.contacts[c]]);
+    qp::ApplyImpulse(problem_, problem_.contacts[c], solution_.impulses[c], solution_.velocities.data());
+  }
+  sweeps_.Prepare(problem_);
+  sweeps_.Sweep(problem_, kHoldingSweeps, kHoldingShare * rest_limit, &solution_.impulses, &solution_.velocities);
+  for (size_t i = 0; i < island.bodies.size(); ++i) {
+    const Eigen::Map<const qp::Vector6> v(&solution_.velocities[6 * i]);
+    if (!(v.head<3>().norm() + bodies[island.bodies[i]].radius * v.tail<3>().norm() <= rest_limit)) return solve_anew();
+  }
+  for (size_t c = 0; c < island.contacts.size(); ++c) {
+    const Vector3 u = qp::ContactVelocity(problem_.contacts[c], solution_.velocities.data());
+    solution_.slips.push_back(problem_.contacts[c].friction * u.tail<2>().norm());
+  }
+  ResponseOutcome outcome;
+  outcome.status = QpStatus::kSolved;
+  outcome.seconds = watch.seconds();
+  Finish(island, settings, std::max(rest_speed, 1e-12), bodies, impulses, &outcome);
   return outcome;
 }
 

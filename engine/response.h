@@ -43,6 +43,11 @@ class IslandResponder {
                                     double rest_speed, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double rest_speed, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
+  // Bodies that should stay at rest under a load that changed a little: adapts the given impulses as locally as it can, and
+  // only where that does not bring every point below rest_limit [m/s] solves the static problem anew.
+  ResponseOutcome ResolveHolding(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
+                                 double rest_speed, double rest_limit, double dt, std::span<Body> bodies,
+                                 std::span<Vector3> impulses);
 
  private:
   void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
@@ -54,6 +59,7 @@ class IslandResponder {
   qp::Problem problem_;
   qp::Solution solution_;
   qp::IslandSolver solver_;
+  qp::GaussSeidel sweeps_;
   std::vector<double> free_;       // contact velocities before
   std::vector<int> touching_;      // contacts of the collision problem
 };
