@@ -97,7 +97,7 @@ TEST(Mover, FastSphereDoesNotTunnelThroughAThinMovingPlate) {
   EXPECT_NEAR(world.body(1).linear_velocity_W.z(), -50.0 / 101, 1e-5);
 }
 
-// T10: e = 1 from 1 m. The peak never rises and loses less than a millimetre in twenty bounces.
+// T10: e = 1 from 1 m. The peak stays within a micrometre over twenty bounces.
 TEST(Mover, ElasticBallKeepsItsHeight) {
   for (const double dt : {1.0 / 60, 1.0 / 240}) {
     World world(Awake());
@@ -111,13 +111,12 @@ TEST(Mover, ElasticBallKeepsItsHeight) {
       const double speed = world.body(1).linear_velocity_W.z();
       bounces += last < 0 && speed > 0;
       last = speed;
-      // The peak that the ball is on the way to, less the half metre of its radius.
       lowest_energy = std::min(lowest_energy, Energy(world.bodies()));
       highest_energy = std::max(highest_energy, Energy(world.bodies()));
     }
     EXPECT_EQ(bounces, 20);
     EXPECT_LE((highest_energy - energy) / kGravity, 1e-6) << dt;
-    EXPECT_GE((lowest_energy - energy) / kGravity, -1e-3) << dt;
+    EXPECT_GE((lowest_energy - energy) / kGravity, -1e-6) << dt;
   }
 }
 
@@ -217,6 +216,39 @@ TEST(Mover, BallRollsDownAnIncline) {
   world.Add(Ball(Turn(incline, Vector3::UnitY()) * Vector3(0, 0, 0.5)));
   while (world.time() < 1 - 1e-9) world.Step(1.0 / 60);
   EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), 5.0 / 7 * kGravity * std::sin(incline), 1e-4);
+}
+
+// T29: a cube spins on its four corners: torque mu m g r, r = 1 / sqrt 2, I = 1 / 6.
+TEST(Mover, SpinningCubeSlowsDownAtTheRightRateOnItsSpot) {
+  World world(Awake());
+  world.Add(Floor(0.5));
+  BodyDefinition cube = Cube({0, 0, 0.5});
+  cube.angular_velocity_W = {0, 0, 20};
+  world.Add(cube);
+  for (int i = 0; i < 30; ++i) world.Step(1.0 / 60);
+  EXPECT_NEAR(world.body(1).angular_velocity_W.z(), 20 - 0.5 * 0.5 * kGravity * 6 / std::sqrt(2.0), 1e-4);
+  EXPECT_LT((world.body(1).position_W - Vector3(0, 0, 0.5)).norm(), 1e-6);
+}
+
+// T22: the tip of a slender rod slides where rigid-body mechanics has no continuous answer (mu = 2, 1.33 would do).
+TEST(Mover, PainleveRodNeverGainsEnergy) {
+  World world(Awake());
+  world.Add(Floor(2));
+  BodyDefinition rod{.shape = Shape::Box({0.02, 0.02, 1}), .mass = 1, .friction = 2};
+  const double lean = std::atan(2.0);  // from the plane
+  rod.rotation_WB = Turn(std::atan(0.5), Vector3::UnitY());
+  rod.position_W = {0, 0, std::sin(lean) + 0.02 * std::cos(lean) + 1e-4};
+  rod.linear_velocity_W = {-5, 0, 0};
+  world.Add(rod);
+  double energy = Energy(world.bodies());
+  const double start = energy;
+  for (int i = 0; i < 120; ++i) {
+    world.Step(1.0 / 240);
+    const double now = Energy(world.bodies());
+    ASSERT_LE(now, energy + 1e-6) << i;
+    energy = now;
+  }
+  EXPECT_LT(energy, 0.9 * start);
 }
 
 // Bodies flying into each other, no gravity.

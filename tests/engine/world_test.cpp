@@ -265,6 +265,49 @@ TEST(World, ContactsAndImpulsesAreConsistent) {
   for (const Contact& c : world.contacts()) EXPECT_LT(std::abs(c.gap), 1.1e-3);
 }
 
+// T24: walls close on a cube. No answer exists; that is told, and what moves stays finite.
+TEST(World, SqueezeBetweenKinematicWallsIsReported) {
+  World world;
+  BodyDefinition wall{.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kKinematic, .position_W = {-1.0005, 0, 0}};
+  wall.linear_velocity_W = {0.5, 0, 0};
+  world.Add(wall);
+  wall.position_W.x() = 1.0005;
+  wall.linear_velocity_W.x() = -0.5;
+  world.Add(wall);
+  const int cube = world.Add(Cube({0, 0, 0}));
+  int failed = 0, motion_failures = 0;
+  for (int i = 0; i < 10; ++i) {
+    const StepReport report = world.Step(kDt);
+    failed += report.static_qp.failed;
+    motion_failures += report.motion_failures;
+    ASSERT_TRUE(world.body(cube).position_W.allFinite());
+    EXPECT_LT(world.body(cube).linear_velocity_W.norm(), 1);
+  }
+  EXPECT_GT(failed, 5);
+  EXPECT_GT(motion_failures, 5);
+  EXPECT_NEAR(world.body(0).position_W.x(), -1.0005 + 5 * kDt, 1e-12) << "the walls do as they are told";
+}
+
+// T28: how the load is shared among many legs is open, its sum and moment are not.
+TEST(World, TableOnAnyNumberOfLegs) {
+  for (const int legs : {3, 4, 8, 30}) {
+    World world;
+    for (int k = 0; k < legs; ++k) {
+      world.Add({.shape = Shape::Box({0.02, 0.02, 0.5}), .kind = BodyKind::kFixed,
+                 .position_W = {0.8 * std::cos(2 * M_PI * k / legs), 0.8 * std::sin(2 * M_PI * k / legs), -0.5}});
+    }
+    const int table = world.Add({.shape = Shape::Box({1, 1, 0.05}), .mass = 1, .position_W = {0.1, 0, 0.05}, .restitution = 0});
+    for (int i = 0; i < 20; ++i) {
+      world.Step(kDt);
+      EXPECT_NEAR(ImpulseOn(world, table).z() / (kGravity * kDt), 1, 1e-5) << legs;
+      Vector3 moment = Vector3::Zero();
+      for (size_t c = 0; c < world.impulses().size(); ++c)
+        moment += (world.resolved_contacts()[c].point_W - world.body(table).position_W).cross(world.impulses()[c]);
+      EXPECT_NEAR(moment.norm() / (kGravity * kDt), 0, 1e-5) << legs;
+    }
+  }
+}
+
 TEST(World, KinematicBodyMovesAsTold) {
   World world;
   BodyDefinition plate{.shape = Shape::Box({1, 1, 0.1}), .kind = BodyKind::kKinematic};
