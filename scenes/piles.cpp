@@ -1,4 +1,5 @@
-// stack, csstack, manystacks: towers of unit pieces on a floor, built touching and at rest.
+// stack, csstack, manystacks: towers of unit pieces on a floor, at rest at the start. They touch, unless a `drop` is given:
+// then each piece starts that far above what is below it, and the tower builds itself as they fall.
 #include <cmath>
 
 #include "scenes/families.h"
@@ -6,11 +7,20 @@
 #include "scenes/scene_builder.h"
 
 namespace islet {
+namespace {
+
+// [m] centre of piece number `level` of a tower.
+double Height(int level, const SceneParameters& parameters) {
+  const double drop = parameters.drop.value_or(0);
+  return 0.5 + drop + level * (1 + drop);
+}
+
+}  // namespace
 
 BuiltScene BuildStack(const Scene& scene, const SceneParameters& parameters, const Settings& settings) {
   SceneBuilder builder(scene, parameters, settings);
   builder.AddFloor();
-  for (int i = 0; i < builder.count(); ++i) builder.AddCube({0, 0, 0.5 + i});
+  for (int i = 0; i < builder.count(); ++i) builder.AddCube({0, 0, Height(i, parameters)});
   return builder.Finish();
 }
 
@@ -24,9 +34,9 @@ BuiltScene BuildCsStack(const Scene& scene, const SceneParameters& parameters, c
     const double x = random.Uniform(-kLargestOffset, kLargestOffset);
     const double y = random.Uniform(-kLargestOffset, kLargestOffset);
     if (i % 2 == 0) {
-      builder.AddCube({x, y, 0.5 + i});
+      builder.AddCube({x, y, Height(i, parameters)});
     } else {
-      builder.AddSphere({x, y, 0.5 + i});
+      builder.AddSphere({x, y, Height(i, parameters)});
     }
   }
   return builder.Finish();
@@ -43,7 +53,7 @@ BuiltScene BuildManyStacks(const Scene& scene, const SceneParameters& parameters
     const double x = corner + i % per_side * kSpacing;
     const double y = corner + i / per_side * kSpacing;
     builder.AddFixedBox({0.5 * kSpacing, 0.5 * kSpacing, 1}, {x, y, -1});
-    for (int level = 0; level < kHeight; ++level) builder.AddCube({x, y, 0.5 + level});
+    for (int level = 0; level < kHeight; ++level) builder.AddCube({x, y, Height(level, parameters)});
   }
   const double edge = 0.5 * per_side * kSpacing;
   builder.info().bounds = Region{{-edge, -edge, 0}, {edge, edge, 1e6}};

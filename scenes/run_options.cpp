@@ -74,6 +74,7 @@ void CheckNumbers(const RunOptions& o) {
   if (p.restitution) {
     RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
   }
+  if (p.drop) RequireRange("--drop", *p.drop, *p.drop >= 0 && *p.drop <= 100, "in [0, 100] m");
   if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
   if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
   RequireRange("--dt", o.dt, o.dt > 0 && o.dt <= 1 && o.dt >= 1e-9, "in [1e-9, 1] s");
@@ -125,6 +126,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kScene, "--seed", p.seed, "K", "of the random placement")->check(WholeNumber);
   add(kScene, "--friction", p.friction, "MU", "of all bodies, >= 0 (default 0.5 in most scenes)");
   add(kScene, "--restitution", p.restitution, "E", "of all bodies, in [0, 1] (default 0.2 in most scenes)");
+  add(kScene, "--drop", p.drop, "H", "stack, csstack, manystacks: gap [m] below each body at the start (default 0)");
   add(kScene, "--angle", p.angle, "RAD", "balance: the upper sphere's angle off the vertical (default 0.01)");
   add(kScene, "--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
 

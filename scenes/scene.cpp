@@ -71,6 +71,11 @@ void Check(const Scene& scene, const SceneParameters& parameters) {
   if (parameters.restitution && !(*parameters.restitution >= 0 && *parameters.restitution <= 1)) {
     Reject("restitution", "must be in [0, 1]", *parameters.restitution);
   }
+  if (parameters.drop) {
+    const bool piled = scene.name == "stack" || scene.name == "csstack" || scene.name == "manystacks";
+    if (!piled) Reject("drop", "only the scenes stack, csstack and manystacks have one", *parameters.drop);
+    if (!(*parameters.drop >= 0 && *parameters.drop <= 100)) Reject("drop", "must be in [0, 100] m", *parameters.drop);
+  }
   if (parameters.angle && scene.name != "balance") Reject("angle", "only the scene balance has one", *parameters.angle);
   if (parameters.incoming && scene.name != "officetoy") {
     Reject("incoming", "only the scene officetoy has them", *parameters.incoming);

@@ -24,6 +24,7 @@ struct SceneParameters {                   // what is absent takes the scene's o
   std::optional<std::uint64_t> seed = {};  // of the random placement; without effect in scenes that are not random
   std::optional<double> friction = {};     // of every body, >= 0
   std::optional<double> restitution = {};  // of every body, in [0, 1]
+  std::optional<double> drop = {};         // [m] stack, csstack, manystacks: gap left open below each body, in [0, 100]
   std::optional<double> angle = {};        // [rad] balance alone: how far off the vertical the upper sphere starts
   std::optional<int> incoming = {};        // officetoy alone: how many of the spheres come flying in
 };

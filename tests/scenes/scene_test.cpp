@@ -7,6 +7,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/narrow_phase.h"
@@ -240,6 +241,37 @@ TEST(Scene, BalanceStartsAtItsAngle) {
   EXPECT_NEAR(std::atan2(apart.x(), apart.z()), 0.25, 1e-15);
 }
 
+// Every piece of a tower starts the drop above what is below it; without one nothing is different.
+TEST(Scene, DropLeavesGapsInTheTowers) {
+  for (const auto& [name, height] : {std::pair("stack", 10), std::pair("csstack", 10), std::pair("manystacks", 5)}) {
+    SCOPED_TRACE(name);
+    const BuiltScene touching = Build(name);
+    const BuiltScene open = Build(name, {.drop = 0.25});
+    const std::vector<int> pieces = BodiesOfKind(open.world, BodyKind::kDynamic);
+    ASSERT_EQ(pieces, BodiesOfKind(touching.world, BodyKind::kDynamic));
+    for (size_t i = 0; i < pieces.size(); ++i) {
+      const double lift = 0.25 * (1 + static_cast<double>(i % height));
+      const Vector3 expected = touching.world.body(pieces[i]).position_W + Vector3(0, 0, lift);
+      EXPECT_LT((open.world.body(pieces[i]).position_W - expected).norm(), 1e-12);
+    }
+    EXPECT_EQ(Build(name, {.drop = 0}).world.StateHash(), touching.world.StateHash());
+  }
+}
+
+TEST(Scene, DroppedCubesMakeAStack) {
+  Settings settings;
+  settings.threads = 1;
+  BuiltScene built = Build("stack", {.count = 3, .drop = 0.3}, settings);
+  EXPECT_TRUE(built.world.contacts().empty());
+  for (int frame = 0; frame < 150; ++frame) built.world.Step(1.0 / 30);
+  for (int i = 0; i < 3; ++i) {
+    const Vector3 position = built.world.body(1 + i).position_W;
+    EXPECT_NEAR(position.z(), 0.5 + i, 5e-3);
+    EXPECT_LT(position.head<2>().norm(), 0.05);
+    EXPECT_TRUE(built.world.body(1 + i).frozen);
+  }
+}
+
 TEST(Scene, NearestNameIsSuggested) {
   EXPECT_EQ(FindScene("cubeglas"), nullptr);
   EXPECT_EQ(NearestScene("cubeglas"), "cubeglass");
@@ -269,6 +301,10 @@ TEST(Scene, BadParametersAreNamedWithTheirValue) {
   ExpectRejected("cubejam", {.friction = std::numeric_limits<double>::infinity()}, "friction", "inf");
   ExpectRejected("csstack", {.restitution = 1.25}, "restitution", "1.25");
   ExpectRejected("csstack", {.restitution = kNan}, "restitution", "nan");
+  ExpectRejected("stack", {.drop = -0.25}, "drop", "-0.25");
+  ExpectRejected("manystacks", {.drop = 100.5}, "drop", "100.5");
+  ExpectRejected("csstack", {.drop = kNan}, "drop", "nan");
+  ExpectRejected("cubeglass", {.drop = 0.5}, "drop", "0.5");
   ExpectRejected("balance", {.angle = kNan}, "angle", "nan");
   ExpectRejected("stack", {.angle = 0.5}, "angle", "0.5");
   ExpectRejected("officetoy", {.incoming = 5}, "incoming", "5");
