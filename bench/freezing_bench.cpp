@@ -5,7 +5,8 @@
 //   build/bench/bench/bench_freezing --benchmark_format=json      for programs
 //
 // A row is a whole run of a scene, one thread, dt = 1/30 s, made a few times: the runs are the same bit for bit, so the
-// least time of each frame is what it costs on a machine that does nothing else. What the columns mean: bench/README.md.
+// least time of each frame is what it costs on a machine that does nothing else. What the columns mean:
+// bench/README.md.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -43,7 +44,8 @@ const std::array<BenchScene, 3> kScenes{{
 }};
 
 enum class Method { kDefault, kPaper };
-constexpr std::array<std::pair<Method, const char*>, 2> kMethods{{{Method::kPaper, "as_paper"}, {Method::kDefault, "default"}}};
+constexpr std::array<std::pair<Method, const char*>, 2> kMethods{
+    {{Method::kPaper, "as_paper"}, {Method::kDefault, "default"}}};
 constexpr std::array<std::pair<Freezing, const char*>, 3> kFreezings{
     {{Freezing::kOff, "off"}, {Freezing::kPaper, "paper"}, {Freezing::kCertified, "certified"}}};
 
@@ -57,8 +59,8 @@ Settings MakeSettings(Method method, Freezing freezing, int freeze_count) {
   return settings;
 }
 
-// One of the two QPs over a run. In the paper a frame has one QP for all bodies, here one per island: its "QPs solved" are
-// the frames in which any island had one.
+// One of the two QPs over a run. In the paper a frame has one QP for all bodies, here one per island: its "QPs solved"
+// are the frames in which any island had one.
 struct QpTotal {
   double seconds = 0;
   int frames_with_qp = 0;
@@ -117,7 +119,8 @@ RunTotal Run(const BenchScene& scene, Method method, Freezing freezing) {
   RunTotal total = RunAgain(scene, settings, &least);
   for (int repeat = 1; repeat < scene.repeats; ++repeat) {
     const RunTotal again = RunAgain(scene, settings, &least);
-    if (again.hash != total.hash) throw std::logic_error(std::string(scene.name) + ": two runs of the same scene differ");
+    if (again.hash != total.hash)
+      throw std::logic_error(std::string(scene.name) + ": two runs of the same scene differ");
     total = again;
   }
   return total;

@@ -1,5 +1,5 @@
-// stack, csstack, manystacks: towers of unit pieces on a floor, at rest at the start. They touch, unless a `drop` is given:
-// then each piece starts that far above what is below it, and the tower builds itself as they fall.
+// stack, csstack, manystacks: towers of unit pieces on a floor, at rest at the start. They touch, unless a `drop` is
+// given: then each piece starts that far above what is below it, and the tower builds itself as they fall.
 #include <cmath>
 
 #include "scenes/families.h"
