@@ -1,5 +1,5 @@
 // How exact an answer is: residuals computed from the problem and the answer alone. Shares no code with the solver that
-// is judged, except the definition of the problem.                                                    [design Sec. 7]
+// is judged, except the definition of the problem. What each number proves: engine/README.md.
 //   threads: pure functions
 #pragma once
 

@@ -169,7 +169,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
-  // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still rub: design Sec. 3.)
+  // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still push: they want u_n = mu |u_t|.)
   if (fastest == 0 && settings.model == Model::kCoulomb) return outcome;
   const double v_ref = std::max({rest_speed, fastest, 1e-12});
   Solve(settings, v_ref, &outcome);

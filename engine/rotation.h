@@ -2,7 +2,7 @@
 //
 // Implicit midpoint rule on the body-frame Euler equations with the Cayley map: keeps |L| and the kinetic energy exactly
 // (to rounding), for any inertia and any step; a step of more than half a radian is divided. A constant angular velocity
-// turns by 2 atan(|w| dt / 2) in each part.                                                              [Aus93, SW93]
+// turns by 2 atan(|w| dt / 2) in each part.                                                              [Aus93, SW91]
 //   threads: pure functions
 #pragma once
 

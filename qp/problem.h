@@ -5,7 +5,7 @@
 //             body -1 is immovable (a wall, a frozen body), its own motion is in `drift`
 //
 // Sought: v and impulses j with M (v - v0) = J^T j and the law of qp::Model between j and u - target n.
-// Units are the caller's; the solver works in units of its own.                                     [design Sec. 1, 3]
+// Units are the caller's; the solver works in units of its own. The laws: qp/README.md.
 #pragma once
 
 #include <vector>

@@ -1,6 +1,5 @@
 // balance: a sphere on top of a fixed sphere, a little off the vertical. Unstable: it has to roll off, however slow it
-// is at first (freezing that only looks at speed holds it there for good).                             [SM04 Sec. 5.2,
-// Fig. 4]
+// is at first (freezing that only looks at speed holds it there for good).                      [SM04 Sec. 5.2, Fig. 4]
 #include <cmath>
 #include <stdexcept>
 #include <string>

@@ -1,10 +1,11 @@
-// cubeglass, cubeglass7, sphereglass: pieces fall through a square funnel.                         [SM04 Sec. 6, Fig.
-// 7]
+// cubeglass, cubeglass7, sphereglass: pieces fall through a square funnel.                               [SM04 Sec. 6]
 //
 //      |   .  .   |      shaft |x|, |y| <= half_width, floor at z = -14, walls to z = 60 or above the highest piece
-//      |\  .  .  /|      inner faces of four planks, from the edge of the orifice at z = 0 up to the walls, at 60
-//      degrees | \      / | |  \    /  |  z = 0, orifice |x|, |y| <= half_orifice |          |
-//      |__________|  z = -14
+//      |\  .  .  /|      inner faces of four planks, at 60 degrees from the edge of the orifice at z = 0 up to the walls
+//      | \      / |
+//      |  \    /  |      z = 0, orifice |x|, |y| <= half_orifice
+//      |          |
+//      |__________|      z = -14
 //
 // The count adds or removes layers of pieces; the glass stays as it is (only its walls grow above 30 layers).
 #include <algorithm>

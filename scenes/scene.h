@@ -1,8 +1,7 @@
 // The scenes: named worlds with a stated expected behaviour, used by the program `islet`, by tests and by benchmarks.
 //
 //   in:  a scene's name, parameters (count, seed, coefficients), engine settings     out: a World ready to step
-//   defaults: unit cubes and spheres of diameter 1, mass 1 kg, friction 0.5, restitution 0.2, gravity 9.81 m/s^2 down
-//   z;
+//   defaults: unit cubes and spheres of diameter 1, mass 1 kg, friction 0.5, restitution 0.2, gravity 9.81 m/s^2 along -z;
 //             a scene that differs says so in its file
 //   errors: std::invalid_argument that names the parameter and its value, also if bodies overlap at the start
 //   threads: building is a pure function of its arguments

@@ -1,4 +1,4 @@
-// The same bits on any number of threads.                                                            [design Sec. 9]
+// The same bits on any number of threads.
 #include <algorithm>
 #include <numeric>
 #include <random>
