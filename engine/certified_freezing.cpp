@@ -60,8 +60,7 @@ void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
   add(b, loads_[contact.body_b], 1);
 }
 
-void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced) {
-  unbalanced->clear();
+void CertifiedFreezing::SumLoads(const SuiteFrame& frame) {
   loads_.resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
@@ -75,12 +74,28 @@ void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>
     load.slips = false;
   }
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) AddContact(frame, c);
+}
+
+double CertifiedFreezing::Imbalance(const Body& body, const Load& load) const {
+  const double sum = load.linear.norm() + load.angular.norm() / body.radius;
+  return load.size > 0 ? sum / load.size : sum;
+}
+
+void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced) {
+  SumLoads(frame);
+  unbalanced->clear();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
-    const Body& body = frame.bodies[i];
-    if (!body.frozen) continue;
-    const double imbalance = loads_[i].linear.norm() + loads_[i].angular.norm() / body.radius;
-    if (loads_[i].slips || imbalance > kBalanceTolerance * loads_[i].size) unbalanced->push_back(static_cast<int>(i));
+    if (!frame.bodies[i].frozen) continue;
+    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > kBalanceTolerance) unbalanced->push_back(static_cast<int>(i));
   }
+}
+
+double CertifiedFreezing::WorstImbalance(const SuiteFrame& frame) {
+  SumLoads(frame);
+  double worst = 0;
+  for (size_t i = 0; i < frame.bodies.size(); ++i)
+    if (frame.bodies[i].frozen) worst = std::max(worst, Imbalance(frame.bodies[i], loads_[i]));
+  return worst;
 }
 
 Twist CertifiedFreezing::LoadedVelocity(const SuiteFrame& frame, int number) const {

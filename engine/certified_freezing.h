@@ -26,6 +26,9 @@ class CertifiedFreezing {
   // Frozen bodies whose balance is broken, ascending.
   void FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced);
 
+  // Over the frozen bodies: sum of all impulses over the sum of their magnitudes, the largest.
+  double WorstImbalance(const SuiteFrame& frame);
+
   // The velocity [m/s, rad/s] a frozen body would start its static problem with: momentum left by bounces, gravity, external
   // force and the impulses of its contacts with bodies that move. Valid after FindUnbalanced.
   Twist LoadedVelocity(const SuiteFrame& frame, int body) const;
@@ -34,6 +37,9 @@ class CertifiedFreezing {
   double WakeSpeed(const SuiteFrame& frame, const Body& body, const Settings& settings) const;
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
   double StillSpeed(const Body& body, const Settings& settings) const;
+
+  // The body has to stand still anew before it may freeze.
+  void Disturb(int body) { still_seconds_[body] = 0; }
 
   // End of a frame: freezes what may freeze, sets its velocity to zero.
   void Freeze(const SuiteFrame& frame, const Settings& settings);
@@ -45,7 +51,9 @@ class CertifiedFreezing {
     double size;                        // [N s] sum of magnitudes: what "zero" is relative to
     bool slips;                         // a stored impulse lies outside its friction cone
   };
+  void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
+  double Imbalance(const Body& body, const Load& load) const;
 
   std::vector<Vector3> reference_position_;
   std::vector<Quaternion> reference_rotation_;

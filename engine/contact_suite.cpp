@@ -19,8 +19,8 @@
 namespace islet {
 namespace {
 
-constexpr int kWakeRounds = 1;        // re-solves of islands into which frozen bodies woke, per frame: what wakes after that moves a frame later
-constexpr int kLocalPasses = 3;       // after that all joined frozen bodies are balanced together
+constexpr int kWakeRounds = 2;        // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
+constexpr size_t kLocalCandidates = 200;  // larger sets of frozen bodies are balanced together with all joined to them
 constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
 
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -62,6 +62,7 @@ void Include(const ResponseOutcome& outcome, QpSummary* summary) {
   ++summary->solved;
   summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
   summary->inaccurate += outcome.status == QpStatus::kInaccurate;
+  summary->coulomb_capped += outcome.coulomb_capped;
   summary->iterations += outcome.iterations;
   summary->iterations_max = std::max(summary->iterations_max, outcome.iterations);
   summary->rounds_max = std::max(summary->rounds_max, outcome.rounds);
@@ -102,6 +103,7 @@ struct ContactSuite::Impl {
   std::vector<Outcome> outcomes;                          // per island
   std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
   std::vector<std::uint8_t> chosen;                       // per island
+  bool moves_for_sure = false;                            // a candidate got more than a trembling speed
   std::vector<std::uint8_t> was_frozen;                   // per body, at the start of the frame
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
@@ -116,7 +118,7 @@ struct ContactSuite::Impl {
   void WakeByBounce();
   void ResolveIsland(int island, Worker* worker);
   void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
-  bool CheckFrozen(StepReport* report);
+  bool CheckFrozen(bool all, StepReport* report);
   void AddJoinedFrozen();
   void BalanceCandidates(StepReport* report);
   void ReportIslands(StepReport* report) const;
@@ -153,9 +155,12 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   s.WakeByBounce();
   timer.Lap(&report->seconds.pq);
   s.ResolveIslands(false, report, &timer);                // steps 2 and 3
-  for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(report); ++round) {
+  for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(round > 0, report); ++round) {
     timer.Lap(&report->seconds.freeze);
-    if (round == kWakeRounds) break;                      // what woke last starts to move in the next frame
+    if (round == kWakeRounds) {
+      for (const int i : s.woken) s.certified.Disturb(i);
+      break;
+    }
     s.ResolveIslands(true, report, &timer);
   }
   s.Freeze(report);                                       // step 4
@@ -337,20 +342,32 @@ void ContactSuite::Impl::ReportIslands(StepReport* report) const {
   }
 }
 
-// Certified freezing: are the frozen bodies still held? Solving the unbalanced ones again may disturb their neighbours, so
-// the set grows until nothing is disturbed: first by those alone, then by all that are joined to them. True if bodies woke.
-bool ContactSuite::Impl::CheckFrozen(StepReport* report) {
-  woken.clear();
+// Certified freezing: are the frozen bodies still held? Holding the unbalanced ones again may disturb their neighbours, so
+// the set grows until nothing is disturbed: first by those alone, then by all that are joined to them, and only what that
+// cannot hold either is suspected to move. `all`: whatever is joined to a suspect is suspected too. True if any is.
+bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
   candidates.clear();
-  for (int pass = 0; woken.empty(); ++pass) {
+  woken.clear();
+  bool joined = false;
+  while (true) {
     certified.FindUnbalanced(frame, &unbalanced);
     const size_t before = candidates.size();
     candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
     std::sort(candidates.begin(), candidates.end());
     candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
-    if (candidates.size() == before) return false;
-    if (pass >= kLocalPasses) AddJoinedFrozen();
+    if (candidates.size() == before && woken.empty()) return false;
+    if (joined) break;
+    joined = candidates.size() == before || candidates.size() > kLocalCandidates;
+    if (joined) AddJoinedFrozen();
+    woken.clear();
     BalanceCandidates(report);
+    if (moves_for_sure) break;
+  }
+  if (woken.empty()) return false;
+  if (all) {
+    candidates = woken;
+    AddJoinedFrozen();
+    woken = candidates;
   }
   // Suspects only: with its neighbours as walls a body can be squeezed in ways that the joint problem would not. They join
   // the bodies that move, and freeze again at the end of the frame if the joint problem leaves them at rest.
@@ -394,19 +411,15 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
     outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.rest_speed, 0.1 * limit,
                                                                 frame.dt, frame.bodies, frame.holding);
   });
-  chosen.assign(partition.num_islands(), 0);              // islands whose answer does not stand: a body woke
+  moves_for_sure = false;
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
-    if (FastestPoint(TwistOf(body), body.radius) > certified.WakeSpeed(frame, body, settings)) {
-      woken.push_back(i);
-      chosen[partition.body_to_island[i]] = 1;
-    }
+    const double speed = FastestPoint(TwistOf(body), body.radius);
+    if (speed > certified.WakeSpeed(frame, body, settings)) woken.push_back(i);
+    moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
-  for (int island = 0; island < partition.num_islands(); ++island) {
-    Include(outcomes[island].resting, &report->static_qp);
-    if (!chosen[island]) report->certificate.Include(outcomes[island].resting.certificate);
-  }
+  for (const Outcome& outcome : outcomes) Include(outcome.resting, &report->static_qp);
 }
 
 void ContactSuite::Impl::Freeze(StepReport* report) {
@@ -483,6 +496,7 @@ void ContactSuite::Impl::Finish(StepReport* report) {
     (body.frozen ? report->frozen : report->awake) += 1;
     report->kinetic_energy += body.KineticEnergy();
   }
+  if (settings.freezing == Freezing::kCertified && report->frozen > 0) report->frozen_imbalance = certified.WorstImbalance(frame);
 }
 
 }  // namespace islet

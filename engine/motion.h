@@ -70,6 +70,8 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   std::vector<Displacement> planned_;              // of this pass
+  std::vector<double> allowed_lift_;               // [m] per body
+  std::vector<Vector3> free_turns_;                // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
   std::vector<std::uint8_t> cut_, wanted_;
   std::vector<std::pair<int, int>> pairs_;

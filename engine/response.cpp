@@ -11,7 +11,6 @@ constexpr int kLoweringAttempts = 3;       // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;       // of the largest multiplier times bounce: contacts above it lose their bounce
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;       // of the rest limit: sweeps stop when impulses change less
-constexpr double kEnergySlack = 1e-9;      // relative; rounding of the energies
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
 
 class Stopwatch {
@@ -99,10 +98,11 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
     solver_.Solve(problem_, solver_settings, &solution_);
     outcome->iterations += solution_.iterations;
     outcome->rounds = std::max(outcome->rounds, solution_.rounds);
+    outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
   };
   const auto good = [&] {
     return Usable(solution_.status) &&
-           (may_gain || KineticEnergy(problem_, &solution_.velocities) <= energy_before * (1 + kEnergySlack));
+           (may_gain || KineticEnergy(problem_, &solution_.velocities) <= energy_before * (1 + settings.tolerance));
   };
   solve();
   for (int attempt = 0; !good() && LowerRestitution(attempt); ++attempt) {

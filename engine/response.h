@@ -30,6 +30,7 @@ struct ResponseOutcome {
   QpStatus status = QpStatus::kNone;
   int iterations = 0;
   int rounds = 0;
+  bool coulomb_capped = false;    // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
   double seconds = 0;             // [s] wall
   Certificate certificate;

@@ -34,6 +34,7 @@ struct QpSummary {               // over the islands of one step
   int solved = 0;                // problems handed to the solver
   int failed = 0;                // of these, kInfeasible or kFailed
   int inaccurate = 0;
+  int coulomb_capped = 0;        // solved, but the exact Coulomb law not to the tolerance within the cap on rounds
   int iterations = 0;            // interior-point iterations, sum
   int iterations_max = 0;        // in one problem
   int rounds_max = 0;            // re-solves for exact Coulomb in one problem
@@ -66,6 +67,9 @@ struct StepReport {
   int newly_frozen = 0;
   int awake = 0;
   int frozen = 0;
+  // Certified freezing: worst sum of all impulses on a frozen body, over the sum of their magnitudes; below 1e-3, or the body
+  // would not be frozen.
+  double frozen_imbalance = 0;
   int restitution_lowered = 0;   // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;
   StageSeconds seconds;

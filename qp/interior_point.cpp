@@ -15,7 +15,7 @@ Velocity At(std::vector<double>& values, int first) { return Velocity(&values[fi
 ConstVelocity At(const std::vector<double>& values, int first) { return ConstVelocity(&values[first]); }
 
 constexpr double kStepShare = 0.995;      // of the way to the boundary
-constexpr double kResidualShare = 10;     // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
 constexpr int kMaxRefinements = 1;
 constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
@@ -310,6 +310,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   double best_merit = INFINITY;
   Residuals best{INFINITY, INFINITY, INFINITY};
   int stalled = 0;
+  const double aim = settings.aim > 0 ? std::min(settings.aim, settings.tolerance) : settings.tolerance;
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
     const double gap = now.gap / energy_scale_;
@@ -325,7 +326,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_, best_merit = merit;
       break;
     }
-    if (merit <= settings.tolerance || solution->iterations >= settings.max_iterations || stalled >= 15) break;
+    const int patience = best_merit <= settings.tolerance ? 3 : 15;
+    if (merit <= aim || solution->iterations >= settings.max_iterations || stalled >= patience) break;
     if (!UpdateScalings() || !FactoriseNewton()) break;
     const double mu = now.gap / degree_;
 

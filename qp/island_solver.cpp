@@ -7,6 +7,8 @@
 namespace islet::qp {
 namespace {
 
+constexpr double kAcceptShare = 0.3;      // of the tolerance: what sweeps must reach to be taken as the answer
+constexpr double kSmallAim = 1e-12;       // of the gap, where iterations cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // between two interior-point solves
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
@@ -65,6 +67,7 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution) {
   solution->iterations = solution->rounds = 0;
   solution->gap = 0;
+  solution->coulomb_reached = true;
   solution->status = Status::kSolved;
   solution->multipliers.clear();
   solution->bounce_multipliers.clear();
@@ -104,25 +107,33 @@ double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
   return change;
 }
 
-// The sweeps meet the exact law by themselves: their answer, with its own slips, and velocities without the rounding of
-// thousands of increments.
-void IslandSolver::AcceptSweeps(const Problem& problem, double velocity_scale, Solution* solution) {
-  solution->impulses = swept_impulses_;
-  CopyFreeVelocities(problem, &solution->velocities);
+// Takes the answer of the sweeps if it meets the exact law by itself: with its own slips, and with velocities without the
+// rounding of thousands of increments.
+bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution) {
+  const double scale = settings.velocity_scale, goal = kAcceptShare * settings.coulomb_tolerance;
+  if (CoulombMap(problem, swept_velocities_, swept_impulses_).max > goal * scale) return false;
+  CopyFreeVelocities(problem, &swept_velocities_);
   for (int c = 0; c < problem.num_contacts(); ++c)
-    ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
   double gap = 0, energy = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
-    const Vector3& j = solution->impulses[c];
-    Vector3 u = ContactVelocity(contact, solution->velocities.data()) + contact.compliance * j;
-    solution->slips[c] = Slip(u, contact.friction, Cone::kCircular);
-    u[0] += solution->slips[c] - contact.target;
+    const Vector3& j = swept_impulses_[c];
+    Vector3 u = ContactVelocity(contact, swept_velocities_.data()) + contact.compliance * j;
+    u[0] += Slip(u, contact.friction, Cone::kCircular) - contact.target;
     gap += std::abs(j.dot(u));
   }
-  for (const BodyTerm& body : problem.bodies) energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + velocity_scale * velocity_scale);
+  for (const BodyTerm& body : problem.bodies) energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
+  if (gap > goal * energy) return false;
+  solution->impulses = swept_impulses_;
+  solution->velocities = swept_velocities_;
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const Vector3 u = ContactVelocity(problem.contacts[c], swept_velocities_.data());
+    solution->slips[c] = Slip(u, problem.contacts[c].friction, Cone::kCircular);
+  }
   solution->gap = gap / energy;
   solution->status = Status::kSolved;
+  return true;
 }
 
 // With bounces the problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a
@@ -135,41 +146,52 @@ void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
 }
 
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
-// need not be accurate: they only place the sweeps, which find the slips of the next.
+// need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
+// were solved to the tolerance is returned.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
-  Settings inner = settings;
-  int iterations = 0;
   if (circular) gauss_seidel_.Prepare(problem);
   const bool small = problem.num_bodies() <= kSmallIsland;  // accuracy costs next to nothing, and sweeps alone often do
-  if (circular && (small || AnyBounces(problem))) {
+  const bool bounces = AnyBounces(problem);
+  if (circular && (small || bounces)) {
     FindFirstSlips(problem, goal);
-    if (CoulombMap(problem, swept_velocities_, swept_impulses_).max <= goal) return AcceptSweeps(problem, settings.velocity_scale, solution);
+    if (AcceptSweeps(problem, settings, solution)) return;
+    if (!bounces) slips_.assign(problem.contacts.size(), 0.0);
   }
-  bool last = small;
+  Settings inner = settings;
+  if (small) inner.aim = kSmallAim;
+  double best = INFINITY;
+  int iterations = 0;
+  bool accurate = small;
   for (int round = 1;; ++round) {
-    last = last || round >= settings.coulomb_rounds;
-    inner.tolerance = last ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
-    interior_point_.Solve(problem, inner, slips_, solution);
-    solution->slips = slips_;
-    iterations += solution->iterations;
-    solution->iterations = iterations;
-    solution->rounds = round;
-    if (solution->status == Status::kFailed || solution->status == Status::kInfeasible) return;
-    const double map = CoulombMap(problem, solution->velocities, solution->impulses).rms;
-    if ((circular && last && map <= goal) || round >= settings.coulomb_rounds) return;
-
-    swept_impulses_ = solution->impulses;
-    swept_velocities_ = solution->velocities;
+    accurate = accurate || round >= settings.coulomb_rounds;
+    inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
+    interior_point_.Solve(problem, inner, slips_, &trial_);
+    trial_.slips = slips_;
+    trial_.iterations = iterations += trial_.iterations;
+    trial_.rounds = round;
+    if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
+      if (!std::isfinite(best)) std::swap(*solution, trial_);
+      break;
+    }
+    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses).rms;
+    swept_impulses_ = trial_.impulses;
+    swept_velocities_ = trial_.velocities;
+    if (accurate && (map < best || !circular)) {
+      best = map;
+      std::swap(*solution, trial_);
+    }
+    if ((circular && best <= goal) || round >= settings.coulomb_rounds) break;
     if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     const double change = UpdateSlips(problem, settings.cone);
-    const double swept_map = circular ? CoulombMap(problem, swept_velocities_, swept_impulses_).max : change;
-    if (circular && swept_map <= goal) return AcceptSweeps(problem, settings.velocity_scale, solution);
-    last = small;
-    if (!circular && change <= goal) return;
+    if (circular && AcceptSweeps(problem, settings, solution)) break;
+    if (!circular && change <= goal) break;
+    accurate = small;
   }
+  solution->iterations = iterations;
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
 }
 
 }  // namespace islet::qp

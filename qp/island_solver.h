@@ -27,11 +27,12 @@ class IslandSolver {
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
 
   double UpdateSlips(const Problem& problem, Cone cone);
-  void AcceptSweeps(const Problem& problem, double velocity_scale, Solution* solution);
+  bool AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
   GaussSeidel gauss_seidel_;
+  Solution trial_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;
   std::vector<double> slips_;

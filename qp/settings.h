@@ -20,6 +20,7 @@ struct Settings {
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
   double tolerance = 1e-8;      // relative duality gap; dual violation over the velocity scale
+  double aim = 0;               // if below the tolerance: iterate on towards it while that makes progress
   int max_iterations = 100;     // of one interior-point solve
   int coulomb_rounds = 4;       // cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale

@@ -26,6 +26,7 @@ struct Solution {
   std::vector<double> multipliers;
   std::vector<double> bounce_multipliers;
   int iterations = 0;              // factorisations, all rounds together
+  bool coulomb_reached = true;     // kCoulomb: the natural map of the exact law is below its tolerance
   int rounds = 0;                  // interior-point solves for exact Coulomb
   double gap = 0;                  // relative duality gap reached
 };
