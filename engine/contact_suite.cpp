@@ -180,7 +180,8 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
     if (!contacts[c].touches) continue;
     fastest = std::max(fastest, -NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]));
   }
-  frame.threshold = 10 * settings.tolerance * std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
+  frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
+  frame.threshold = 10 * settings.tolerance * frame.speed_floor;
   frame.contacts = {contacts, frame.frames};
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding}) impulses->assign(contacts.size(), Vector3::Zero());
   if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
@@ -278,7 +279,7 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   const IslandView view = View(island);
   for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
   Outcome& outcome = outcomes[island];
-  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.rest_speed, frame.threshold,
+  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor, frame.threshold,
                                                           frame.bodies, frame.collisions);
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
@@ -286,7 +287,7 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
     body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
     if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.rest_speed, frame.dt, frame.bodies,
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt, frame.bodies,
                                                       frame.holding);
 }
 
@@ -408,7 +409,7 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
     const IslandView view = View(island);
     double limit = INFINITY;
     for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, frame.bodies[i], settings));
-    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.rest_speed, 0.1 * limit,
+    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor, 0.1 * limit,
                                                                 frame.dt, frame.bodies, frame.holding);
   });
   moves_for_sure = false;
@@ -423,7 +424,14 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
 }
 
 void ContactSuite::Impl::Freeze(StepReport* report) {
-  if (settings.freezing == Freezing::kCertified) certified.Freeze(frame, settings);
+  if (settings.freezing == Freezing::kCertified) {
+    certified.Freeze(frame, settings);
+    certified.FindUnbalanced(frame, &unbalanced);         // by what the last round changed
+    for (const int i : unbalanced) {
+      frame.bodies[i].frozen = false;
+      certified.Disturb(i);
+    }
+  }
   if (settings.freezing == Freezing::kPaper) FreezeLikePaper();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];

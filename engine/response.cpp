@@ -129,7 +129,7 @@ void IslandResponder::Finish(const IslandView& island, const Settings& settings,
 }
 
 ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, const ContactFrames& contacts,
-                                                   const Settings& settings, double rest_speed, double threshold,
+                                                   const Settings& settings, double speed_floor, double threshold,
                                                    std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
   for (const int contact : island.contacts) impulses[contact].setZero();
@@ -144,7 +144,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (contacts.contacts[contact].touches) touching_.push_back(contact);
   const IslandView touching{island.bodies, touching_};
   gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
-  const double v_ref = std::max(rest_speed, ApproachVelocities(problem_, &free_));
+  const double v_ref = std::max(speed_floor, ApproachVelocities(problem_, &free_));
   for (size_t c = 0; c < touching.contacts.size(); ++c) {
     if (free_[c] < -threshold) problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
@@ -155,7 +155,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
 }
 
 ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const ContactFrames& contacts,
-                                               const Settings& settings, double rest_speed, double dt,
+                                               const Settings& settings, double speed_floor, double dt,
                                                std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
   for (const int contact : island.contacts) impulses[contact].setZero();
@@ -170,8 +170,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still push: they want u_n = mu |u_t|.)
-  if (fastest == 0 && settings.model == Model::kCoulomb) return outcome;
-  const double v_ref = std::max({rest_speed, fastest, 1e-12});
+  const double v_ref = std::max(speed_floor, fastest);
+  if (fastest <= 1e-12 * v_ref && settings.model == Model::kCoulomb) return outcome;
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
@@ -179,9 +179,9 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
 }
 
 ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const ContactFrames& contacts,
-                                                const Settings& settings, double rest_speed, double rest_limit, double dt,
+                                                const Settings& settings, double speed_floor, double rest_limit, double dt,
                                                 std::span<Body> bodies, std::span<Vector3> impulses) {
-  const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, rest_speed, dt, bodies, impulses); };
+  const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses); };
   if (island.contacts.empty() || settings.cone != Cone::kCircular) return solve_anew();
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
@@ -205,7 +205,7 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
   ResponseOutcome outcome;
   outcome.status = QpStatus::kSolved;
   outcome.seconds = watch.seconds();
-  Finish(island, settings, std::max(rest_speed, 1e-12), bodies, impulses, &outcome);
+  Finish(island, settings, speed_floor, bodies, impulses, &outcome);
   return outcome;
 }
 

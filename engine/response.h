@@ -38,16 +38,16 @@ struct ResponseOutcome {
 
 class IslandResponder {
  public:
-  // rest_speed: [m/s] |g| dt; threshold: [m/s] contacts that approach slower do not collide.
+  // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten.
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                    double rest_speed, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
+                                    double speed_floor, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                double rest_speed, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
+                                double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
   // Bodies that should stay at rest under a load that changed a little: adapts the given impulses as locally as it can, and
   // only where that does not bring every point below rest_limit [m/s] solves the static problem anew.
   ResponseOutcome ResolveHolding(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                 double rest_speed, double rest_limit, double dt, std::span<Body> bodies,
+                                 double speed_floor, double rest_limit, double dt, std::span<Body> bodies,
                                  std::span<Vector3> impulses);
 
  private:

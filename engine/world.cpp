@@ -256,7 +256,7 @@ bool World::Impl::IsSupported(int body, double dt) const {
   const Body& b = bodies[body];
   if (!b.Moves()) return true;
   const std::span<const double> support = suite.support();
-  return static_cast<size_t>(body) < support.size() && support[body] >= 0.5 * b.mass * settings.gravity.norm() * dt && support[body] > 0;
+  return static_cast<size_t>(body) < support.size() && support[body] >= 0.1 * b.mass * settings.gravity.norm() * dt && support[body] > 0;
 }
 
 // What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left

@@ -16,6 +16,7 @@ ConstVelocity At(const std::vector<double>& values, int first) { return ConstVel
 
 constexpr double kStepShare = 0.995;      // of the way to the boundary
 constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kLeastShare = 0.1;         // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
 constexpr int kMaxRefinements = 1;
 constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
@@ -336,19 +337,24 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     ComputeDirection(1, false);
     const double affine = LongestStep(1);
     const double sigma = std::pow(1 - affine, 3);
+    // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
+    // and what is left of the residuals could no longer be removed.
+    const double least = kLeastShare * aim * energy_scale_ / degree_;
+    const double goal = std::max(sigma * mu, least);
+    const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     double unit[kMaxRows], product[kMaxRows];
     for (const Rows& rows : rows_) {
       const int d = NumRows(rows.cone.kind);
       JordanProduct(rows.cone.kind, &ds_[rows.first], &dz_[rows.first], product);
       Identity(rows.cone.kind, unit);
-      for (int i = 0; i < d; ++i) product[i] = sigma * mu * unit[i] - product[i];
+      for (int i = 0; i < d; ++i) product[i] = goal * unit[i] - product[i];
       JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
       for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
     }
-    ComputeDirection(1 - sigma, refine_);
+    ComputeDirection(weight, refine_);
     double step = std::min(1.0, kStepShare * LongestStep(2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
-      if (!ImproveCentrality(sigma, mu, &step)) break;
+      if (!ImproveCentrality(weight, std::max(goal, 1e-3 * mu), &step)) break;
     }
     if (step < 1e-10) break;
     Advance(step);
@@ -382,10 +388,9 @@ double InteriorPoint::LeastEnergy() {
 
 // One centrality corrector: look where a longer step would lead, pull the products that leave the band back into it,
 // and keep the new direction if it can be followed farther.                                                     [Gon96]
-bool InteriorPoint::ImproveCentrality(double sigma, double mu, double* step) {
+bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
   saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
-  const double aim = std::max(sigma, 1e-3) * mu;
   double a[kMaxRows], b[kMaxRows];
   for (const Rows& rows : rows_) {
     const int d = NumRows(rows.cone.kind);
@@ -398,7 +403,7 @@ bool InteriorPoint::ImproveCentrality(double sigma, double mu, double* step) {
     JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
     for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
   }
-  ComputeDirection(1 - sigma, refine_);
+  ComputeDirection(weight, refine_);
   const double longer = std::min(1.0, kStepShare * LongestStep(2));
   if (longer >= *step + kCorrectorGain * (reach - *step)) {
     *step = longer;

@@ -52,7 +52,7 @@ class InteriorPoint {
   void DirectionError(double weight);
   Matrix3 Softening(size_t r);
   double LongestStep(double limit) const;
-  bool ImproveCentrality(double sigma, double mu, double* step);
+  bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
   void Extract(const Problem& problem, double velocity_scale, Solution* solution);

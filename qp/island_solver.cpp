@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kAcceptShare = 0.3;      // of the tolerance: what sweeps must reach to be taken as the answer
 constexpr double kSmallAim = 1e-12;       // of the gap, where iterations cost microseconds
+constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // between two interior-point solves
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
@@ -80,7 +81,9 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   } else if (settings.model == Model::kCoulomb) {
     SolveCoulomb(problem, settings, solution);
   } else {
-    interior_point_.Solve(problem, settings, {}, solution);
+    Settings inner = settings;
+    if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
+    interior_point_.Solve(problem, inner, {}, solution);
   }
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
@@ -147,43 +150,42 @@ void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
 
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
 // need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
-// were solved to the tolerance is returned.
+// were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
+// one answer of the convex problem, whatever the order of its contacts.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
   if (circular) gauss_seidel_.Prepare(problem);
-  const bool small = problem.num_bodies() <= kSmallIsland;  // accuracy costs next to nothing, and sweeps alone often do
-  const bool bounces = AnyBounces(problem);
-  if (circular && (small || bounces)) {
-    FindFirstSlips(problem, goal);
-    if (AcceptSweeps(problem, settings, solution)) return;
-    if (!bounces) slips_.assign(problem.contacts.size(), 0.0);
-  }
+  const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY;
   int iterations = 0;
   bool accurate = small;
+  const int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1);
   for (int round = 1;; ++round) {
-    accurate = accurate || round >= settings.coulomb_rounds;
+    accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
     interior_point_.Solve(problem, inner, slips_, &trial_);
     trial_.slips = slips_;
     trial_.iterations = iterations += trial_.iterations;
     trial_.rounds = round;
     if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
-      if (!std::isfinite(best)) std::swap(*solution, trial_);
-      break;
+      if (!std::isfinite(best)) *solution = trial_;
+      if (round > 1 || !circular || !AnyBounces(problem)) break;
+      FindFirstSlips(problem, goal);
+      if (AcceptSweeps(problem, settings, solution)) break;
+      continue;
     }
     const double map = CoulombMap(problem, trial_.velocities, trial_.impulses).rms;
     swept_impulses_ = trial_.impulses;
     swept_velocities_ = trial_.velocities;
     if (accurate && (map < best || !circular)) {
       best = map;
-      std::swap(*solution, trial_);
+      *solution = trial_;
     }
-    if ((circular && best <= goal) || round >= settings.coulomb_rounds) break;
+    if ((circular && best <= goal) || round >= cap) break;
     if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     const double change = UpdateSlips(problem, settings.cone);
     if (circular && AcceptSweeps(problem, settings, solution)) break;
