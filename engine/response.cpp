@@ -101,7 +101,9 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
     outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
   };
   const auto good = [&] {
-    return Usable(solution_.status) &&
+    // On the brink of a jam the solver stalls: less bounce is better than a bad answer.
+    const bool accepted = solution_.status == qp::Status::kSolved || (!bounces && Usable(solution_.status));
+    return accepted &&
            (may_gain || KineticEnergy(problem_, &solution_.velocities) <= energy_before * (1 + settings.tolerance));
   };
   solve();
@@ -169,9 +171,11 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
-  // Nothing approaches: no impulse is the exact Coulomb answer. (The convex models would still push: they want u_n = mu |u_t|.)
+  // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)
   const double v_ref = std::max(speed_floor, fastest);
-  if (fastest <= 1e-12 * v_ref && settings.model == Model::kCoulomb) return outcome;
+  const bool rubs = settings.model != Model::kCoulomb &&
+                    std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.friction > 0; });
+  if (fastest <= 1e-12 * v_ref && !rubs) return outcome;
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);

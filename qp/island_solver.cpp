@@ -8,7 +8,7 @@ namespace islet::qp {
 namespace {
 
 constexpr double kAcceptShare = 0.3;      // of the tolerance: what sweeps must reach to be taken as the answer
-constexpr double kSmallAim = 1e-12;       // of the gap, where iterations cost microseconds
+constexpr double kSmallAim = 1e-15;       // of the gap, where iterations cost microseconds
 constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // between two interior-point solves
