@@ -25,7 +25,7 @@ double WallTime() { return std::chrono::duration<double>(std::chrono::steady_clo
 const Scene& RequireScene(const std::string& name) {
   if (const Scene* scene = FindScene(name)) return *scene;
   std::string names;
-  for (const Scene& scene : AllScenes()) names += " " + std::string(scene.name);
+  for (const Scene& scene : AllScenes()) names.append(" ").append(scene.name);
   throw std::invalid_argument(
       fmt::format("scene: there is no \"{}\"; did you mean {}? The scenes are{}", name, NearestScene(name), names));
 }
