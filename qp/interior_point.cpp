@@ -18,7 +18,7 @@ constexpr double kStepShare = 0.995;      // of the way to the boundary
 constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kLeastShare = 0.1;         // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
-constexpr int kMaxRefinements = 1;
+constexpr int kMaxRefinements = 4;
 constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
 constexpr double kCorrectorReach = 0.3;   // by how much a corrector tries to lengthen the step
 constexpr double kCorrectorGain = 0.1;    // what it must have gained of that to be kept
@@ -158,12 +158,10 @@ void InteriorPoint::ChooseStart() {
 
 InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
-  double mass = 0;
   for (int i = 0; i < scaled_.num_bodies(); ++i) {
     const BodyTerm& body = scaled_.bodies[i];
     const Vector6 momentum = MassTimes(body, At(y_, stride * i));
     const Vector6 free = MassTimes(body, body.velocity);
-    mass += body.mass;
     if (fields == 1) {
       At(dual_, stride * i) = momentum - free;
     } else {
@@ -184,13 +182,22 @@ InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
       residuals.gap += s_[rows.first + i] * z_[rows.first + i];
     }
   }
-  for (int i = 0; i < scaled_.num_bodies(); ++i)
-    for (int f = 0; f < fields; ++f) {
-      const Vector6 r = At(dual_, stride * i + 6 * f);
-      residuals.dual += r.dot(InverseMassTimes(scaled_.bodies[i], r));
-    }
-  residuals.dual = std::sqrt(residuals.dual / mass);
+  residuals.dual = MassNorm(dual_);
   return residuals;
+}
+
+// [velocity] of a momentum residual: root mean square in the mass metric.
+double InteriorPoint::MassNorm(const std::vector<double>& momentum) const {
+  const int fields = kkt_.num_fields(), stride = 6 * fields;
+  double sum = 0, mass = 0;
+  for (int i = 0; i < scaled_.num_bodies(); ++i) {
+    mass += scaled_.bodies[i].mass;
+    for (int f = 0; f < fields; ++f) {
+      const Vector6 r = At(momentum, stride * i + 6 * f);
+      sum += r.dot(InverseMassTimes(scaled_.bodies[i], r));
+    }
+  }
+  return std::sqrt(sum / mass);
 }
 
 bool InteriorPoint::UpdateScalings() {
@@ -235,8 +242,11 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
   }
   kkt_.Solve(dy_.data());
   CompleteDirection(weight);
+  double before = INFINITY;
   for (int i = 0; refine && i < kMaxRefinements; ++i) {
-    DirectionError(weight);
+    const double error = DirectionError(weight);
+    if (error <= refine_to_ || error > 0.5 * before) break;
+    before = error;
     kkt_.Solve(error_.data());
     for (size_t k = 0; k < dy_.size(); ++k) dy_[k] -= error_[k];
     CompleteDirection(weight);
@@ -266,7 +276,7 @@ void InteriorPoint::CompleteDirection(double weight) {
 
 // What the direction leaves of the momentum balance: Q dy - A^T dz + weight r. The scalings near the solution span sixteen
 // orders of magnitude, and the factorisation alone would stop near 1e-7.
-void InteriorPoint::DirectionError(double weight) {
+double InteriorPoint::DirectionError(double weight) {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
   error_.resize(dy_.size());
   for (int i = 0; i < scaled_.num_bodies(); ++i) {
@@ -283,6 +293,7 @@ void InteriorPoint::DirectionError(double weight) {
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], dz);
     AddForce(scaled_.contacts[rows.contact], stride, rows.field, -rows.sign, MapFromRows(rows.cone, dz), &error_);
   }
+  return MassNorm(error_);
 }
 
 double InteriorPoint::LongestStep(double limit) const {
@@ -334,6 +345,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
 
     for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];
     refine_ = gap < kRefineBelow;
+    refine_to_ = 0.1 * kResidualShare * aim;
     ComputeDirection(1, false);
     const double affine = LongestStep(1);
     const double sigma = std::pow(1 - affine, 3);

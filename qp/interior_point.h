@@ -49,7 +49,8 @@ class InteriorPoint {
   // Direction for the complementarity targets in target_ (scaled space), residuals weighted by `weight`.
   void ComputeDirection(double weight, bool refine);  // reads primal_, dual_ and the factors
   void CompleteDirection(double weight);
-  void DirectionError(double weight);
+  double DirectionError(double weight);
+  double MassNorm(const std::vector<double>& momentum) const;
   Matrix3 Softening(size_t r);
   double LongestStep(double limit) const;
   bool ImproveCentrality(double weight, double aim, double* step);
@@ -73,6 +74,7 @@ class InteriorPoint {
   std::vector<double> error_;                      // of the direction, in the momentum balance
   std::vector<Vector3> constants_;                 // per Rows: part of dj that dy does not change
   bool refine_ = false;
+  double refine_to_ = 0;                           // error of a direction that is small enough
   std::vector<Matrix3> blocks_;                    // D per contact
   std::vector<double> normal_blocks_;              // E per contact
 };

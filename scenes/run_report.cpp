@@ -47,6 +47,7 @@ void Accumulate(const QpSummary& frame, QpSummary* run) {
   run->failed += frame.failed;
   run->inaccurate += frame.inaccurate;
   run->iterations += frame.iterations;
+  run->coulomb_capped += frame.coulomb_capped;
   run->iterations_max = std::max(run->iterations_max, frame.iterations_max);
   run->rounds_max = std::max(run->rounds_max, frame.rounds_max);
   run->seconds += frame.seconds;
@@ -60,6 +61,7 @@ Json QpJson(const QpSummary& qp, double frames) {
           {"iterations_max", qp.iterations_max},
           {"failed", qp.failed},
           {"inaccurate", qp.inaccurate},
+          {"coulomb_capped", qp.coulomb_capped},
           {"rounds_max", qp.rounds_max},
           {"seconds_per_frame", qp.seconds / frames}};
 }
@@ -114,6 +116,7 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   woken_max_ = std::max(woken_max_, report.woken);
   motion_passes_max_ = std::max(motion_passes_max_, report.motion_passes);
   motion_failures_ += report.motion_failures;
+  frozen_imbalance_ = std::max(frozen_imbalance_, report.frozen_imbalance);
   restitution_lowered_ += report.restitution_lowered;
 
   const double energy = MechanicalEnergy(world, settings_.gravity);
@@ -182,6 +185,7 @@ std::string RunReport::Json() const {
   json["collision_qp"] = QpJson(collision_qp_, frames);
   json["static_qp"] = QpJson(static_qp_, frames);
   json["certificate"] = CertificateJson(certificate_);
+  json["frozen_imbalance"] = frozen_imbalance_;
   json["penetration"] = {{"max", penetration_.max},
                          {"mean_of_frame_max", penetration_.sum / frames},
                          {"max_over_smallest_size", penetration_.max / info_.smallest_size}};
