@@ -8,6 +8,8 @@
 namespace islet::qp {
 namespace {
 
+constexpr int kDenseNodes = 6;  // up to 36 unknowns, 72 with two fields
+
 struct Graph {
   std::vector<int> start, adjacency;
 };
@@ -161,6 +163,20 @@ void LinkSupernodes(Elimination* e) {
   }
 }
 
+// One dense front in the given order: for a handful of bodies the bookkeeping of sparsity costs more than it saves.
+Elimination DenseElimination(int n) {
+  Elimination e;
+  e.num_nodes = n;
+  e.order.resize(n);
+  std::iota(e.order.begin(), e.order.end(), 0);
+  e.position = e.order;
+  e.first = {0, n};
+  e.row_start = {0, 0};
+  e.supernode_of.assign(n, 0);
+  LinkSupernodes(&e);
+  return e;
+}
+
 }  // namespace
 
 int FrontRow(const Elimination& e, int supernode, int row) {
@@ -170,6 +186,7 @@ int FrontRow(const Elimination& e, int supernode, int row) {
 }
 
 Elimination AnalyseElimination(int num_nodes, std::span<const std::array<int, 2>> pairs) {
+  if (num_nodes > 0 && num_nodes <= kDenseNodes) return DenseElimination(num_nodes);
   Elimination e;
   e.num_nodes = num_nodes;
   const Graph graph = MakeGraph(num_nodes, pairs);

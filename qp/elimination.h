@@ -34,7 +34,7 @@ struct Elimination {
   int below(int s) const { return row_start[s + 1] - row_start[s]; }
 };
 
-// pairs: nodes joined by at least one contact; repeated pairs and both orders allowed.
+// pairs: nodes joined by at least one contact; repeated pairs and both orders allowed. Up to six nodes make one dense front.
 Elimination AnalyseElimination(int num_nodes, std::span<const std::array<int, 2>> pairs);
 
 // Row of the front of the supernode that owns position `column`, for position `row` >= column.

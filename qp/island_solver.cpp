@@ -45,6 +45,13 @@ bool AnyBounces(const Problem& problem) {
   return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.target > 0; });
 }
 
+// One contact: exact Coulomb on the circular cone, and without friction every model, is a formula.
+bool HasClosedForm(const Problem& problem, const Settings& settings) {
+  if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
+  if (problem.contacts[0].friction == 0) return settings.model != Model::kKinetic || problem.contacts[0].target <= 0;
+  return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
+}
+
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
@@ -74,8 +81,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->bounce_multipliers.clear();
   solution->slips.assign(problem.contacts.size(), 0.0);
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
-  if (problem.contacts.empty() || (problem.contacts.size() == 1 && settings.model == Model::kCoulomb &&
-                                   settings.cone == Cone::kCircular && problem.contacts[0].compliance == 0)) {
+  if (problem.contacts.empty() || HasClosedForm(problem, settings)) {
     CopyFreeVelocities(problem, &solution->velocities);
     if (!problem.contacts.empty()) SolveOneContact(problem, solution);
   } else if (settings.model == Model::kCoulomb) {
