@@ -109,6 +109,7 @@ struct World::Impl {
   bool StaysInReach(std::span<const Vector3> planned) const;
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
+  void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
   double dt_hint = 1.0 / 30;
@@ -251,6 +252,19 @@ void World::Impl::SelectTouching() {
   }
 }
 
+// Frozen bodies that a kinematic one reaches within the step wake before it arrives: the motion takes them for walls, and
+// nothing stops the other.
+void World::Impl::WakeBeforeMovers(double dt) {
+  for (const Contact& c : near_contacts) {
+    Body& a = bodies[c.body_a];
+    Body& b = bodies[c.body_b];
+    if (a.frozen == b.frozen || StandsStill(a.frozen ? b : a) || (a.frozen ? b : a).Moves()) continue;
+    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+    if (c.gap <= settings.touch_gap * size || c.gap > -NormalVelocity(c, a, b) * dt) continue;  // touching: the suite's task
+    (a.frozen ? a : b).frozen = false;
+  }
+}
+
 // A body that rests on something, for the moment.
 bool World::Impl::IsSupported(int body, double dt) const {
   const Body& b = bodies[body];
@@ -307,6 +321,7 @@ StepReport World::Step(double dt) {
   };
   w.dt_hint = dt;
   CheckInitialOverlap();                                                                  // detection, if anything changed
+  w.WakeBeforeMovers(dt);
   w.SelectResolved(dt);
   finish(&report.seconds.detect);
 

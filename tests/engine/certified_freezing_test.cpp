@@ -252,6 +252,24 @@ TEST(CertifiedFreezing, KinematicFloorThatTurnsTakesItsLoadAlong) {
   EXPECT_NEAR(world.body(1).angular_velocity_W.z(), 0.05, 1e-4);
 }
 
+// A wall that arrives from a distance within one step: not a contact yet, and the motion could not stop it.
+TEST(CertifiedFreezing, WakesBeforeAKinematicWallArrives) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  BodyDefinition wall = Cube({2, 0, 0.6});
+  wall.kind = BodyKind::kKinematic;
+  world.Add(wall);
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  world.SetVelocity(2, {-3.1, 0, 0}, Vector3::Zero());
+  for (int frame = 0; frame < 40; ++frame) {
+    world.Step(kDt);
+    const double distance = world.body(2).position_W.x() - world.body(1).position_W.x();
+    ASSERT_GE(distance, 1 - 2 * world.settings().overlap_tolerance) << frame;
+  }
+  EXPECT_LT(world.body(1).position_W.x(), -0.5);
+}
+
 // Friction lowered under a frozen body: the impulses still balance, but they have left the cone.
 TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
   const double incline = std::atan(0.4);
