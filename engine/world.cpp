@@ -18,6 +18,8 @@
 namespace islet {
 namespace {
 
+constexpr double kMostFriction = 1e6;  // the product of two must stay finite
+
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 [[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem) {
@@ -49,7 +51,7 @@ Body MakeBody(const BodyDefinition& d, const std::string& name) {
   RequireFinite(name, "angular velocity", d.angular_velocity_W);
   const double length = d.rotation_WB.norm();
   if (!(std::abs(length - 1) < 1e-6)) Reject(name, "rotation", "has length " + std::to_string(length) + ", not 1");
-  if (!(d.friction >= 0) || !std::isfinite(d.friction)) Reject(name, "friction", "= " + std::to_string(d.friction) + " must be >= 0");
+  if (!(d.friction >= 0 && d.friction <= kMostFriction)) Reject(name, "friction", "= " + std::to_string(d.friction) + " must lie in [0, 1e6]");
   if (!(d.restitution >= 0 && d.restitution <= 1)) Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
   if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic) Reject(name, "kind", "= dynamic: a half-space has no mass");
   Body body;

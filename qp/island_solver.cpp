@@ -41,6 +41,10 @@ void CopyFreeVelocities(const Problem& problem, std::vector<double>* velocities)
   for (const BodyTerm& body : problem.bodies) velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
+bool AnyFriction(const Problem& problem) {
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.friction > 0; });
+}
+
 bool AnyBounces(const Problem& problem) {
   return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.target > 0; });
 }
@@ -84,7 +88,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   if (problem.contacts.empty() || HasClosedForm(problem, settings)) {
     CopyFreeVelocities(problem, &solution->velocities);
     if (!problem.contacts.empty()) SolveOneContact(problem, solution);
-  } else if (settings.model == Model::kCoulomb) {
+  } else if (settings.model == Model::kCoulomb && AnyFriction(problem)) {
     SolveCoulomb(problem, settings, solution);
   } else {
     Settings inner = settings;

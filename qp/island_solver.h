@@ -1,7 +1,7 @@
 // Solves one island's problem by the cheapest way that is exact for its size and model:
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
-//   kinetic, convex       one interior-point solve
+//   kinetic, convex       one interior-point solve; coulomb too where no contact has friction
 //   coulomb               interior-point solves with lagged slip s = mu |u_t|, Gauss-Seidel sweeps between them, until
 //                         the natural map of exact Coulomb is below the tolerance or the cap on rounds is reached [DS91, ACLM11]
 //

@@ -43,7 +43,10 @@ int Run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
-    fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", error.what());
+    const std::string problem = argc > 1 && app.get_subcommands().empty()
+                                    ? fmt::format("the commands are scenes and run; got {}", argv[1])
+                                    : error.what();
+    fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);

@@ -61,16 +61,21 @@ int ParseBounceLimit(const std::string& text) {
   return value;
 }
 
-// The library would read a negative number as a huge one.
+// The library would read a negative number as a huge one, and one that is too large as the largest.
 std::string WholeNumber(const std::string& text) {
-  const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-  return digits ? "" : "must be a whole number >= 0; got " + text;
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool good = error == std::errc() && end == text.data() + text.size();
+  return good ? "" : "must be a whole number from 0 to 2^64 - 1; got " + text;
 }
+
+// An empty name is a variable that was not set, not a wish for no file.
+std::string FileName(const std::string& text) { return text.empty() ? "must be the name of a file; got \"\"" : ""; }
 
 void CheckNumbers(const RunOptions& o) {
   const SceneParameters& p = o.parameters;
   if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
-  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && std::isfinite(*p.friction), ">= 0");
+  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e6, "in [0, 1e6]");
   if (p.restitution) {
     RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
   }
@@ -151,9 +156,10 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--threads", o.threads, "N", "0: all cores (default)");
 
   const char* const kOutput = "Output";
-  add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr");
-  add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame");
-  add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene");
+  add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
+      ->check(FileName);
+  add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
+  add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
   add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
 }
 
