@@ -6,8 +6,7 @@
 #include <stdexcept>
 #include <tuple>
 
-#include <Eigen/Eigenvalues>
-
+#include "engine/body_definition.h"
 #include "engine/contact_suite.h"
 #include "engine/detection.h"
 #include "engine/motion.h"
@@ -18,63 +17,7 @@
 namespace islet {
 namespace {
 
-constexpr double kMostFriction = 1e6;  // the product of two must stay finite
-
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
-[[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem) {
-  throw std::invalid_argument(body + ": " + field + " " + problem);
-}
-
-void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
-  if (v.allFinite()) return;
-  Reject(body, field, "= (" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ") is not finite");
-}
-
-void RequirePositive(const std::string& body, const std::string& field, double value) {
-  if (!(value > 0) || !std::isfinite(value)) Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
-}
-
-// Also refuses moments that no mass distribution has: each at most the sum of the other two.
-void RequireInertia(const std::string& body, const Matrix3& inertia) {
-  const Eigen::SelfAdjointEigenSolver<Matrix3> solver(inertia);
-  const Vector3 moments = solver.eigenvalues();
-  if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9) || !(moments[0] > 0))
-    Reject(body, "inertia", "is not symmetric positive definite (smallest moment " + std::to_string(moments[0]) + ")");
-  if (moments[2] > (moments[0] + moments[1]) * (1 + 1e-9))
-    Reject(body, "inertia", "breaks the triangle inequality: largest moment " + std::to_string(moments[2]));
-}
-
-Body MakeBody(const BodyDefinition& d, const std::string& name) {
-  RequireFinite(name, "position", d.position_W);
-  RequireFinite(name, "linear velocity", d.linear_velocity_W);
-  RequireFinite(name, "angular velocity", d.angular_velocity_W);
-  const double length = d.rotation_WB.norm();
-  if (!(std::abs(length - 1) < 1e-6)) Reject(name, "rotation", "has length " + std::to_string(length) + ", not 1");
-  if (!(d.friction >= 0 && d.friction <= kMostFriction)) Reject(name, "friction", "= " + std::to_string(d.friction) + " must lie in [0, 1e6]");
-  if (!(d.restitution >= 0 && d.restitution <= 1)) Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
-  if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic) Reject(name, "kind", "= dynamic: a half-space has no mass");
-  Body body;
-  body.kind = d.kind;
-  body.radius = d.shape.radius();
-  if (d.kind == BodyKind::kDynamic) {
-    if (d.mass) RequirePositive(name, "mass", *d.mass);
-    RequirePositive(name, "density", d.density);
-    const MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
-    body.mass = filled.mass;
-    body.inertia_B = d.inertia_B.value_or(filled.inertia_B);
-    RequireInertia(name, body.inertia_B);
-  }
-  body.position_W = d.position_W;
-  body.rotation_WB = d.rotation_WB.normalized();
-  body.linear_velocity_W = d.linear_velocity_W;
-  body.angular_velocity_W = d.angular_velocity_W;
-  if (d.kind == BodyKind::kFixed && !(d.linear_velocity_W.isZero(0) && d.angular_velocity_W.isZero(0)))
-    Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
-  body.friction = d.friction;
-  body.restitution = d.restitution;
-  return body;
-}
 
 }  // namespace
 
@@ -153,7 +96,7 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
   const std::string name = "body " + std::to_string(body);
   Body& b = impl_->At(body);
   RequireFinite(name, "position", position_W);
-  if (!(std::abs(rotation_WB.norm() - 1) < 1e-6)) Reject(name, "rotation", "has length " + std::to_string(rotation_WB.norm()) + ", not 1");
+  RequireUnit(name, rotation_WB);
   b.position_W = position_W;
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;

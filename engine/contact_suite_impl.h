@@ -1,0 +1,123 @@
+// What a ContactSuite is made of; shared by the three files that hold its stages, and by nobody else.
+//   contact_suite.cpp    the door, the order of the stages, what is remembered from frame to frame
+//   suite_islands.cpp    partitions, step 1, steps 2 and 3 as tasks
+//   suite_freezing.cpp   step 4: the balance of frozen bodies, freezing
+#pragma once
+
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "engine/certified_freezing.h"
+#include "engine/contact_suite.h"
+#include "engine/response.h"
+#include "engine/sequential.h"
+#include "engine/suite_frame.h"
+#include "islands/partition.h"
+#include "parallel/schedule.h"
+#include "parallel/worker_pool.h"
+
+namespace islet {
+
+inline constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
+
+inline double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// Adds the time since the last lap to a stage.
+class LapTimer {
+ public:
+  void Lap(double* stage) {
+    const double now = Seconds();
+    *stage += now - last_;
+    last_ = now;
+  }
+
+ private:
+  double last_ = Seconds();
+};
+
+struct ContactSuite::Impl {
+  Settings settings;
+  parallel::WorkerPool* pool;
+  SuiteFrame frame;
+  CertifiedFreezing certified;
+  std::vector<int> freeze_counters;                       // kPaper
+
+  std::vector<Contact> previous_contacts;
+  std::vector<Vector3> previous_holding, impulses_W;
+  double previous_dt = 0;
+  std::vector<double> support;                            // [N s] per body
+
+  // Partitions: numbers of contacts in a partition are places in `linked`.
+  std::vector<std::uint8_t> cut;
+  std::vector<std::pair<int, int>> pairs;
+  std::vector<int> linked;
+  std::vector<int> island_contacts;                       // partition.contacts in world numbers
+  islands::Partition partition;
+  std::vector<double> costs;
+  parallel::Schedule schedule;
+
+  struct Worker {
+    SequentialResolver sequential;
+    IslandResponder responder;
+  };
+  std::vector<Worker> workers;
+  struct Outcome {
+    ResponseOutcome collision, resting;
+  };
+  std::vector<Outcome> outcomes;                          // per island
+  std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
+  std::vector<std::uint8_t> chosen;                       // per island
+  bool moves_for_sure = false;                            // a candidate got more than a trembling speed
+  std::vector<std::uint8_t> was_frozen;                   // per body, at the start of the frame
+
+  void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
+  void RecallHolding();
+  template <typename LinkContact>
+  void Partition(LinkContact link);
+  template <typename Task>
+  void ForEachIsland(Task task);
+  IslandView View(int island) const;
+  void CutAtImmovable();
+  void Bounce(StepReport* report);
+  void WakeByBounce();
+  void ResolveIsland(int island, Worker* worker);
+  void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
+  bool CheckFrozen(bool all, StepReport* report);
+  void AddJoinedFrozen();
+  void BalanceCandidates(StepReport* report);
+  void ReportIslands(StepReport* report) const;
+  void Freeze(StepReport* report);
+  void FreezeLikePaper();
+  void SettleCaughtBodies();
+  void Finish(StepReport* report);
+  static void Include(const ResponseOutcome& outcome, QpSummary* summary);
+};
+
+// Islands of the bodies that are not cut, joined by the contacts for which link(contact) holds.
+template <typename LinkContact>
+void ContactSuite::Impl::Partition(LinkContact link) {
+  pairs.clear();
+  linked.clear();
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    if (!link(contact)) continue;
+    pairs.emplace_back(contact.body_a, contact.body_b);
+    linked.push_back(static_cast<int>(c));
+  }
+  islands::BuildPartition({cut, pairs}, &partition);
+  island_contacts.resize(partition.contacts.size());
+  for (size_t i = 0; i < island_contacts.size(); ++i) island_contacts[i] = linked[partition.contacts[i]];
+}
+
+template <typename Task>
+void ContactSuite::Impl::ForEachIsland(Task task) {
+  costs.resize(partition.num_islands());
+  for (int i = 0; i < partition.num_islands(); ++i) costs[i] = 1.0 + static_cast<double>(View(i).contacts.size());
+  parallel::MakeSchedule(costs, kBatchCost, &schedule);
+  pool->ForEach(schedule.num_batches(), [&](int batch, int worker) {
+    for (const int island : schedule.batch(batch)) task(island, &workers[worker]);
+  });
+}
+
+}  // namespace islet

@@ -1,0 +1,137 @@
+#include <algorithm>
+#include <cmath>
+
+#include "engine/contact_suite_impl.h"
+#include "islands/freezing.h"
+
+namespace islet {
+namespace {
+
+constexpr size_t kLocalCandidates = 200;  // larger sets of frozen bodies are balanced together with all joined to them
+
+}  // namespace
+
+// Certified freezing: are the frozen bodies still held? Holding the unbalanced ones again may disturb their neighbours, so
+// the set grows until nothing is disturbed: first by those alone, then by all that are joined to them, and only what that
+// cannot hold either is suspected to move. `all`: whatever is joined to a suspect is suspected too. True if any is.
+bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
+  candidates.clear();
+  woken.clear();
+  bool joined = false;
+  while (true) {
+    certified.FindUnbalanced(frame, &unbalanced);
+    const size_t before = candidates.size();
+    candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
+    std::sort(candidates.begin(), candidates.end());
+    candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
+    if (candidates.size() == before && woken.empty()) return false;
+    if (joined) break;
+    joined = candidates.size() == before || candidates.size() > kLocalCandidates;
+    if (joined) AddJoinedFrozen();
+    woken.clear();
+    BalanceCandidates(report);
+    if (moves_for_sure) break;
+  }
+  if (woken.empty()) return false;
+  if (all) {
+    candidates = woken;
+    AddJoinedFrozen();
+    woken = candidates;
+  }
+  // Suspects only: with its neighbours as walls a body can be squeezed in ways that the joint problem would not. They join
+  // the bodies that move, and freeze again at the end of the frame if the joint problem leaves them at rest.
+  for (const int i : woken) frame.bodies[i].frozen = false;
+  return true;
+}
+
+// All frozen bodies that contacts join to a candidate through frozen bodies.
+void ContactSuite::Impl::AddJoinedFrozen() {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].frozen;
+  Partition([this](const Contact& c) { return !cut[c.body_a] && !cut[c.body_b]; });
+  chosen.assign(partition.num_islands(), 0);
+  for (const int i : candidates) chosen[partition.body_to_island[i]] = 1;
+  candidates.clear();
+  for (int island = 0; island < partition.num_islands(); ++island) {
+    const std::span<const int> members = partition.bodies_of(island);
+    if (chosen[island]) candidates.insert(candidates.end(), members.begin(), members.end());
+  }
+  std::sort(candidates.begin(), candidates.end());
+}
+
+// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. The
+// question is whether they stay at rest, and at rest the convex model is exact: nothing slides.
+void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
+  cut.assign(frame.bodies.size(), 1);
+  for (const int i : candidates) {
+    cut[i] = 0;
+    SetTwist(certified.LoadedVelocity(frame, i), &frame.bodies[i]);
+  }
+  Partition([this](const Contact& c) {
+    return (!cut[c.body_a] || !cut[c.body_b]) && !frame.bodies[c.body_a].Moves() && !frame.bodies[c.body_b].Moves();
+  });
+  Settings at_rest = settings;
+  at_rest.model = Model::kConvex;
+  outcomes.assign(partition.num_islands(), {});
+  ForEachIsland([&](int island, Worker* worker) {
+    const IslandView view = View(island);
+    double limit = INFINITY;
+    for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, frame.bodies[i], settings));
+    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor, 0.1 * limit,
+                                                                frame.dt, frame.bodies, frame.holding);
+  });
+  moves_for_sure = false;
+  for (const int i : candidates) {
+    Body& body = frame.bodies[i];
+    const double speed = FastestPoint(TwistOf(body), body.radius);
+    if (speed > certified.WakeSpeed(frame, body, settings)) woken.push_back(i);
+    moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
+    SetTwist({}, &body);
+  }
+  for (const Outcome& outcome : outcomes) Include(outcome.resting, &report->static_qp);
+}
+
+void ContactSuite::Impl::Freeze(StepReport* report) {
+  if (settings.freezing == Freezing::kCertified) {
+    certified.Freeze(frame, settings);
+    certified.FindUnbalanced(frame, &unbalanced);         // by what the last round changed
+    for (const int i : unbalanced) {
+      frame.bodies[i].frozen = false;
+      certified.Disturb(i);
+    }
+  }
+  if (settings.freezing == Freezing::kPaper) FreezeLikePaper();
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];
+    report->woken += !frame.bodies[i].frozen && was_frozen[i];
+  }
+}
+
+void ContactSuite::Impl::FreezeLikePaper() {
+  const size_t n = frame.bodies.size();
+  std::vector<double> energy(n), threshold(n);
+  std::vector<std::uint8_t> touches(n, 0), may(n, 0), frozen(n, 0);
+  for (size_t i = 0; i < n; ++i) {
+    const Body& body = frame.bodies[i];
+    energy[i] = body.KineticEnergy();
+    threshold[i] = 0.5 * body.mass * frame.rest_speed * frame.rest_speed;
+    frozen[i] = body.frozen;
+    const auto inside = [&](const Region& r) {
+      return (body.position_W.array() >= r.lower.array()).all() && (body.position_W.array() <= r.upper.array()).all();
+    };
+    may[i] = body.Moves() && (settings.cold_volumes.empty() || std::any_of(settings.cold_volumes.begin(), settings.cold_volumes.end(), inside));
+  }
+  for (const Contact& c : frame.contacts.contacts) {
+    const auto stands = [&](int i) { return frozen[i] || frame.bodies[i].kind == BodyKind::kFixed; };
+    touches[c.body_a] |= stands(c.body_b);
+    touches[c.body_b] |= stands(c.body_a);
+  }
+  islands::UpdateFreezing({energy, threshold, touches, may}, settings.freeze_count, freeze_counters, frozen);
+  for (size_t i = 0; i < n; ++i) {
+    if (!frozen[i]) continue;
+    frame.bodies[i].frozen = true;
+    SetTwist({}, &frame.bodies[i]);
+  }
+}
+
+}  // namespace islet

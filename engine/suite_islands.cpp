@@ -1,0 +1,130 @@
+#include <algorithm>
+
+#include "engine/contact_suite_impl.h"
+
+namespace islet {
+
+IslandView ContactSuite::Impl::View(int island) const {
+  const int first = partition.contact_start[island], last = partition.contact_start[island + 1];
+  return {partition.bodies_of(island), std::span<const int>(island_contacts).subspan(first, last - first)};
+}
+
+void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summary) {
+  if (outcome.status == QpStatus::kNone) return;
+  ++summary->solved;
+  summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
+  summary->inaccurate += outcome.status == QpStatus::kInaccurate;
+  summary->coulomb_capped += outcome.coulomb_capped;
+  summary->iterations += outcome.iterations;
+  summary->iterations_max = std::max(summary->iterations_max, outcome.iterations);
+  summary->rounds_max = std::max(summary->rounds_max, outcome.rounds);
+  summary->seconds += outcome.seconds;
+}
+
+void ContactSuite::Impl::CutAtImmovable() {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
+}
+
+// Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.
+void ContactSuite::Impl::Bounce(StepReport* report) {
+  cut.resize(frame.bodies.size());
+  for (size_t i = 0; i < cut.size(); ++i) cut[i] = frame.bodies[i].kind != BodyKind::kDynamic || frame.bodies[i].removed;
+  Partition([](const Contact& c) { return c.touches; });
+  bounce_counts.assign(partition.num_islands(), 0);
+  ForEachIsland([this](int island, Worker* worker) {
+    const IslandView view = View(island);
+    bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings, frame.threshold,
+                                                       frame.bodies, frame.bounces);
+  });
+  for (const int count : bounce_counts) report->bounces += count;
+}
+
+// A frozen body that bounced away wakes; one that only trembled is put back, and what it got counts as load.
+void ContactSuite::Impl::WakeByBounce() {
+  frame.after_bounces.resize(frame.bodies.size());
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    Body& body = frame.bodies[i];
+    frame.after_bounces[i] = TwistOf(body);
+    if (!body.frozen) continue;
+    const bool wakes = settings.freezing == Freezing::kPaper
+                           ? body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed  // [SM04 Eq. 15]
+                           : FastestPoint(TwistOf(body), body.radius) > certified.StillSpeed(body, settings);
+    if (wakes) {
+      body.frozen = false;
+      freeze_counters[i] = 0;
+    } else {
+      SetTwist({}, &body);
+    }
+  }
+}
+
+void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
+  const IslandView view = View(island);
+  for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
+  Outcome& outcome = outcomes[island];
+  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor, frame.threshold,
+                                                          frame.bodies, frame.collisions);
+  for (const int i : view.bodies) {
+    Body& body = frame.bodies[i];
+    frame.before_gravity[i] = TwistOf(body);
+    body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
+    if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
+  }
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt, frame.bodies,
+                                                      frame.holding);
+}
+
+// only_woken: just the islands that a woken body joined; the others keep what they have.
+void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer) {
+  if (!only_woken) frame.before_gravity.assign(frame.bodies.size(), {});
+  CutAtImmovable();
+  Partition([this](const Contact& c) { return frame.bodies[c.body_a].Moves() || frame.bodies[c.body_b].Moves(); });
+  outcomes.assign(partition.num_islands(), {});
+  chosen.assign(partition.num_islands(), !only_woken);
+  if (only_woken)
+    for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
+  timer->Lap(&report->seconds.islands);
+  ForEachIsland([this](int island, Worker* worker) {
+    if (chosen[island]) ResolveIsland(island, worker);
+  });
+  for (const Outcome& outcome : outcomes) {
+    Include(outcome.collision, &report->collision_qp);
+    Include(outcome.resting, &report->static_qp);
+    report->restitution_lowered += outcome.collision.restitution_lowered;
+    report->certificate.Include(outcome.collision.certificate);
+    report->certificate.Include(outcome.resting.certificate);
+  }
+  // Both problems of an island run in one task: the stage's wall time is shared out by the time spent in each.
+  double stage = 0;
+  timer->Lap(&stage);
+  double collision = 0, resting = 0;
+  for (const Outcome& outcome : outcomes) collision += outcome.collision.seconds, resting += outcome.resting.seconds;
+  const double share = collision + resting > 0 ? collision / (collision + resting) : 0;
+  report->seconds.collision_qp += share * stage;
+  report->seconds.static_qp += (1 - share) * stage;
+  if (!only_woken) ReportIslands(report);
+}
+
+void ContactSuite::Impl::ReportIslands(StepReport* report) const {
+  for (int i = 0; i < partition.num_islands(); ++i) {
+    const IslandView view = View(i);
+    if (view.contacts.empty()) continue;
+    const Outcome& outcome = outcomes[i];
+    IslandReport island;
+    island.first_body = view.bodies[0];
+    island.bodies = static_cast<int>(view.bodies.size());
+    island.contacts = static_cast<int>(view.contacts.size());
+    island.collision_status = outcome.collision.status;
+    island.static_status = outcome.resting.status;
+    island.collision_iterations = outcome.collision.iterations;
+    island.static_iterations = outcome.resting.iterations;
+    island.certificate = outcome.collision.certificate;
+    island.certificate.Include(outcome.resting.certificate);
+    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+    report->active_contacts += island.contacts;
+    report->islands.push_back(island);
+  }
+}
+
+}  // namespace islet
