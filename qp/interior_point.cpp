@@ -3,40 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
+#include "qp/body_algebra.h"
 
 namespace islet::qp {
 namespace {
-
-using Velocity = Eigen::Map<Vector6>;
-using ConstVelocity = Eigen::Map<const Vector6>;
-
-Velocity At(std::vector<double>& values, int first) { return Velocity(&values[first]); }
-ConstVelocity At(const std::vector<double>& values, int first) { return ConstVelocity(&values[first]); }
 
 constexpr double kStepShare = 0.995;      // of the way to the boundary
 constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kLeastShare = 0.1;         // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
-constexpr int kMaxRefinements = 4;
 constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
 constexpr double kCorrectorReach = 0.3;   // by how much a corrector tries to lengthen the step
 constexpr double kCorrectorGain = 0.1;    // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
-
-Vector6 MassTimes(const BodyTerm& body, const Vector6& v) {
-  Vector6 out;
-  out.head<3>() = body.mass * v.head<3>();
-  out.tail<3>().noalias() = body.inertia * v.tail<3>();
-  return out;
-}
-
-Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& p) {
-  Vector6 out;
-  out.head<3>() = p.head<3>() / body.mass;
-  out.tail<3>().noalias() = body.inverse_inertia * p.tail<3>();
-  return out;
-}
 
 // Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
 void BandCorrection(ConeKind kind, double low, double high, double* v) {
@@ -115,25 +94,6 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   normal_blocks_.resize(nc);
 }
 
-namespace {
-
-// Contact velocity that the unknowns of one field make.
-Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
-  Vector3 u = Vector3::Zero();
-  if (contact.body_a >= 0) u.noalias() += contact.jacobian_a * At(y, stride * contact.body_a + 6 * field);
-  if (contact.body_b >= 0) u.noalias() += contact.jacobian_b * At(y, stride * contact.body_b + 6 * field);
-  return u;
-}
-
-// out += sign J^T j in one field.
-void AddForce(const ContactTerm& contact, int stride, int field, double sign, const Vector3& j, std::vector<double>* out) {
-  const Vector3 force = sign * j;
-  if (contact.body_a >= 0) At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
-  if (contact.body_b >= 0) At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
-}
-
-}  // namespace
-
 // Velocities as they are, contact rows pushed inside their cones by one unit, impulses that would stop one unit of
 // velocity at the contact alone.
 void InteriorPoint::ChooseStart() {
@@ -153,168 +113,6 @@ void InteriorPoint::ChooseStart() {
       s[i] += push * unit[i];
       z[i] = impulse * unit[i];
     }
-  }
-}
-
-InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
-  const int fields = kkt_.num_fields(), stride = 6 * fields;
-  for (int i = 0; i < scaled_.num_bodies(); ++i) {
-    const BodyTerm& body = scaled_.bodies[i];
-    const Vector6 momentum = MassTimes(body, At(y_, stride * i));
-    const Vector6 free = MassTimes(body, body.velocity);
-    if (fields == 1) {
-      At(dual_, stride * i) = momentum - free;
-    } else {
-      At(dual_, stride * i) = momentum - MassTimes(body, At(y_, stride * i + 6));
-      At(dual_, stride * i + 6) = free - momentum;
-    }
-  }
-  Residuals residuals{0, 0, 0};
-  double mapped[kMaxRows];
-  for (const Rows& rows : rows_) {
-    const ContactTerm& contact = scaled_.contacts[rows.contact];
-    const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
-    AddForce(contact, stride, rows.field, -rows.sign, j, &dual_);
-    MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset + rows.compliance * j, mapped);
-    for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
-      primal_[rows.first + i] = s_[rows.first + i] - mapped[i];
-      residuals.primal = std::max(residuals.primal, std::abs(primal_[rows.first + i]));
-      residuals.gap += s_[rows.first + i] * z_[rows.first + i];
-    }
-  }
-  residuals.dual = MassNorm(dual_);
-  return residuals;
-}
-
-// [velocity] of a momentum residual: root mean square in the mass metric.
-double InteriorPoint::MassNorm(const std::vector<double>& momentum) const {
-  const int fields = kkt_.num_fields(), stride = 6 * fields;
-  double sum = 0, mass = 0;
-  for (int i = 0; i < scaled_.num_bodies(); ++i) {
-    mass += scaled_.bodies[i].mass;
-    for (int f = 0; f < fields; ++f) {
-      const Vector6 r = At(momentum, stride * i + 6 * f);
-      sum += r.dot(InverseMassTimes(scaled_.bodies[i], r));
-    }
-  }
-  return std::sqrt(sum / mass);
-}
-
-bool InteriorPoint::UpdateScalings() {
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    Scaling scaling = ScalingOf(r);
-    if (!UpdateScaling(rows_[r].cone.kind, &s_[rows_[r].first], &z_[rows_[r].first], &scaling)) return false;
-    eta_[r] = scaling.eta;
-  }
-  return true;
-}
-
-bool InteriorPoint::FactoriseNewton() {
-  const size_t nc = scaled_.contacts.size();
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    const Matrix3 block = ScalingBlock(rows_[r].cone, ScalingOf(r));
-    if (r >= nc) {
-      normal_blocks_[r - nc] = block(0, 0);
-    } else if (rows_[r].compliance > 0) {
-      blocks_[r] = (Matrix3::Identity() + rows_[r].compliance * block).llt().solve(block);
-    } else {
-      blocks_[r] = block;
-    }
-  }
-  kkt_.Factorise(scaled_, blocks_, normal_blocks_);
-  return true;
-}
-
-// With t the target in scaled space: W dz + W^-1 ds = t, ds = T (J dy + R dj) - weight r_p, dj = T^T dz. Eliminating ds and
-// dz leaves dj = (I + D R)^-1 (g - D J dy), g = T^T W^-1 (t + W^-1 weight r_p).
-void InteriorPoint::ComputeDirection(double weight, bool refine) {
-  for (size_t i = 0; i < dy_.size(); ++i) dy_[i] = -weight * dual_[i];
-  constants_.resize(rows_.size());
-  double a[kMaxRows], b[kMaxRows];
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    const Rows& rows = rows_[r];
-    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &primal_[rows.first], a);
-    for (int i = 0; i < NumRows(rows.cone.kind); ++i) a[i] = weight * a[i] + target_[rows.first + i];
-    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, b);
-    constants_[r] = MapFromRows(rows.cone, b);
-    if (rows.compliance > 0) constants_[r] = (Softening(r) * constants_[r]).eval();
-    AddForce(scaled_.contacts[rows.contact], 6 * kkt_.num_fields(), rows.field, rows.sign, constants_[r], &dy_);
-  }
-  kkt_.Solve(dy_.data());
-  CompleteDirection(weight);
-  double before = INFINITY;
-  for (int i = 0; refine && i < kMaxRefinements; ++i) {
-    const double error = DirectionError(weight);
-    if (error <= refine_to_ || error > 0.5 * before) break;
-    before = error;
-    kkt_.Solve(error_.data());
-    for (size_t k = 0; k < dy_.size(); ++k) dy_[k] -= error_[k];
-    CompleteDirection(weight);
-  }
-}
-
-// (I + D R)^-1 of a compliant contact.
-Matrix3 InteriorPoint::Softening(size_t r) {
-  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).llt().solve(Matrix3::Identity());
-}
-
-// ds and dz, in scaled space, that belong to dy_.
-void InteriorPoint::CompleteDirection(double weight) {
-  const int stride = 6 * kkt_.num_fields();
-  double a[kMaxRows];
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    const Rows& rows = rows_[r];
-    const int d = NumRows(rows.cone.kind);
-    Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
-    if (rows.compliance > 0) dw = Softening(r) * dw + rows.compliance * constants_[r];
-    MapToRows(rows.cone, dw, a);
-    for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
-    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);
-    for (int i = 0; i < d; ++i) dz_[rows.first + i] = target_[rows.first + i] - ds_[rows.first + i];
-  }
-}
-
-// What the direction leaves of the momentum balance: Q dy - A^T dz + weight r. The scalings near the solution span sixteen
-// orders of magnitude, and the factorisation alone would stop near 1e-7.
-double InteriorPoint::DirectionError(double weight) {
-  const int fields = kkt_.num_fields(), stride = 6 * fields;
-  error_.resize(dy_.size());
-  for (int i = 0; i < scaled_.num_bodies(); ++i) {
-    const BodyTerm& body = scaled_.bodies[i];
-    const Vector6 dv = MassTimes(body, At(dy_, stride * i));
-    At(error_, stride * i) = dv + weight * At(dual_, stride * i);
-    if (fields == 1) continue;
-    At(error_, stride * i) -= MassTimes(body, At(dy_, stride * i + 6));
-    At(error_, stride * i + 6) = weight * At(dual_, stride * i + 6) - dv;
-  }
-  double dz[kMaxRows];
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    const Rows& rows = rows_[r];
-    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], dz);
-    AddForce(scaled_.contacts[rows.contact], stride, rows.field, -rows.sign, MapFromRows(rows.cone, dz), &error_);
-  }
-  return MassNorm(error_);
-}
-
-double InteriorPoint::LongestStep(double limit) const {
-  double step = limit;
-  for (const Rows& rows : rows_) {
-    step = MaxStep(rows.cone.kind, &lambda_[rows.first], &ds_[rows.first], step);
-    step = MaxStep(rows.cone.kind, &lambda_[rows.first], &dz_[rows.first], step);
-  }
-  return step;
-}
-
-void InteriorPoint::Advance(double step) {
-  double move[kMaxRows];
-  for (size_t i = 0; i < y_.size(); ++i) y_[i] += step * dy_[i];
-  for (size_t r = 0; r < rows_.size(); ++r) {
-    const Rows& rows = rows_[r];
-    const int d = NumRows(rows.cone.kind);
-    ApplyScaling(rows.cone.kind, ScalingOf(r), &ds_[rows.first], move);
-    for (int i = 0; i < d; ++i) s_[rows.first + i] += step * move[i];
-    ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], move);
-    for (int i = 0; i < d; ++i) z_[rows.first + i] += step * move[i];
   }
 }
 

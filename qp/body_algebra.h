@@ -1,0 +1,47 @@
+// Small products that the interior point is made of: masses times velocities, and the contact matrices applied to the
+// unknowns of one field. Internal to its two files.
+//   threads: pure functions
+#pragma once
+
+#include <vector>
+
+#include "qp/problem.h"
+
+namespace islet::qp {
+
+using Velocity = Eigen::Map<Vector6>;
+using ConstVelocity = Eigen::Map<const Vector6>;
+
+inline Velocity At(std::vector<double>& values, int first) { return Velocity(&values[first]); }
+inline ConstVelocity At(const std::vector<double>& values, int first) { return ConstVelocity(&values[first]); }
+
+inline Vector6 MassTimes(const BodyTerm& body, const Vector6& v) {
+  Vector6 out;
+  out.head<3>() = body.mass * v.head<3>();
+  out.tail<3>().noalias() = body.inertia * v.tail<3>();
+  return out;
+}
+
+inline Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& p) {
+  Vector6 out;
+  out.head<3>() = p.head<3>() / body.mass;
+  out.tail<3>().noalias() = body.inverse_inertia * p.tail<3>();
+  return out;
+}
+
+// Contact velocity that the unknowns of one field make.
+inline Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
+  Vector3 u = Vector3::Zero();
+  if (contact.body_a >= 0) u.noalias() += contact.jacobian_a * At(y, stride * contact.body_a + 6 * field);
+  if (contact.body_b >= 0) u.noalias() += contact.jacobian_b * At(y, stride * contact.body_b + 6 * field);
+  return u;
+}
+
+// out += sign J^T j in one field.
+inline void AddForce(const ContactTerm& contact, int stride, int field, double sign, const Vector3& j, std::vector<double>* out) {
+  const Vector3 force = sign * j;
+  if (contact.body_a >= 0) At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
+  if (contact.body_b >= 0) At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
+}
+
+}  // namespace islet::qp
