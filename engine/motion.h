@@ -6,6 +6,7 @@
 //   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
+//   last resort      bodies that still overlap after the last pass stay where the step began
 //   energy           a body held back from falling lacks the work of gravity that its velocity claims, a body lifted by a
 //                    correction has got height for nothing: its kinetic energy is reduced by that
 //
@@ -48,6 +49,10 @@ class Mover {
   std::span<const Vector3> PlanTravel(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
 
  private:
+  struct Pose {
+    Vector3 position_W;  // [m]
+    Quaternion rotation_WB;
+  };
   struct Displacement {
     Vector3 linear = Vector3::Zero();    // [m]
     Vector3 angular = Vector3::Zero();   // [rad] rotation vector, W
@@ -65,6 +70,9 @@ class Mover {
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
+  static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
+  void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
+                std::vector<Contact>* contacts, MotionOutcome* outcome);
   void TakeBackWork(std::span<Body> bodies) const;
 
   Settings settings_;
@@ -73,7 +81,8 @@ class Mover {
   std::vector<double> allowed_lift_;               // [m] per body
   std::vector<Vector3> free_turns_;                // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
-  std::vector<std::uint8_t> cut_, wanted_;
+  std::vector<Pose> start_, end_;                  // per body, of this step
+  std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
