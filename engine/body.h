@@ -21,11 +21,11 @@ struct Body {
   bool frozen = false;   // [SM04 Sec. 5.2]; only dynamic bodies freeze
   bool removed = false;  // the slot of a removed body stays, so that the numbers of the others do not change
 
-  double mass = 1;                           // [kg], > 0 for dynamic bodies
-  Matrix3 inertia_B = Matrix3::Identity();   // [kg m^2] about the centre of mass, symmetric positive definite
-  double radius = 0;                         // [m] farthest point of the body from its centre of mass
+  double mass = 1;                          // [kg], > 0 for dynamic bodies
+  Matrix3 inertia_B = Matrix3::Identity();  // [kg m^2] about the centre of mass, symmetric positive definite
+  double radius = 0;                        // [m] farthest point of the body from its centre of mass
 
-  Vector3 position_W = Vector3::Zero();      // [m] centre of mass
+  Vector3 position_W = Vector3::Zero();  // [m] centre of mass
   Quaternion rotation_WB = Quaternion::Identity();
   Vector3 linear_velocity_W = Vector3::Zero();   // [m/s]
   Vector3 angular_velocity_W = Vector3::Zero();  // [rad/s]
@@ -39,11 +39,11 @@ struct Body {
   // A body that contact impulses can move in the collision and static-contact problems of this moment.
   bool Moves() const { return kind == BodyKind::kDynamic && !frozen && !removed; }
 
-  Matrix3 InertiaW() const;                            // [kg m^2] in W
-  Matrix3 InverseInertiaW() const;                     // [1/(kg m^2)] in W
-  double KineticEnergy() const;                        // [J]
-  Vector3 AngularMomentumW() const;                    // [N m s] about the centre of mass
-  Vector3 VelocityAt(const Vector3& point_W) const;    // [m/s] of the body's material point at point_W
+  Matrix3 InertiaW() const;                                             // [kg m^2] in W
+  Matrix3 InverseInertiaW() const;                                      // [1/(kg m^2)] in W
+  double KineticEnergy() const;                                         // [J]
+  Vector3 AngularMomentumW() const;                                     // [N m s] about the centre of mass
+  Vector3 VelocityAt(const Vector3& point_W) const;                     // [m/s] of the body's material point at point_W
   void ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W);  // [N s]; [SM04 Eq. 11, 12]
 };
 

@@ -13,7 +13,9 @@ void Reject(const std::string& body, const std::string& field, const std::string
 
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
   if (v.allFinite()) return;
-  Reject(body, field, "= (" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ") is not finite");
+  Reject(
+      body, field,
+      "= (" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ") is not finite");
 }
 
 void RequireUnit(const std::string& body, const Quaternion& rotation) {
@@ -26,7 +28,8 @@ namespace {
 constexpr double kMostFriction = 1e6;  // the product of two must stay finite
 
 void RequirePositive(const std::string& body, const std::string& field, double value) {
-  if (!(value > 0) || !std::isfinite(value)) Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
+  if (!(value > 0) || !std::isfinite(value))
+    Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
 }
 
 // Also refuses moments that no mass distribution has: each at most the sum of the other two.
@@ -46,9 +49,12 @@ Body MakeBody(const BodyDefinition& d, const std::string& name) {
   RequireFinite(name, "linear velocity", d.linear_velocity_W);
   RequireFinite(name, "angular velocity", d.angular_velocity_W);
   RequireUnit(name, d.rotation_WB);
-  if (!(d.friction >= 0 && d.friction <= kMostFriction)) Reject(name, "friction", "= " + std::to_string(d.friction) + " must lie in [0, 1e6]");
-  if (!(d.restitution >= 0 && d.restitution <= 1)) Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
-  if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic) Reject(name, "kind", "= dynamic: a half-space has no mass");
+  if (!(d.friction >= 0 && d.friction <= kMostFriction))
+    Reject(name, "friction", "= " + std::to_string(d.friction) + " must lie in [0, 1e6]");
+  if (!(d.restitution >= 0 && d.restitution <= 1))
+    Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
+  if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic)
+    Reject(name, "kind", "= dynamic: a half-space has no mass");
   Body body;
   body.kind = d.kind;
   body.radius = d.shape.radius();

@@ -24,7 +24,9 @@ Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact&
 }
 
 // Kinetic energy that impulse j adds to the two bodies.
-double EnergyGain(const Matrix3& response, const Vector3& u, const Vector3& j) { return j.dot(u) + 0.5 * j.dot(response * j); }
+double EnergyGain(const Matrix3& response, const Vector3& u, const Vector3& j) {
+  return j.dot(u) + 0.5 * j.dot(response * j);
+}
 
 // Newton's bounce with Coulomb friction can gain energy where slip reverses (Kane's paradox); then restitution gives way.
 Vector3 ExactImpulse(const Matrix3& response, const Vector3& u, double friction, double restitution) {
@@ -45,7 +47,8 @@ void BounceBody::ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W) 
   angular_velocity_W += inverse_inertia_W * (point_W - position_W).cross(impulse_W);
 }
 
-Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame, BounceLaw law) {
+Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,
+                      BounceLaw law) {
   const Vector3 u = frame.transpose() * (b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W));
   if (u[0] >= 0) return Vector3::Zero();
   const Matrix3 response = ContactResponse(a, b, contact, frame);

@@ -10,17 +10,20 @@ namespace islet {
 
 // A body as one bounce sees it; infinite mass is inverse_mass 0.
 struct BounceBody {
-  double inverse_mass = 0;                           // [1/kg]
-  Matrix3 inverse_inertia_W = Matrix3::Zero();       // [1/(kg m^2)]
-  Vector3 position_W = Vector3::Zero();              // [m]
-  Vector3 linear_velocity_W = Vector3::Zero();       // [m/s]
-  Vector3 angular_velocity_W = Vector3::Zero();      // [rad/s]
+  double inverse_mass = 0;                       // [1/kg]
+  Matrix3 inverse_inertia_W = Matrix3::Zero();   // [1/(kg m^2)]
+  Vector3 position_W = Vector3::Zero();          // [m]
+  Vector3 linear_velocity_W = Vector3::Zero();   // [m/s]
+  Vector3 angular_velocity_W = Vector3::Zero();  // [rad/s]
 
-  Vector3 VelocityAt(const Vector3& point_W) const { return linear_velocity_W + angular_velocity_W.cross(point_W - position_W); }
+  Vector3 VelocityAt(const Vector3& point_W) const {
+    return linear_velocity_W + angular_velocity_W.cross(point_W - position_W);
+  }
   void ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W);
 };
 
 // [N s] on body b, components (n, t1, t2) of `frame`. Zero if the bodies do not approach.
-Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame, BounceLaw law);
+Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,
+                      BounceLaw law);
 
 }  // namespace islet

@@ -12,7 +12,9 @@ using Vector2 = Eigen::Vector2d;
 
 // Facet normals of the octagonal friction cone in the plane of the tangents, and its edges.        [SM04 Eq. 8]
 Vector2 FacetDirection(int h) { return {std::cos(h * std::numbers::pi / 4), std::sin(h * std::numbers::pi / 4)}; }
-Vector2 EdgeDirection(int h) { return {std::cos((h + 0.5) * std::numbers::pi / 4), std::sin((h + 0.5) * std::numbers::pi / 4)}; }
+Vector2 EdgeDirection(int h) {
+  return {std::cos((h + 0.5) * std::numbers::pi / 4), std::sin((h + 0.5) * std::numbers::pi / 4)};
+}
 
 Vector3 OnRay(const Vector3& x, const Vector3& ray) { return std::max(0.0, x.dot(ray) / ray.squaredNorm()) * ray; }
 
@@ -95,7 +97,8 @@ Momentum MomentumBalance(const qp::Problem& problem, const qp::Solution& solutio
 
 }  // namespace
 
-Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp::Model model, qp::Cone cone, double v_ref) {
+Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp::Model model, qp::Cone cone,
+                    double v_ref) {
   Certificate out;
   if (problem.contacts.empty()) return out;
   const Momentum momentum = MomentumBalance(problem, solution);

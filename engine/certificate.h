@@ -3,8 +3,8 @@
 //   threads: pure functions
 #pragma once
 
-#include "engine/step_report.h"
 #include "engine/linear_algebra.h"
+#include "engine/step_report.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
@@ -13,6 +13,7 @@ namespace islet {
 
 // v_ref: [m/s] max(|g| dt, fastest approach) of the island. The problem is the one whose answer is judged; its targets are
 // the bounces, solution.slips the De Saxce terms of the model that was solved.
-Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp::Model model, qp::Cone cone, double v_ref);
+Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp::Model model, qp::Cone cone,
+                    double v_ref);
 
 }  // namespace islet

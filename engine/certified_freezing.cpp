@@ -22,9 +22,11 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
     if (!body.Moves()) continue;
-    const double turned = 2 * (body.rotation_WB.coeffs() - reference_rotation_[i].coeffs()).norm();  // chord: angle for small ones
+    const double turned =
+        2 * (body.rotation_WB.coeffs() - reference_rotation_[i].coeffs()).norm();  // chord: angle for small ones
     const double turned_other_sign = 2 * (body.rotation_WB.coeffs() + reference_rotation_[i].coeffs()).norm();
-    const double travel = (body.position_W - reference_position_[i]).norm() + body.radius * std::min(turned, turned_other_sign);
+    const double travel =
+        (body.position_W - reference_position_[i]).norm() + body.radius * std::min(turned, turned_other_sign);
     if (travel <= settings.freeze_travel * body.radius) {
       still_seconds_[i] += dt;
     } else {
@@ -86,7 +88,8 @@ void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>
   unbalanced->clear();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     if (!frame.bodies[i].frozen) continue;
-    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > kBalanceTolerance) unbalanced->push_back(static_cast<int>(i));
+    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > kBalanceTolerance)
+      unbalanced->push_back(static_cast<int>(i));
   }
 }
 

@@ -46,10 +46,10 @@ class CertifiedFreezing {
 
  private:
   struct Load {
-    Vector3 linear, angular;            // [N s], [N m s] of everything
+    Vector3 linear, angular;                // [N s], [N m s] of everything
     Vector3 moving_linear, moving_angular;  // without the stored impulses
-    double size;                        // [N s] sum of magnitudes: what "zero" is relative to
-    bool slips;                         // a stored impulse lies outside its friction cone
+    double size;                            // [N s] sum of magnitudes: what "zero" is relative to
+    bool slips;                             // a stored impulse lies outside its friction cone
   };
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);

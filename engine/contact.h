@@ -12,7 +12,7 @@
 namespace islet {
 
 struct Contact {
-  int body_a = -1;                      // body_a < body_b always
+  int body_a = -1;  // body_a < body_b always
   int body_b = -1;
   Vector3 point_W = Vector3::Zero();    // [m] midway between the two surfaces
   Vector3 normal_W = Vector3::UnitZ();  // unit, from a into b
@@ -20,9 +20,9 @@ struct Contact {
   // False: still open by `gap`, and known only so that two supported bodies do not close it within the step. Such a contact
   // never bounces; the static problem lets its bodies approach at gap / dt.
   bool touches = true;
-  double friction = 0;                  // mu of the pair
-  double restitution = 0;               // epsilon of the pair
-  std::uint32_t feature = 0;            // which features of the two shapes meet; the same point keeps its number
+  double friction = 0;        // mu of the pair
+  double restitution = 0;     // epsilon of the pair
+  std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
 
 // How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).

@@ -11,7 +11,8 @@
 namespace islet {
 namespace {
 
-constexpr int kWakeRounds = 2;        // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
+constexpr int kWakeRounds =
+    2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
@@ -51,16 +52,17 @@ std::span<const double> ContactSuite::support() const { return impl_->support; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
-  if (!(dt > 0) || !std::isfinite(dt)) throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
   for (size_t c = 0; c < contacts.size(); ++c) CheckContact(contacts[c], c, bodies.size());
   LapTimer timer;
   Impl& s = *impl_;
   s.Begin(dt, bodies, contacts);
   timer.Lap(&report->seconds.islands);
-  s.Bounce(report);                                       // step 1
+  s.Bounce(report);  // step 1
   s.WakeByBounce();
   timer.Lap(&report->seconds.pq);
-  s.ResolveIslands(false, report, &timer);                // steps 2 and 3
+  s.ResolveIslands(false, report, &timer);  // steps 2 and 3
   for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(round > 0, report); ++round) {
     timer.Lap(&report->seconds.freeze);
     if (round == kWakeRounds) {
@@ -69,7 +71,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
     }
     s.ResolveIslands(true, report, &timer);
   }
-  s.Freeze(report);                                       // step 4
+  s.Freeze(report);  // step 4
   s.Finish(report);
   timer.Lap(&report->seconds.freeze);
 }
@@ -89,7 +91,8 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
   frame.threshold = 10 * settings.tolerance * frame.speed_floor;
   frame.contacts = {contacts, frame.frames};
-  for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding}) impulses->assign(contacts.size(), Vector3::Zero());
+  for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding})
+    impulses->assign(contacts.size(), Vector3::Zero());
   if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
   freeze_counters.resize(bodies.size(), 0);
   was_frozen.resize(bodies.size());
@@ -124,7 +127,8 @@ void ContactSuite::Impl::SettleCaughtBodies() {
       const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
       return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
     };
-    if (contact.touches && contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold) continue;
+    if (contact.touches && contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold)
+      continue;
     caught.push_back(contact.body_a);
     caught.push_back(contact.body_b);
   }
@@ -136,7 +140,8 @@ void ContactSuite::Impl::Finish(StepReport* report) {
   const size_t nc = frame.contacts.contacts.size();
   for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
-  for (size_t c = 0; c < nc; ++c) impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
+  for (size_t c = 0; c < nc; ++c)
+    impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;
@@ -150,7 +155,8 @@ void ContactSuite::Impl::Finish(StepReport* report) {
     (body.frozen ? report->frozen : report->awake) += 1;
     report->kinetic_energy += body.KineticEnergy();
   }
-  if (settings.freezing == Freezing::kCertified && report->frozen > 0) report->frozen_imbalance = certified.WorstImbalance(frame);
+  if (settings.freezing == Freezing::kCertified && report->frozen > 0)
+    report->frozen_imbalance = certified.WorstImbalance(frame);
 }
 
 }  // namespace islet

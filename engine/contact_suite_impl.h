@@ -19,9 +19,11 @@
 
 namespace islet {
 
-inline constexpr double kBatchCost = 64;     // contacts: smaller islands share a task
+inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 
-inline double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+inline double Seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 // Adds the time since the last lap to a stage.
 class LapTimer {
@@ -41,18 +43,18 @@ struct ContactSuite::Impl {
   parallel::WorkerPool* pool;
   SuiteFrame frame;
   CertifiedFreezing certified;
-  std::vector<int> freeze_counters;                       // kPaper
+  std::vector<int> freeze_counters;  // kPaper
 
   std::vector<Contact> previous_contacts;
   std::vector<Vector3> previous_holding, impulses_W;
   double previous_dt = 0;
-  std::vector<double> support;                            // [N s] per body
+  std::vector<double> support;  // [N s] per body
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;
   std::vector<std::pair<int, int>> pairs;
   std::vector<int> linked;
-  std::vector<int> island_contacts;                       // partition.contacts in world numbers
+  std::vector<int> island_contacts;  // partition.contacts in world numbers
   islands::Partition partition;
   std::vector<double> costs;
   parallel::Schedule schedule;
@@ -65,11 +67,11 @@ struct ContactSuite::Impl {
   struct Outcome {
     ResponseOutcome collision, resting;
   };
-  std::vector<Outcome> outcomes;                          // per island
+  std::vector<Outcome> outcomes;  // per island
   std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
-  std::vector<std::uint8_t> chosen;                       // per island
-  bool moves_for_sure = false;                            // a candidate got more than a trembling speed
-  std::vector<std::uint8_t> was_frozen;                   // per body, at the start of the frame
+  std::vector<std::uint8_t> chosen;      // per island
+  bool moves_for_sure = false;           // a candidate got more than a trembling speed
+  std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();

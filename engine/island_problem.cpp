@@ -19,8 +19,9 @@ qp::Jacobian PointJacobian(const Body& body, const Contact& contact, const Matri
 
 }  // namespace
 
-void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& contacts, std::span<const int> island_bodies,
-                            std::span<const int> island_contacts, qp::Problem* problem) {
+void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& contacts,
+                            std::span<const int> island_bodies, std::span<const int> island_contacts,
+                            qp::Problem* problem) {
   problem->Clear();
   if (local_.size() < bodies.size()) local_.resize(bodies.size(), -1);
   for (const int number : island_bodies) {

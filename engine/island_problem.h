@@ -27,7 +27,8 @@ class IslandGatherer {
   void Gather(std::span<const Body> bodies, const ContactFrames& contacts, std::span<const int> island_bodies,
               std::span<const int> island_contacts, qp::Problem* problem);
 
-  static void ScatterVelocities(const qp::Solution& solution, std::span<const int> island_bodies, std::span<Body> bodies);
+  static void ScatterVelocities(const qp::Solution& solution, std::span<const int> island_bodies,
+                                std::span<Body> bodies);
 
  private:
   std::vector<int> local_;  // world body -> place in the island, -1 elsewhere

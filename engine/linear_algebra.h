@@ -8,8 +8,8 @@
 
 namespace islet {
 
-using Vector3 = Eigen::Vector3d;                                // 24 bytes, never over-aligned
-using Matrix3 = Eigen::Matrix3d;                                // 72 bytes, never over-aligned
+using Vector3 = Eigen::Vector3d;                                 // 24 bytes, never over-aligned
+using Matrix3 = Eigen::Matrix3d;                                 // 72 bytes, never over-aligned
 using Quaternion = Eigen::Quaternion<double, Eigen::DontAlign>;  // w + xi + yj + zk, unit length
 
 }  // namespace islet

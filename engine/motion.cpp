@@ -12,7 +12,8 @@ namespace {
 
 // Corrections turn bodies less than the mass metric would: a turn is right to first order only, and a cube held back at a
 // corner would be turned far enough to hit its neighbours.
-constexpr double kTurnWeight = 16;  // measured: 1 leaves overlaps of 0.1 m in cubejam after 8 passes, 4 none, 16 takes a quarter fewer passes
+constexpr double kTurnWeight =
+    16;  // measured: 1 leaves overlaps of 0.1 m in cubejam after 8 passes, 4 none, 16 takes a quarter fewer passes
 // Contacts that are open by more than this share of the deepest overlap are left to the next pass. Measured on cubeglass in
 // full flow: 2 joins all cubes in flight into one dense problem and costs nine times as much as 0.05, which adds a quarter
 // more passes.
@@ -45,7 +46,8 @@ void Mover::PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std
   }
 }
 
-std::span<const Vector3> Mover::PlanTravel(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies) {
+std::span<const Vector3> Mover::PlanTravel(double dt, std::span<const Twist> before_gravity,
+                                           std::span<const Body> bodies) {
   PlanFreeMotion(dt, before_gravity, bodies);
   travel_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) travel_[i] = planned_[i].linear;
@@ -79,7 +81,9 @@ MotionOutcome Mover::Move(double dt, std::span<const Twist> before_gravity, std:
     Apply(bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
-      travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic ? Vector3(dt * bodies[i].linear_velocity_W) : Vector3::Zero();
+      travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
+                       ? Vector3(dt * bodies[i].linear_velocity_W)
+                       : Vector3::Zero();
     }
     detect(travel_, contacts);
     planned_.assign(bodies.size(), {});
@@ -142,7 +146,8 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
 }
 
 // Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would.
-bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
+                    const std::vector<Contact>& contacts) {
   gaps_.resize(contacts.size());
   double deepest = 0;
   for (size_t c = 0; c < contacts.size(); ++c) {
@@ -178,7 +183,8 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
 
 // The frictionless contact problem with displacements for velocities: the change of the planned ones, from rest, that
 // opens all predicted gaps. (The planned displacements themselves as v0 would drown a millimetre in a metre of flight.)
-void Mover::SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+void Mover::SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
+                        const std::vector<Contact>& contacts) {
   Worker& w = workers_[worker];
   const std::span<const int> members = partition_.bodies_of(island);
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
@@ -208,7 +214,9 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   worker->sweeps.Prepare(problem);
-  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities) < kMaxSweeps) return true;
+  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities) <
+      kMaxSweeps)
+    return true;
   qp::Settings settings;
   settings.model = Model::kConvex;
   settings.velocity_scale = scale;
@@ -228,7 +236,8 @@ void Mover::Apply(std::span<Body> bodies) {
     if (body.Moves()) {
       const Quaternion free = Exp(free_turns_[i]) * body.rotation_WB;
       body.angular_velocity_W = AngularVelocityAfter(body.inertia_B, body.rotation_WB, body.angular_velocity_W, free);
-      if (!(free_turns_[i] - planned_[i].angular).isZero(0)) body.angular_velocity_W = turned * (free.conjugate() * body.angular_velocity_W);
+      if (!(free_turns_[i] - planned_[i].angular).isZero(0))
+        body.angular_velocity_W = turned * (free.conjugate() * body.angular_velocity_W);
     }
     body.rotation_WB = turned;
   }

@@ -54,8 +54,8 @@ class Mover {
     Quaternion rotation_WB;
   };
   struct Displacement {
-    Vector3 linear = Vector3::Zero();    // [m]
-    Vector3 angular = Vector3::Zero();   // [rad] rotation vector, W
+    Vector3 linear = Vector3::Zero();   // [m]
+    Vector3 angular = Vector3::Zero();  // [rad] rotation vector, W
   };
   struct Worker {
     IslandGatherer gatherer;
@@ -67,7 +67,8 @@ class Mover {
   void PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
   double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
+                   const std::vector<Contact>& contacts);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
@@ -77,11 +78,11 @@ class Mover {
 
   Settings settings_;
   parallel::WorkerPool* pool_;
-  std::vector<Displacement> planned_;              // of this pass
-  std::vector<double> allowed_lift_;               // [m] per body
-  std::vector<Vector3> free_turns_;                // [rad] per body: what is left of the planned free rotation
+  std::vector<Displacement> planned_;  // of this pass
+  std::vector<double> allowed_lift_;   // [m] per body
+  std::vector<Vector3> free_turns_;    // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
-  std::vector<Pose> start_, end_;                  // per body, of this step
+  std::vector<Pose> start_, end_;      // per body, of this step
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;

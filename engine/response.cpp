@@ -7,10 +7,10 @@
 namespace islet {
 namespace {
 
-constexpr int kLoweringAttempts = 3;       // of restitution, before it vanishes
-constexpr double kBlameShare = 0.02;       // of the largest multiplier times bounce: contacts above it lose their bounce
+constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
+constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
 constexpr int kHoldingSweeps = 60;
-constexpr double kHoldingShare = 0.05;       // of the rest limit: sweeps stop when impulses change less
+constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
 
 class Stopwatch {
@@ -41,14 +41,16 @@ double ApproachVelocities(const qp::Problem& problem, std::vector<double>* veloc
 bool Usable(qp::Status status) { return status == qp::Status::kSolved || status == qp::Status::kInaccurate; }
 
 bool AnyDrift(const qp::Problem& problem) {
-  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const qp::ContactTerm& c) { return !c.drift.isZero(0); });
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(),
+                     [](const qp::ContactTerm& c) { return !c.drift.isZero(0); });
 }
 
 qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   qp::Settings out;
   out.model = settings.model;
   out.cone = settings.cone;
-  out.tolerance = 1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
+  out.tolerance =
+      1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
   out.coulomb_tolerance = settings.tolerance;
   out.coulomb_rounds = settings.coulomb_rounds;
   out.velocity_scale = v_ref;
@@ -59,7 +61,8 @@ double KineticEnergy(const qp::Problem& problem, const std::vector<double>* velo
   double energy = 0;
   for (size_t i = 0; i < problem.bodies.size(); ++i) {
     const qp::BodyTerm& body = problem.bodies[i];
-    const qp::Vector6 v = velocities ? Eigen::Map<const qp::Vector6>(&(*velocities)[6 * i]) : Eigen::Map<const qp::Vector6>(body.velocity.data());
+    const qp::Vector6 v = velocities ? Eigen::Map<const qp::Vector6>(&(*velocities)[6 * i])
+                                     : Eigen::Map<const qp::Vector6>(body.velocity.data());
     energy += 0.5 * body.mass * v.head<3>().squaredNorm() + 0.5 * v.tail<3>().dot(body.inertia * v.tail<3>());
   }
   return energy;
@@ -70,7 +73,8 @@ double KineticEnergy(const qp::Problem& problem, const std::vector<double>* velo
 // Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
 // halved; with the last attempt all vanish. False if there was nothing left to lower.
 bool IslandResponder::LowerRestitution(int attempt) {
-  const bool blame = solution_.status == qp::Status::kInfeasible && solution_.impulses.size() == problem_.contacts.size();
+  const bool blame =
+      solution_.status == qp::Status::kInfeasible && solution_.impulses.size() == problem_.contacts.size();
   double worst = 0;
   for (size_t c = 0; c < problem_.contacts.size(); ++c)
     worst = std::max(worst, problem_.contacts[c].target * (blame ? solution_.impulses[c][0] : 1));
@@ -92,7 +96,8 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
   qp::Settings solver_settings = SolverSettings(settings, v_ref);
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = KineticEnergy(problem_, nullptr);
-  const bool bounces = std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
+  const bool bounces =
+      std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto solve = [&] {
     solver_.Solve(problem_, solver_settings, &solution_);
@@ -113,7 +118,8 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
   }
   outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
   if (Usable(solution_.status)) return;
-  for (qp::ContactTerm& c : problem_.contacts) c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
+  for (qp::ContactTerm& c : problem_.contacts)
+    c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
   solve();
   outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
@@ -148,7 +154,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
   const double v_ref = std::max(speed_floor, ApproachVelocities(problem_, &free_));
   for (size_t c = 0; c < touching.contacts.size(); ++c) {
-    if (free_[c] < -threshold) problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
+    if (free_[c] < -threshold)
+      problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
@@ -173,8 +180,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)
   const double v_ref = std::max(speed_floor, fastest);
-  const bool rubs = settings.model != Model::kCoulomb &&
-                    std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.friction > 0; });
+  const bool rubs = settings.model != Model::kCoulomb && std::any_of(problem_.contacts.begin(), problem_.contacts.end(),
+                                                                     [](const auto& c) { return c.friction > 0; });
   if (fastest <= 1e-12 * v_ref && !rubs) return outcome;
   Solve(settings, v_ref, &outcome);
   outcome.seconds = watch.seconds();
@@ -183,8 +190,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
 }
 
 ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const ContactFrames& contacts,
-                                                const Settings& settings, double speed_floor, double rest_limit, double dt,
-                                                std::span<Body> bodies, std::span<Vector3> impulses) {
+                                                const Settings& settings, double speed_floor, double rest_limit,
+                                                double dt, std::span<Body> bodies, std::span<Vector3> impulses) {
   const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses); };
   if (island.contacts.empty() || settings.cone != Cone::kCircular) return solve_anew();
   const Stopwatch watch;

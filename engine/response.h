@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
-#include "engine/island_problem.h"
 #include "engine/certificate.h"
+#include "engine/island_problem.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
 #include "qp/island_solver.h"
@@ -22,7 +22,7 @@
 namespace islet {
 
 struct IslandView {
-  std::span<const int> bodies;    // of the world, ascending
+  std::span<const int> bodies;  // of the world, ascending
   std::span<const int> contacts;
 };
 
@@ -30,9 +30,9 @@ struct ResponseOutcome {
   QpStatus status = QpStatus::kNone;
   int iterations = 0;
   int rounds = 0;
-  bool coulomb_capped = false;    // exact Coulomb not reached within the cap on rounds; the certificate says how far
+  bool coulomb_capped = false;  // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
-  double seconds = 0;             // [s] wall
+  double seconds = 0;  // [s] wall
   Certificate certificate;
 };
 
@@ -41,7 +41,8 @@ class IslandResponder {
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten.
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                    double speed_floor, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
+                                    double speed_floor, double threshold, std::span<Body> bodies,
+                                    std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
   // Bodies that should stay at rest under a load that changed a little: adapts the given impulses as locally as it can, and
@@ -61,8 +62,8 @@ class IslandResponder {
   qp::Solution solution_;
   qp::IslandSolver solver_;
   qp::GaussSeidel sweeps_;
-  std::vector<double> free_;       // contact velocities before
-  std::vector<int> touching_;      // contacts of the collision problem
+  std::vector<double> free_;   // contact velocities before
+  std::vector<int> touching_;  // contacts of the collision problem
 };
 
 }  // namespace islet

@@ -36,7 +36,8 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity
   return w;
 }
 
-Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt) {
+Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
+                         double dt) {
   const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
   const double speed = w.norm();
   return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
@@ -44,7 +45,8 @@ Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB
 
 }  // namespace
 
-Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt) {
+Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
+                     double dt) {
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
   const double turn = dt * angular_velocity_W.norm();
@@ -54,7 +56,8 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
   Quaternion rotation = rotation_WB;
   Vector3 velocity = angular_velocity_W;
   for (int i = 0; i < parts; ++i) {
-    const Quaternion turned = Quaternion(Exp(MidpointRotation(inertia_B, rotation, velocity, dt / parts)) * rotation).normalized();
+    const Quaternion turned =
+        Quaternion(Exp(MidpointRotation(inertia_B, rotation, velocity, dt / parts)) * rotation).normalized();
     velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
     rotation = turned;
   }

@@ -11,7 +11,8 @@
 namespace islet {
 
 // [rad] world rotation vector of the step from rotation_WB with angular velocity angular_velocity_W.
-Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W, double dt);
+Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
+                     double dt);
 
 // exp of a rotation vector, as a unit quaternion.
 Quaternion Exp(const Vector3& rotation_vector);

@@ -47,7 +47,8 @@ void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const
   for (const auto& [a, b] : sides_) ++touch_start_[a + 1], ++touch_start_[b + 1];
   std::partial_sum(touch_start_.begin(), touch_start_.end(), touch_start_.begin());
   touches_.resize(2 * sides_.size());
-  for (size_t c = sides_.size(); c-- > 0;) {  // filled from the back; touch_start_ ends one step early and is shifted below
+  for (size_t c = sides_.size();
+       c-- > 0;) {  // filled from the back; touch_start_ ends one step early and is shifted below
     touches_[--touch_start_[sides_[c].first + 1]] = static_cast<int>(c);
     touches_[--touch_start_[sides_[c].second + 1]] = static_cast<int>(c);
   }
@@ -64,11 +65,13 @@ double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
                                 const ContactFrames& contacts, const Settings& settings, double threshold,
                                 std::span<Body> bodies, std::span<Vector3> impulses) {
-  const int limit = BounceLimit(settings.bounce_limit, static_cast<int>(group_bodies.size()), static_cast<int>(group_contacts.size()));
+  const int limit = BounceLimit(settings.bounce_limit, static_cast<int>(group_bodies.size()),
+                                static_cast<int>(group_contacts.size()));
   if (limit == 0 || group_contacts.empty()) return 0;
   Load(group_bodies, group_contacts, contacts, bodies);
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c)
+    keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
   for (; bounces < limit && queue_.top_key() < -threshold; ++bounces) {

@@ -33,8 +33,8 @@ class SequentialResolver {
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
 
-  std::vector<int> local_;              // world body -> place in the group
-  std::vector<BounceBody> locals_;      // the group's bodies, then one per immovable body that it touches
+  std::vector<int> local_;                  // world body -> place in the group
+  std::vector<BounceBody> locals_;          // the group's bodies, then one per immovable body that it touches
   std::vector<std::pair<int, int>> sides_;  // per contact of the group: its two bodies
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   std::vector<double> keys_;

@@ -22,11 +22,13 @@ void Settings::Validate() const {
   Require(tolerance > 0 && tolerance <= 0.1, "tolerance", tolerance, "in (0, 0.1]");
   Require(coulomb_rounds >= 1, "coulomb_rounds", coulomb_rounds, ">= 1");
   Require(touch_gap > 0 && touch_gap < 0.1, "touch_gap", touch_gap, "in (0, 0.1) of a shape's size");
-  Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance, "in (0, touch_gap]");
+  Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance,
+          "in (0, touch_gap]");
   Require(motion_passes >= 1, "motion_passes", motion_passes, ">= 1");
   Require(threads >= 0, "threads", threads, ">= 0 (0: all cores)");
   for (const Region& region : cold_volumes)
-    for (int i = 0; i < 3; ++i) Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i],
+    for (int i = 0; i < 3; ++i)
+      Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i],
               "<= the upper one, " + std::to_string(region.upper[i]));
 }
 

@@ -31,29 +31,30 @@ inline constexpr int kAutoBounceLimit = -1;
 
 struct Settings {
   // Behaviour
-  Vector3 gravity{0, 0, -9.81};            // [m/s^2]
+  Vector3 gravity{0, 0, -9.81};  // [m/s^2]
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
   BounceLaw bounce_law = BounceLaw::kExact;
-  int bounce_limit = kAutoBounceLimit;     // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
+  int bounce_limit =
+      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
   Freezing freezing = Freezing::kCertified;
-  int freeze_count = 3;                    // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
-  double freeze_seconds = 0.1;             // kCertified: how long a body must have stood still
-  double freeze_travel = 1e-3;             // kCertified: farthest a point may have moved in that time, per body radius
-  std::vector<Region> cold_volumes;        // kPaper: bodies freeze only inside one of these; none: everywhere
+  int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
+  double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still
+  double freeze_travel = 1e-3;       // kCertified: farthest a point may have moved in that time, per body radius
+  std::vector<Region> cold_volumes;  // kPaper: bodies freeze only inside one of these; none: everywhere
 
   // Accuracy
-  double tolerance = 1e-6;                 // of the QPs: relative duality gap, and natural map over v_ref
-  int coulomb_rounds = 4;                  // kCoulomb: cap on the re-solves with lagged slip [DS91]
-  double touch_gap = 1e-3;                 // contacts closer than this touch; per shape size
-  double overlap_tolerance = 2.5e-4;       // motion repeats until no pair overlaps by more; per shape size
-  int motion_passes = 8;                   // cap on those repeats
+  double tolerance = 1e-6;            // of the QPs: relative duality gap, and natural map over v_ref
+  int coulomb_rounds = 4;             // kCoulomb: cap on the re-solves with lagged slip [DS91]
+  double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
+  double overlap_tolerance = 2.5e-4;  // motion repeats until no pair overlaps by more; per shape size
+  int motion_passes = 8;              // cap on those repeats
 
   // Performance
-  int threads = 0;                         // 0: all cores
+  int threads = 0;  // 0: all cores
 
-  void Validate() const;                   // throws std::invalid_argument
-  static Settings Paper();                 // kinetic, octagon, Eq. 5, paper freezing                       [SM04]
+  void Validate() const;    // throws std::invalid_argument
+  static Settings Paper();  // kinetic, octagon, Eq. 5, paper freezing                       [SM04]
 };
 
 }  // namespace islet

@@ -18,11 +18,16 @@ void Certificate::Include(const Certificate& other) {
 
 const char* ToString(QpStatus status) {
   switch (status) {
-    case QpStatus::kNone: return "none";
-    case QpStatus::kSolved: return "solved";
-    case QpStatus::kInaccurate: return "inaccurate";
-    case QpStatus::kInfeasible: return "infeasible";
-    case QpStatus::kFailed: return "failed";
+    case QpStatus::kNone:
+      return "none";
+    case QpStatus::kSolved:
+      return "solved";
+    case QpStatus::kInaccurate:
+      return "inaccurate";
+    case QpStatus::kInfeasible:
+      return "infeasible";
+    case QpStatus::kFailed:
+      return "failed";
   }
   return "unknown";
 }

@@ -9,15 +9,15 @@ namespace islet {
 // How exact an answer is, computed from the answer by certificate.h, never by the solver. Velocities are relative to
 // v_ref = max(|g| dt, fastest approach) of the island unless a unit is given. What each proves: engine/README.md.
 struct Certificate {
-  double momentum = 0;          // |M (v - v0) - J^T j| in the mass metric, over sqrt(total mass) v_ref
-  double cone = 0;              // farthest impulse outside its friction cone, over total mass times v_ref
-  double dual = 0;              // farthest contact velocity outside the dual cone, over v_ref
-  double gap = 0;               // |sum of j . (u - b n + s n)| over the energy scale of the island
-  double natural_map_max = 0;   // [m/s] |j - P_K(j - rho u)| / rho of the model that was solved
-  double natural_map_rms = 0;   // [m/s]
-  double coulomb_map_max = 0;   // [m/s] the same for exact Coulomb friction
-  double coulomb_map_rms = 0;   // [m/s]
-  double energy_gain = 0;       // [J] kinetic energy that contact impulses added; 0 if they took some
+  double momentum = 0;                     // |M (v - v0) - J^T j| in the mass metric, over sqrt(total mass) v_ref
+  double cone = 0;                         // farthest impulse outside its friction cone, over total mass times v_ref
+  double dual = 0;                         // farthest contact velocity outside the dual cone, over v_ref
+  double gap = 0;                          // |sum of j . (u - b n + s n)| over the energy scale of the island
+  double natural_map_max = 0;              // [m/s] |j - P_K(j - rho u)| / rho of the model that was solved
+  double natural_map_rms = 0;              // [m/s]
+  double coulomb_map_max = 0;              // [m/s] the same for exact Coulomb friction
+  double coulomb_map_rms = 0;              // [m/s]
+  double energy_gain = 0;                  // [J] kinetic energy that contact impulses added; 0 if they took some
   void Include(const Certificate& other);  // keeps the worse of each
 };
 
@@ -30,39 +30,39 @@ enum class QpStatus : std::uint8_t {
 };
 const char* ToString(QpStatus status);
 
-struct QpSummary {               // over the islands of one step
-  int solved = 0;                // problems handed to the solver
-  int failed = 0;                // of these, kInfeasible or kFailed
+struct QpSummary {  // over the islands of one step
+  int solved = 0;   // problems handed to the solver
+  int failed = 0;   // of these, kInfeasible or kFailed
   int inaccurate = 0;
-  int coulomb_capped = 0;        // solved, but the exact Coulomb law not to the tolerance within the cap on rounds
-  int iterations = 0;            // interior-point iterations, sum
-  int iterations_max = 0;        // in one problem
-  int rounds_max = 0;            // re-solves for exact Coulomb in one problem
-  double seconds = 0;            // wall time of the stage's solves, summed over islands
+  int coulomb_capped = 0;  // solved, but the exact Coulomb law not to the tolerance within the cap on rounds
+  int iterations = 0;      // interior-point iterations, sum
+  int iterations_max = 0;  // in one problem
+  int rounds_max = 0;      // re-solves for exact Coulomb in one problem
+  double seconds = 0;      // wall time of the stage's solves, summed over islands
 };
 
-struct StageSeconds {            // [s] wall time
+struct StageSeconds {  // [s] wall time
   double detect = 0, islands = 0, pq = 0, collision_qp = 0, static_qp = 0, freeze = 0, move = 0;
   double Total() const { return detect + islands + pq + collision_qp + static_qp + freeze + move; }
 };
 
 struct IslandReport {
-  int first_body = 0;            // smallest body number: the island's name
+  int first_body = 0;  // smallest body number: the island's name
   int bodies = 0;
   int contacts = 0;
   QpStatus collision_status = QpStatus::kNone;
   QpStatus static_status = QpStatus::kNone;
   int collision_iterations = 0;
   int static_iterations = 0;
-  Certificate certificate;       // worse of the two problems
+  Certificate certificate;  // worse of the two problems
 };
 
 struct StepReport {
-  std::vector<IslandReport> islands;   // numbered by smallest body
-  int contacts = 0;              // touching points
-  int active_contacts = 0;       // of these, between bodies of which at least one moves
+  std::vector<IslandReport> islands;  // numbered by smallest body
+  int contacts = 0;                   // touching points
+  int active_contacts = 0;            // of these, between bodies of which at least one moves
   int largest_island_contacts = 0;
-  int bounces = 0;               // of the priority queue
+  int bounces = 0;  // of the priority queue
   int woken = 0;
   int newly_frozen = 0;
   int awake = 0;
@@ -70,14 +70,14 @@ struct StepReport {
   // Certified freezing: worst sum of all impulses on a frozen body, over the sum of their magnitudes; below 1e-3, or the body
   // would not be frozen.
   double frozen_imbalance = 0;
-  int restitution_lowered = 0;   // islands in which restitution was lowered so that no energy is created
+  int restitution_lowered = 0;  // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;
   StageSeconds seconds;
-  Certificate certificate;       // worst over the islands
-  double penetration_max = 0;    // [m] deepest overlap after the move
+  Certificate certificate;     // worst over the islands
+  double penetration_max = 0;  // [m] deepest overlap after the move
   int motion_passes = 0;
-  int motion_failures = 0;       // 1 if the overlap tolerance was not reached
-  double kinetic_energy = 0;     // [J] after the step
+  int motion_failures = 0;    // 1 if the overlap tolerance was not reached
+  double kinetic_energy = 0;  // [J] after the step
 };
 
 }  // namespace islet

@@ -11,24 +11,25 @@
 namespace islet {
 
 struct SuiteFrame {
-  double dt = 0;                           // [s]
-  Vector3 gravity = Vector3::Zero();       // [m/s^2]
-  double rest_speed = 0;                   // [m/s] |g| dt: what a step of free fall adds
-  double speed_floor = 0;                  // [m/s] least v_ref: rest_speed, or a thousandth of the fastest approach
-  double threshold = 0;                    // [m/s] contacts that approach slower do not collide
+  double dt = 0;                      // [s]
+  Vector3 gravity = Vector3::Zero();  // [m/s^2]
+  double rest_speed = 0;              // [m/s] |g| dt: what a step of free fall adds
+  double speed_floor = 0;             // [m/s] least v_ref: rest_speed, or a thousandth of the fastest approach
+  double threshold = 0;               // [m/s] contacts that approach slower do not collide
   std::span<Body> bodies;
   ContactFrames contacts;
 
-  std::vector<Matrix3> frames;             // per contact
+  std::vector<Matrix3> frames;  // per contact
   // [N s] per contact, (n, t1, t2). `holding` keeps its values from frame to frame where nothing moves.
   std::vector<Vector3> bounces, collisions, holding;
-  std::vector<Twist> after_bounces;        // per body: where steps 2 and 3 start from
-  std::vector<Twist> before_gravity;       // per body
+  std::vector<Twist> after_bounces;   // per body: where steps 2 and 3 start from
+  std::vector<Twist> before_gravity;  // per body
 };
 
 // A body that the contact keeps in place without anyone computing its motion: fixed, frozen, or kinematic and at rest.
 inline bool StandsStill(const Body& body) {
-  return !body.Moves() && (body.kind != BodyKind::kKinematic || (body.linear_velocity_W.isZero(0) && body.angular_velocity_W.isZero(0)));
+  return !body.Moves() &&
+         (body.kind != BodyKind::kKinematic || (body.linear_velocity_W.isZero(0) && body.angular_velocity_W.isZero(0)));
 }
 
 inline Twist TwistOf(const Body& body) { return {body.linear_velocity_W, body.angular_velocity_W}; }
@@ -38,6 +39,8 @@ inline void SetTwist(const Twist& twist, Body* body) {
 }
 
 // [m/s] bound on the speed of the body's fastest point.
-inline double FastestPoint(const Twist& twist, double radius) { return twist.linear_W.norm() + radius * twist.angular_W.norm(); }
+inline double FastestPoint(const Twist& twist, double radius) {
+  return twist.linear_W.norm() + radius * twist.angular_W.norm();
+}
 
 }  // namespace islet

@@ -77,8 +77,8 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
     const IslandView view = View(island);
     double limit = INFINITY;
     for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, frame.bodies[i], settings));
-    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor, 0.1 * limit,
-                                                                frame.dt, frame.bodies, frame.holding);
+    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor,
+                                                                0.1 * limit, frame.dt, frame.bodies, frame.holding);
   });
   moves_for_sure = false;
   for (const int i : candidates) {
@@ -94,7 +94,7 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
 void ContactSuite::Impl::Freeze(StepReport* report) {
   if (settings.freezing == Freezing::kCertified) {
     certified.Freeze(frame, settings);
-    certified.FindUnbalanced(frame, &unbalanced);         // by what the last round changed
+    certified.FindUnbalanced(frame, &unbalanced);  // by what the last round changed
     for (const int i : unbalanced) {
       frame.bodies[i].frozen = false;
       certified.Disturb(i);
@@ -119,7 +119,8 @@ void ContactSuite::Impl::FreezeLikePaper() {
     const auto inside = [&](const Region& r) {
       return (body.position_W.array() >= r.lower.array()).all() && (body.position_W.array() <= r.upper.array()).all();
     };
-    may[i] = body.Moves() && (settings.cold_volumes.empty() || std::any_of(settings.cold_volumes.begin(), settings.cold_volumes.end(), inside));
+    may[i] = body.Moves() && (settings.cold_volumes.empty() ||
+                              std::any_of(settings.cold_volumes.begin(), settings.cold_volumes.end(), inside));
   }
   for (const Contact& c : frame.contacts.contacts) {
     const auto stands = [&](int i) { return frozen[i] || frame.bodies[i].kind == BodyKind::kFixed; };

@@ -29,13 +29,14 @@ void ContactSuite::Impl::CutAtImmovable() {
 // Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.
 void ContactSuite::Impl::Bounce(StepReport* report) {
   cut.resize(frame.bodies.size());
-  for (size_t i = 0; i < cut.size(); ++i) cut[i] = frame.bodies[i].kind != BodyKind::kDynamic || frame.bodies[i].removed;
+  for (size_t i = 0; i < cut.size(); ++i)
+    cut[i] = frame.bodies[i].kind != BodyKind::kDynamic || frame.bodies[i].removed;
   Partition([](const Contact& c) { return c.touches; });
   bounce_counts.assign(partition.num_islands(), 0);
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
-    bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings, frame.threshold,
-                                                       frame.bodies, frame.bounces);
+    bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings,
+                                                       frame.threshold, frame.bodies, frame.bounces);
   });
   for (const int count : bounce_counts) report->bounces += count;
 }
@@ -47,9 +48,10 @@ void ContactSuite::Impl::WakeByBounce() {
     Body& body = frame.bodies[i];
     frame.after_bounces[i] = TwistOf(body);
     if (!body.frozen) continue;
-    const bool wakes = settings.freezing == Freezing::kPaper
-                           ? body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed  // [SM04 Eq. 15]
-                           : FastestPoint(TwistOf(body), body.radius) > certified.StillSpeed(body, settings);
+    const bool wakes =
+        settings.freezing == Freezing::kPaper
+            ? body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed  // [SM04 Eq. 15]
+            : FastestPoint(TwistOf(body), body.radius) > certified.StillSpeed(body, settings);
     if (wakes) {
       body.frozen = false;
       freeze_counters[i] = 0;
@@ -63,16 +65,16 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   const IslandView view = View(island);
   for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
   Outcome& outcome = outcomes[island];
-  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor, frame.threshold,
-                                                          frame.bodies, frame.collisions);
+  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                          frame.threshold, frame.bodies, frame.collisions);
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
     frame.before_gravity[i] = TwistOf(body);
     body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
     if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt, frame.bodies,
-                                                      frame.holding);
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
+                                                    frame.bodies, frame.holding);
 }
 
 // only_woken: just the islands that a woken body joined; the others keep what they have.

@@ -32,20 +32,24 @@ struct World::Impl {
 
   std::vector<Body> bodies;
   std::vector<Shape> shapes;
-  std::vector<double> tolerances;       // [m] per body: overlap allowed by the motion
-  std::vector<Contact> near_contacts;   // at the current poses, up to the reach of the last detection
-  std::vector<Contact> touching;        // of these, those that touch
-  std::vector<Contact> resolved;        // touching ones at the start of the last step, whose impulses the suite holds
-  std::vector<Contact> detected, still; // scratch
-  std::vector<Vector3> travel;          // [m] that the last detection expected of each body
-  std::vector<double> margins;          // [m] and how far it may stray from that
-  bool stale = true;                    // near_contacts do not belong to the current poses
-  size_t checked_bodies = 0;            // those before it were checked for initial overlap
+  std::vector<double> tolerances;        // [m] per body: overlap allowed by the motion
+  std::vector<Contact> near_contacts;    // at the current poses, up to the reach of the last detection
+  std::vector<Contact> touching;         // of these, those that touch
+  std::vector<Contact> resolved;         // touching ones at the start of the last step, whose impulses the suite holds
+  std::vector<Contact> detected, still;  // scratch
+  std::vector<Vector3> travel;           // [m] that the last detection expected of each body
+  std::vector<double> margins;           // [m] and how far it may stray from that
+  bool stale = true;                     // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;             // those before it were checked for initial overlap
   double time = 0;
 
   Impl(const Settings& s, parallel::WorkerPool* p)
-      : settings(s), own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)), pool(p ? p : own_pool.get()),
-        suite(s, pool), detector(pool), mover(s, pool) {}
+      : settings(s),
+        own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)),
+        pool(p ? p : own_pool.get()),
+        suite(s, pool),
+        detector(pool),
+        mover(s, pool) {}
 
   Body& At(int number);
   void DetectAll();
@@ -144,7 +148,8 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
     const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
     margins[i] = 2 * settings.touch_gap * size;
     if (!moves || !std::isfinite(body.radius)) continue;
-    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius + settings.gravity.norm() * dt_hint * dt_hint;
+    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius +
+                  settings.gravity.norm() * dt_hint * dt_hint;
   }
 }
 
@@ -167,14 +172,14 @@ void World::Impl::DetectAll() {
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
   still.clear();
-  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still), [&](const Contact& c) {
-    return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]);
-  });
+  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
+               [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
   MixMaterials(&detected);
   near_contacts.clear();
-  std::merge(still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
-             [](const Contact& x, const Contact& y) { return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b); });
+  std::merge(
+      still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
+      [](const Contact& x, const Contact& y) { return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b); });
 }
 
 // Every body ends near the path that the last detection swept for it.
@@ -205,7 +210,8 @@ void World::Impl::WakeBeforeMovers(double dt) {
     Body& b = bodies[c.body_b];
     if (a.frozen == b.frozen || StandsStill(a.frozen ? b : a) || (a.frozen ? b : a).Moves()) continue;
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
-    if (c.gap <= settings.touch_gap * size || c.gap > -NormalVelocity(c, a, b) * dt) continue;  // touching: the suite's task
+    if (c.gap <= settings.touch_gap * size || c.gap > -NormalVelocity(c, a, b) * dt)
+      continue;  // touching: the suite's task
     (a.frozen ? a : b).frozen = false;
   }
 }
@@ -215,7 +221,8 @@ bool World::Impl::IsSupported(int body, double dt) const {
   const Body& b = bodies[body];
   if (!b.Moves()) return true;
   const std::span<const double> support = suite.support();
-  return static_cast<size_t>(body) < support.size() && support[body] >= 0.1 * b.mass * settings.gravity.norm() * dt && support[body] > 0;
+  return static_cast<size_t>(body) < support.size() && support[body] >= 0.1 * b.mass * settings.gravity.norm() * dt &&
+         support[body] > 0;
 }
 
 // What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
@@ -248,14 +255,15 @@ void World::CheckInitialOverlap() {
   for (const Contact& c : w.near_contacts) {
     const double allowed = w.settings.touch_gap * std::min(w.shapes[c.body_a].size(), w.shapes[c.body_b].size());
     if (std::max(c.body_a, c.body_b) < static_cast<int>(w.checked_bodies) || -c.gap <= allowed) continue;
-    throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + " overlap by " +
-                                std::to_string(-c.gap) + " m at the start");
+    throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
+                                " overlap by " + std::to_string(-c.gap) + " m at the start");
   }
   w.checked_bodies = w.bodies.size();
 }
 
 StepReport World::Step(double dt) {
-  if (!(dt > 0) || !std::isfinite(dt)) throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
   Impl& w = *impl_;
   StepReport report;
   double lap = Seconds();
@@ -265,12 +273,12 @@ StepReport World::Step(double dt) {
     lap = now;
   };
   w.dt_hint = dt;
-  CheckInitialOverlap();                                                                  // detection, if anything changed
+  CheckInitialOverlap();  // detection, if anything changed
   w.WakeBeforeMovers(dt);
   w.SelectResolved(dt);
   finish(&report.seconds.detect);
 
-  w.suite.Resolve(dt, w.bodies, w.resolved, &report);                                     // steps 1 to 4
+  w.suite.Resolve(dt, w.bodies, w.resolved, &report);  // steps 1 to 4
   lap = Seconds();
 
   const std::span<const Twist> before = w.suite.velocities_before_gravity();

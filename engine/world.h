@@ -34,10 +34,10 @@ class WorkerPool;
 struct BodyDefinition {
   Shape shape;
   BodyKind kind = BodyKind::kDynamic;
-  std::optional<double> mass = {};       // [kg]; if absent: density times volume
+  std::optional<double> mass = {};        // [kg]; if absent: density times volume
   std::optional<Matrix3> inertia_B = {};  // [kg m^2]; if absent: of the shape filled evenly
-  double density = 1;                    // [kg/m^3]
-  Vector3 position_W = Vector3::Zero();  // [m] of the centre of mass
+  double density = 1;                     // [kg/m^3]
+  Vector3 position_W = Vector3::Zero();   // [m] of the centre of mass
   Quaternion rotation_WB = Quaternion::Identity();
   Vector3 linear_velocity_W = Vector3::Zero();
   Vector3 angular_velocity_W = Vector3::Zero();
@@ -60,8 +60,8 @@ class World {
   World(World&&) noexcept;
   World& operator=(World&&) noexcept;
 
-  int Add(const BodyDefinition& definition);   // returns the body's number, which it keeps
-  void Remove(int body);                       // its number is not used again
+  int Add(const BodyDefinition& definition);  // returns the body's number, which it keeps
+  void Remove(int body);                      // its number is not used again
   void Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB);
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);  // stays until changed
@@ -75,15 +75,15 @@ class World {
   // Advances by dt > 0 [s].                                                                       [SM04 Fig. 1]
   StepReport Step(double dt);
 
-  std::span<const Body> bodies() const;        // including removed ones
+  std::span<const Body> bodies() const;  // including removed ones
   const Body& body(int number) const;
   const Shape& shape(int number) const;
-  std::span<const Contact> contacts() const;   // touching, at the current poses
+  std::span<const Contact> contacts() const;           // touching, at the current poses
   std::span<const Contact> resolved_contacts() const;  // those that touched when the last step began
-  std::span<const Vector3> impulses() const;   // [N s] of the last step at the resolved contacts, W, on body_b
+  std::span<const Vector3> impulses() const;           // [N s] of the last step at the resolved contacts, W, on body_b
   const Settings& settings() const;
-  double time() const;                         // [s]
-  std::uint64_t StateHash() const;             // of all poses, velocities, frozen flags, bit for bit
+  double time() const;              // [s]
+  std::uint64_t StateHash() const;  // of all poses, velocities, frozen flags, bit for bit
 
  private:
   struct Impl;

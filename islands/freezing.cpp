@@ -4,7 +4,8 @@
 
 namespace islet::islands {
 
-int UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters, std::span<std::uint8_t> frozen) {
+int UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters,
+                   std::span<std::uint8_t> frozen) {
   int newly_frozen = 0;
   for (std::size_t i = 0; i < counters.size(); ++i) {
     if (frozen[i]) continue;

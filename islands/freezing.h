@@ -13,13 +13,14 @@
 namespace islet::islands {
 
 struct StillnessInput {
-  std::span<const double> kinetic_energy;          // [J]
-  std::span<const double> threshold;               // [J] p_g^2 / (2 m), p_g = m g dt                          [SM04 Eq. 15]
-  std::span<const std::uint8_t> touches_still;     // touches a fixed or frozen body
-  std::span<const std::uint8_t> may_freeze;        // dynamic, and inside a cold volume
+  std::span<const double> kinetic_energy;  // [J]
+  std::span<const double> threshold;       // [J] p_g^2 / (2 m), p_g = m g dt                          [SM04 Eq. 15]
+  std::span<const std::uint8_t> touches_still;  // touches a fixed or frozen body
+  std::span<const std::uint8_t> may_freeze;     // dynamic, and inside a cold volume
 };
 
 // Returns the number of bodies that froze.
-int UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters, std::span<std::uint8_t> frozen);
+int UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters,
+                   std::span<std::uint8_t> frozen);
 
 }  // namespace islet::islands

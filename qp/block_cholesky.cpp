@@ -35,7 +35,8 @@ class SpacePlan {
 }  // namespace
 
 void BlockCholesky::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
-  if (num_nodes == num_nodes_ && block == block_ && std::equal(pairs.begin(), pairs.end(), pairs_.begin(), pairs_.end()))
+  if (num_nodes == num_nodes_ && block == block_ &&
+      std::equal(pairs.begin(), pairs.end(), pairs_.begin(), pairs_.end()))
     return;
   num_nodes_ = num_nodes;
   block_ = block;
@@ -126,7 +127,8 @@ int BlockCholesky::Factorise(std::span<const double> signs) {
 void BlockCholesky::Solve(double* x) {
   const Elimination& e = elimination_;
   const size_t bytes = sizeof(double) * block_;
-  for (int k = 0; k < e.num_nodes; ++k) std::memcpy(&permuted_[static_cast<size_t>(k) * block_], x + static_cast<size_t>(e.order[k]) * block_, bytes);
+  for (int k = 0; k < e.num_nodes; ++k)
+    std::memcpy(&permuted_[static_cast<size_t>(k) * block_], x + static_cast<size_t>(e.order[k]) * block_, bytes);
   const auto move_rows = [&](int s, bool gather) {
     const int k = e.columns(s) * block_;
     double* own = &permuted_[static_cast<size_t>(e.first[s]) * block_];
@@ -150,7 +152,8 @@ void BlockCholesky::Solve(double* x) {
     kernels_->backward(FrontSize(s), e.columns(s) * block_, panels_.data() + panel_at_[s], local_.data());
     move_rows(s, false);
   }
-  for (int k = 0; k < e.num_nodes; ++k) std::memcpy(x + static_cast<size_t>(e.order[k]) * block_, &permuted_[static_cast<size_t>(k) * block_], bytes);
+  for (int k = 0; k < e.num_nodes; ++k)
+    std::memcpy(x + static_cast<size_t>(e.order[k]) * block_, &permuted_[static_cast<size_t>(k) * block_], bytes);
 }
 
 }  // namespace islet::qp

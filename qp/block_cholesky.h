@@ -44,7 +44,7 @@ class BlockCholesky {
   const Elimination& elimination() const { return elimination_; }
   int block() const { return block_; }
   double Flops() const { return elimination_.flops_per_cubed_block * block_ * block_ * block_; }  // multiply-adds
-  size_t FactorSize() const { return panels_.size(); }                                          // numbers stored
+  size_t FactorSize() const { return panels_.size(); }                                            // numbers stored
 
  private:
   void PlaceFronts();
@@ -52,14 +52,14 @@ class BlockCholesky {
   int FrontSize(int s) const { return (elimination_.columns(s) + elimination_.below(s)) * block_; }
 
   Elimination elimination_;
-  std::vector<std::array<int, 2>> pairs_;   // as analysed, to recognise the same graph
+  std::vector<std::array<int, 2>> pairs_;  // as analysed, to recognise the same graph
   int num_nodes_ = -1;
   int block_ = 0;
-  std::vector<size_t> panel_at_;            // per supernode, into panels_
-  std::vector<size_t> update_at_;           // per supernode, into updates_
+  std::vector<size_t> panel_at_;   // per supernode, into panels_
+  std::vector<size_t> update_at_;  // per supernode, into updates_
   std::vector<double> panels_, updates_;
-  std::vector<double> signs_;               // of the widest panel
-  std::vector<double> permuted_, local_;    // scratch of Solve
+  std::vector<double> signs_;             // of the widest panel
+  std::vector<double> permuted_, local_;  // scratch of Solve
   const FrontKernels* kernels_ = &BestFrontKernels();
 };
 

@@ -38,10 +38,13 @@ inline Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, 
 }
 
 // out += sign J^T j in one field.
-inline void AddForce(const ContactTerm& contact, int stride, int field, double sign, const Vector3& j, std::vector<double>* out) {
+inline void AddForce(const ContactTerm& contact, int stride, int field, double sign, const Vector3& j,
+                     std::vector<double>* out) {
   const Vector3 force = sign * j;
-  if (contact.body_a >= 0) At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
-  if (contact.body_b >= 0) At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
+  if (contact.body_a >= 0)
+    At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
+  if (contact.body_b >= 0)
+    At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
 }
 
 }  // namespace islet::qp

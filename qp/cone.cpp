@@ -60,7 +60,8 @@ Vector3 MapFromRows(const ContactCone& cone, const double* z) {
   if (cone.kind == ConeKind::kRay) return {z[0], 0, 0};
   if (cone.kind == ConeKind::kCircular) return {z[0], cone.friction * z[1], cone.friction * z[2]};
   Vector3 j = Vector3::Zero();
-  for (int k = 0; k < 8; ++k) j += Vector3(z[k], cone.friction * kEdges[k][0] * z[k], cone.friction * kEdges[k][1] * z[k]);
+  for (int k = 0; k < 8; ++k)
+    j += Vector3(z[k], cone.friction * kEdges[k][0] * z[k], cone.friction * kEdges[k][1] * z[k]);
   return j;
 }
 

@@ -35,9 +35,9 @@ ContactCone ChooseCone(double friction, Cone cone);
 int NumRows(ConeKind kind);  // d
 int Degree(ConeKind kind);   // of the barrier: 1 for the second-order cone, else d
 
-void MapToRows(const ContactCone& cone, const Vector3& w, double* s);          // s = T w
-Vector3 MapFromRows(const ContactCone& cone, const double* z);                 // j = T^T z
-void Identity(ConeKind kind, double* e);                                       // the cone's unit element
+void MapToRows(const ContactCone& cone, const Vector3& w, double* s);  // s = T w
+Vector3 MapFromRows(const ContactCone& cone, const double* z);         // j = T^T z
+void Identity(ConeKind kind, double* e);                               // the cone's unit element
 
 struct Scaling {
   double* point;   // d numbers
@@ -47,12 +47,12 @@ struct Scaling {
 // False if s or z is not inside the cone.
 bool UpdateScaling(ConeKind kind, const double* s, const double* z, Scaling* scaling);
 
-Matrix3 ScalingBlock(const ContactCone& cone, const Scaling& scaling);                   // D = T^T W^-2 T
+Matrix3 ScalingBlock(const ContactCone& cone, const Scaling& scaling);                          // D = T^T W^-2 T
 void ApplyScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out);         // W x
 void ApplyInverseScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out);  // W^-1 x
 
-void JordanProduct(ConeKind kind, const double* a, const double* b, double* out);        // a o b
-void JordanDivide(ConeKind kind, const double* lambda, const double* b, double* out);    // x with lambda o x = b
+void JordanProduct(ConeKind kind, const double* a, const double* b, double* out);      // a o b
+void JordanDivide(ConeKind kind, const double* lambda, const double* b, double* out);  // x with lambda o x = b
 // Largest step t <= limit with lambda + t direction inside the cone; direction in scaled space.
 double MaxStep(ConeKind kind, const double* lambda, const double* direction, double limit);
 // Smallest spectral value: positive inside the cone.

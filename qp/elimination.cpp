@@ -78,7 +78,8 @@ std::vector<int> Postorder(const std::vector<int>& parent) {
 }
 
 // Rows below the diagonal of every column of L, ascending.
-std::vector<std::vector<int>> ColumnStructures(const Graph& graph, const Elimination& e, const std::vector<int>& parent) {
+std::vector<std::vector<int>> ColumnStructures(const Graph& graph, const Elimination& e,
+                                               const std::vector<int>& parent) {
   const int n = e.num_nodes;
   std::vector<std::vector<int>> structure(n);
   std::vector<int> mark(n, -1);
@@ -159,7 +160,8 @@ void LinkSupernodes(Elimination* e) {
     e->flops_per_cubed_block += k * k * k / 3 + k * k * m + k * m * m;
     if (e->parent[s] < 0) continue;
     e->children[fill[e->parent[s]]++] = s;
-    for (int r = e->row_start[s]; r < e->row_start[s + 1]; ++r) e->row_in_parent[r] = FrontRow(*e, e->parent[s], e->rows[r]);
+    for (int r = e->row_start[s]; r < e->row_start[s + 1]; ++r)
+      e->row_in_parent[r] = FrontRow(*e, e->parent[s], e->rows[r]);
   }
 }
 

@@ -17,16 +17,16 @@ namespace islet::qp {
 
 struct Elimination {
   int num_nodes = 0;
-  std::vector<int> order;          // order[k]: node eliminated k-th
-  std::vector<int> position;       // inverse of order
-  std::vector<int> first;          // supernode s owns positions first[s] .. first[s+1]-1
-  std::vector<int> row_start;      // rows below the own columns: rows[row_start[s] .. row_start[s+1]), ascending
+  std::vector<int> order;      // order[k]: node eliminated k-th
+  std::vector<int> position;   // inverse of order
+  std::vector<int> first;      // supernode s owns positions first[s] .. first[s+1]-1
+  std::vector<int> row_start;  // rows below the own columns: rows[row_start[s] .. row_start[s+1]), ascending
   std::vector<int> rows;
-  std::vector<int> parent;         // supernode that takes the update matrix of s, -1 at a root; parent[s] > s
-  std::vector<int> child_start;    // children[child_start[s] .. child_start[s+1]), ascending
+  std::vector<int> parent;       // supernode that takes the update matrix of s, -1 at a root; parent[s] > s
+  std::vector<int> child_start;  // children[child_start[s] .. child_start[s+1]), ascending
   std::vector<int> children;
-  std::vector<int> row_in_parent;  // for each entry of rows: its row in the parent's front
-  std::vector<int> supernode_of;   // per position
+  std::vector<int> row_in_parent;    // for each entry of rows: its row in the parent's front
+  std::vector<int> supernode_of;     // per position
   double flops_per_cubed_block = 0;  // multiply-adds of the factorisation, in units of block^3
 
   int num_supernodes() const { return static_cast<int>(first.size()) - 1; }

@@ -41,8 +41,7 @@ template <int N>
 inline void Multiply(int rows, int k, const double* signs, const double* a, const double* b, int lda, double* c,
                      int ldc) {
   int r = 0;
-  for (; r + kTile * kLanes <= rows; r += kTile * kLanes)
-    MultiplyTile<kTile, N>(k, signs, a + r, b, lda, c + r, ldc);
+  for (; r + kTile * kLanes <= rows; r += kTile * kLanes) MultiplyTile<kTile, N>(k, signs, a + r, b, lda, c + r, ldc);
   for (; r < rows; r += kLanes) MultiplyTile<1, N>(k, signs, a + r, b, lda, c + r, ldc);
 }
 

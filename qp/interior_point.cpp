@@ -8,18 +8,20 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStepShare = 0.995;      // of the way to the boundary
+constexpr double kStepShare = 0.995;     // of the way to the boundary
 constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
-constexpr double kLeastShare = 0.1;         // of the aim: least mean complementarity
-constexpr double kRefineBelow = 1e-4;     // gap from which directions are refined
-constexpr int kMaxCorrectors = 3;         // centrality correctors per factorisation [Gon96]
-constexpr double kCorrectorReach = 0.3;   // by how much a corrector tries to lengthen the step
-constexpr double kCorrectorGain = 0.1;    // what it must have gained of that to be kept
+constexpr double kLeastShare = 0.1;      // of the aim: least mean complementarity
+constexpr double kRefineBelow = 1e-4;    // gap from which directions are refined
+constexpr int kMaxCorrectors = 3;        // centrality correctors per factorisation [Gon96]
+constexpr double kCorrectorReach = 0.3;  // by how much a corrector tries to lengthen the step
+constexpr double kCorrectorGain = 0.1;   // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 
 // Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
 void BandCorrection(ConeKind kind, double low, double high, double* v) {
-  const auto lack = [&](double value) { return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0; };
+  const auto lack = [&](double value) {
+    return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0;
+  };
   if (kind != ConeKind::kCircular) {
     for (int i = 0; i < NumRows(kind); ++i) v[i] = lack(v[i]);
     return;
@@ -58,8 +60,9 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
     body.velocity *= per_velocity;
     energy_scale_ += 0.5 * body.mass + 0.5 * body.velocity.dot(MassTimes(body, body.velocity));
   }
-  energy_limit_ = std::isfinite(settings.energy_limit) ? settings.energy_limit * per_velocity * per_velocity / mean_mass_
-                                                       : 1e6 * energy_scale_;
+  energy_limit_ = std::isfinite(settings.energy_limit)
+                      ? settings.energy_limit * per_velocity * per_velocity / mean_mass_
+                      : 1e6 * energy_scale_;
   bool bounces = false;
   for (ContactTerm& contact : scaled_.contacts) {
     contact.drift *= per_velocity;
@@ -235,7 +238,8 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, Solut
   solution->multipliers.clear();
   solution->bounce_multipliers.clear();
   if (kkt_.num_fields() == 1) return;
-  for (int c = 0; c < nc; ++c) solution->bounce_multipliers.push_back(mean_mass_ * velocity_scale * z_[rows_[nc + c].first]);
+  for (int c = 0; c < nc; ++c)
+    solution->bounce_multipliers.push_back(mean_mass_ * velocity_scale * z_[rows_[nc + c].first]);
   // p from the answer's own v and gamma, so that M (v - p) = N^T gamma holds to rounding.
   solution->multipliers = solution->velocities;
   for (int c = 0; c < nc; ++c)
@@ -244,10 +248,14 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, Solut
 
 const char* ToString(Status status) {
   switch (status) {
-    case Status::kSolved: return "solved";
-    case Status::kInaccurate: return "inaccurate";
-    case Status::kInfeasible: return "infeasible";
-    case Status::kFailed: return "failed";
+    case Status::kSolved:
+      return "solved";
+    case Status::kInaccurate:
+      return "inaccurate";
+    case Status::kInfeasible:
+      return "infeasible";
+    case Status::kFailed:
+      return "failed";
   }
   return "unknown";
 }

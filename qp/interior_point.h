@@ -30,8 +30,8 @@ class InteriorPoint {
   struct Rows {
     int first;
     int contact;
-    int field;         // whose velocity it constrains
-    double sign;       // +1, or -1 where the rows enter the matrix negatively (kinetic cone rows)
+    int field;    // whose velocity it constrains
+    double sign;  // +1, or -1 where the rows enter the matrix negatively (kinetic cone rows)
     ContactCone cone;
     Vector3 offset;
     double compliance;
@@ -65,18 +65,18 @@ class InteriorPoint {
   std::vector<Rows> rows_;
   int num_rows_ = 0, degree_ = 0;
   double mean_mass_ = 1, energy_scale_ = 1, energy_limit_ = 0;
-  std::vector<double> y_;                          // unknowns
-  std::vector<double> s_, z_, point_, lambda_;     // per row
-  std::vector<double> eta_;                        // per Rows
-  std::vector<double> primal_, dual_;              // residuals: s - A y - c; stationarity
-  std::vector<double> target_, ds_, dz_, dy_;      // direction; target, ds and dz in scaled space
+  std::vector<double> y_;                       // unknowns
+  std::vector<double> s_, z_, point_, lambda_;  // per row
+  std::vector<double> eta_;                     // per Rows
+  std::vector<double> primal_, dual_;           // residuals: s - A y - c; stationarity
+  std::vector<double> target_, ds_, dz_, dy_;   // direction; target, ds and dz in scaled space
   std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_, best_y_;
-  std::vector<double> error_;                      // of the direction, in the momentum balance
-  std::vector<Vector3> constants_;                 // per Rows: part of dj that dy does not change
+  std::vector<double> error_;       // of the direction, in the momentum balance
+  std::vector<Vector3> constants_;  // per Rows: part of dj that dy does not change
   bool refine_ = false;
-  double refine_to_ = 0;                           // error of a direction that is small enough
-  std::vector<Matrix3> blocks_;                    // D per contact
-  std::vector<double> normal_blocks_;              // E per contact
+  double refine_to_ = 0;               // error of a direction that is small enough
+  std::vector<Matrix3> blocks_;        // D per contact
+  std::vector<double> normal_blocks_;  // E per contact
 };
 
 }  // namespace islet::qp

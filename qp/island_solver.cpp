@@ -38,15 +38,18 @@ Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
 
 void CopyFreeVelocities(const Problem& problem, std::vector<double>* velocities) {
   velocities->clear();
-  for (const BodyTerm& body : problem.bodies) velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
+  for (const BodyTerm& body : problem.bodies)
+    velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
 bool AnyFriction(const Problem& problem) {
-  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.friction > 0; });
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(),
+                     [](const ContactTerm& c) { return c.friction > 0; });
 }
 
 bool AnyBounces(const Problem& problem) {
-  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [](const ContactTerm& c) { return c.target > 0; });
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(),
+                     [](const ContactTerm& c) { return c.target > 0; });
 }
 
 // One contact: exact Coulomb on the circular cone, and without friction every model, is a formula.
@@ -62,7 +65,8 @@ bool AllFinite(const Solution& solution) {
 
 }  // namespace
 
-NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses) {
+NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
+                      const std::vector<Vector3>& impulses) {
   double sum = 0, largest = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
@@ -113,7 +117,8 @@ void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) c
 double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
   double change = 0;
   for (size_t c = 0; c < slips_.size(); ++c) {
-    const double slip = Slip(ContactVelocity(problem.contacts[c], swept_velocities_.data()), problem.contacts[c].friction, cone);
+    const double slip =
+        Slip(ContactVelocity(problem.contacts[c], swept_velocities_.data()), problem.contacts[c].friction, cone);
     change = std::max(change, std::abs(slip - slips_[c]));
     slips_[c] = slip;
   }
@@ -136,7 +141,8 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
     u[0] += Slip(u, contact.friction, Cone::kCircular) - contact.target;
     gap += std::abs(j.dot(u));
   }
-  for (const BodyTerm& body : problem.bodies) energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
+  for (const BodyTerm& body : problem.bodies)
+    energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
   if (gap > goal * energy) return false;
   solution->impulses = swept_impulses_;
   solution->velocities = swept_velocities_;

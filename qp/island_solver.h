@@ -43,6 +43,7 @@ class IslandSolver {
 struct NaturalMap {
   double max, rms;
 };
-NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses);
+NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
+                      const std::vector<Vector3>& impulses);
 
 }  // namespace islet::qp

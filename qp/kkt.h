@@ -36,9 +36,9 @@ class KktSystem {
  private:
   int num_fields_ = 1;
   BlockCholesky cholesky_;
-  std::vector<std::array<int, 2>> pairs_;      // scratch: pairs of bodies in contact
-  std::vector<BlockPlace> diagonal_;           // per body
-  std::vector<BlockPlace> off_diagonal_;       // per contact; data null if one side is immovable
+  std::vector<std::array<int, 2>> pairs_;  // scratch: pairs of bodies in contact
+  std::vector<BlockPlace> diagonal_;       // per body
+  std::vector<BlockPlace> off_diagonal_;   // per contact; data null if one side is immovable
 };
 
 }  // namespace islet::qp

@@ -114,7 +114,9 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
 
 // (I + D R)^-1 of a compliant contact.
 Matrix3 InteriorPoint::Softening(size_t r) {
-  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r))).llt().solve(Matrix3::Identity());
+  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r)))
+      .llt()
+      .solve(Matrix3::Identity());
 }
 
 // ds and dz, in scaled space, that belong to dy_.

@@ -47,7 +47,8 @@ Vector3 OneContact::Slide(const Vector3& q, double friction, double guess) const
     size = std::sqrt(j[0] * j[0] + j[1] * j[1]);
     if (size == 0) break;
     const double value = friction * jn / size - 1;
-    const double slope = -friction * ((c[0] * dj[0] + c[1] * dj[1]) / wnn + jn * (j[0] * dj[0] + j[1] * dj[1]) / (size * size)) / size;
+    const double slope =
+        -friction * ((c[0] * dj[0] + c[1] * dj[1]) / wnn + jn * (j[0] * dj[0] + j[1] * dj[1]) / (size * size)) / size;
     (value < 0 ? low : high) = lambda;
     const double newton = lambda - value / slope;
     // Asked of the Newton step, before the bracket: at the root it may equal the end of the bracket, and halving would

@@ -20,20 +20,20 @@ using Matrix3 = Eigen::Matrix<double, 3, 3>;
 using Jacobian = Eigen::Matrix<double, 3, 6>;
 
 struct BodyTerm {
-  double mass = 1;                                 // > 0
-  Matrix3 inertia = Matrix3::Identity();           // symmetric positive definite
+  double mass = 1;                        // > 0
+  Matrix3 inertia = Matrix3::Identity();  // symmetric positive definite
   Matrix3 inverse_inertia = Matrix3::Identity();
-  Vector6 velocity = Vector6::Zero();              // v0
+  Vector6 velocity = Vector6::Zero();  // v0
 };
 
 struct ContactTerm {
-  int body_a = -1, body_b = -1;                    // at least one >= 0, never equal
-  Jacobian jacobian_a = Jacobian::Zero();          // zero if body_a is -1
+  int body_a = -1, body_b = -1;            // at least one >= 0, never equal
+  Jacobian jacobian_a = Jacobian::Zero();  // zero if body_a is -1
   Jacobian jacobian_b = Jacobian::Zero();
-  Vector3 drift = Vector3::Zero();                 // contact velocity that the unknown bodies do not make
-  double friction = 0;                             // mu >= 0
-  double target = 0;                               // b: normal velocity required while the contact presses
-  double compliance = 0;                           // >= 0; u + compliance j takes the place of u (0: rigid)
+  Vector3 drift = Vector3::Zero();  // contact velocity that the unknown bodies do not make
+  double friction = 0;              // mu >= 0
+  double target = 0;                // b: normal velocity required while the contact presses
+  double compliance = 0;            // >= 0; u + compliance j takes the place of u (0: rigid)
 };
 
 struct Problem {

@@ -19,12 +19,12 @@ enum class Cone {
 struct Settings {
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
-  double tolerance = 1e-8;      // relative duality gap; dual violation over the velocity scale
-  double aim = 0;               // if below the tolerance: iterate on towards it while that makes progress
-  int max_iterations = 100;     // of one interior-point solve
-  int coulomb_rounds = 4;       // cap on re-solves with lagged slip
+  double tolerance = 1e-8;          // relative duality gap; dual violation over the velocity scale
+  double aim = 0;                   // if below the tolerance: iterate on towards it while that makes progress
+  int max_iterations = 100;         // of one interior-point solve
+  int coulomb_rounds = 4;           // cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
-  double velocity_scale = 1;    // [m/s] v_ref, > 0; what the tolerances are relative to
+  double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
   // more, the solve stops as infeasible. Infinity: a million times the energy at hand.
   double energy_limit = std::numeric_limits<double>::infinity();

@@ -20,15 +20,16 @@ struct Solution {
   Status status = Status::kFailed;
   std::vector<double> velocities;  // 6 per body; always v0 + M^-1 J^T j
   std::vector<Vector3> impulses;   // per contact, (n, t1, t2)
-  std::vector<double> slips;       // per contact: the De Saxce term s = mu |u_t| that the solved problem used; 0 unless kCoulomb
+  std::vector<double>
+      slips;  // per contact: the De Saxce term s = mu |u_t| that the solved problem used; 0 unless kCoulomb
   // kKinetic with bounce targets only, else empty: p (6 per body), the multiplier of the momentum balance, and gamma >= 0
   // (one per contact), that of u_n >= target; M (v - p) = N^T gamma.
   std::vector<double> multipliers;
   std::vector<double> bounce_multipliers;
-  int iterations = 0;              // factorisations, all rounds together
-  bool coulomb_reached = true;     // kCoulomb: the natural map of the exact law is below its tolerance
-  int rounds = 0;                  // interior-point solves for exact Coulomb
-  double gap = 0;                  // relative duality gap reached
+  int iterations = 0;           // factorisations, all rounds together
+  bool coulomb_reached = true;  // kCoulomb: the natural map of the exact law is below its tolerance
+  int rounds = 0;               // interior-point solves for exact Coulomb
+  double gap = 0;               // relative duality gap reached
 };
 
 }  // namespace islet::qp

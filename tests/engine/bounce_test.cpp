@@ -9,7 +9,12 @@ namespace islet {
 namespace {
 
 Contact MakeContact(const Vector3& point, double friction, double restitution) {
-  return {.body_a = 0, .body_b = 1, .point_W = point, .normal_W = Vector3::UnitZ(), .friction = friction, .restitution = restitution};
+  return {.body_a = 0,
+          .body_b = 1,
+          .point_W = point,
+          .normal_W = Vector3::UnitZ(),
+          .friction = friction,
+          .restitution = restitution};
 }
 const Matrix3 kFrame = ContactFrame(Vector3::UnitZ());  // (z, x, y)
 
@@ -29,7 +34,10 @@ double Energy(const BounceBody& body) {
 // Unit mass and inertia, contact at lever (1, 0, -1) from the centre, falling and drifting at 1 m/s onto a wall:
 // u = (-1, 1, 0), W_nn = W_tt = 2, W_nt = 1.
 BounceBody LeverBody() {
-  return {.inverse_mass = 1, .inverse_inertia_W = Matrix3::Identity(), .position_W = {-1, 0, 1}, .linear_velocity_W = {1, 0, -1}};
+  return {.inverse_mass = 1,
+          .inverse_inertia_W = Matrix3::Identity(),
+          .position_W = {-1, 0, 1},
+          .linear_velocity_W = {1, 0, -1}};
 }
 
 constexpr BounceLaw kAllLaws[] = {BounceLaw::kEq5, BounceLaw::kEq6, BounceLaw::kExact};
@@ -38,7 +46,10 @@ constexpr BounceLaw kAllLaws[] = {BounceLaw::kEq5, BounceLaw::kEq6, BounceLaw::k
 TEST(BounceImpulse, HeadOnSpheresByHand) {
   for (const BounceLaw law : kAllLaws) {
     BounceBody a{.inverse_mass = 1, .inverse_inertia_W = 2 * Matrix3::Identity()};
-    BounceBody b{.inverse_mass = 1.0 / 3, .inverse_inertia_W = Matrix3::Identity(), .position_W = {0, 0, 1}, .linear_velocity_W = {0, 0, -2}};
+    BounceBody b{.inverse_mass = 1.0 / 3,
+                 .inverse_inertia_W = Matrix3::Identity(),
+                 .position_W = {0, 0, 1},
+                 .linear_velocity_W = {0, 0, -2}};
     const Contact contact = MakeContact({0, 0, 0.5}, 0.7, 0.5);
     EXPECT_NEAR((BounceImpulse(a, b, contact, kFrame, law) - Vector3(2.25, 0, 0)).norm(), 0, 1e-14);
     Bounce(contact, law, &a, &b);
@@ -51,7 +62,10 @@ TEST(BounceImpulse, ZeroWhereBodiesSeparateOrRest) {
   for (const BounceLaw law : kAllLaws) {
     const BounceBody wall;
     for (const double speed : {0.0, 1e-300, 3.0}) {
-      const BounceBody b{.inverse_mass = 1, .inverse_inertia_W = Matrix3::Identity(), .position_W = {0, 0, 1}, .linear_velocity_W = {5, 0, speed}};
+      const BounceBody b{.inverse_mass = 1,
+                         .inverse_inertia_W = Matrix3::Identity(),
+                         .position_W = {0, 0, 1},
+                         .linear_velocity_W = {5, 0, speed}};
       EXPECT_EQ(BounceImpulse(wall, b, MakeContact(Vector3::Zero(), 0.5, 1), kFrame, law), Vector3::Zero());
     }
   }
@@ -76,7 +90,9 @@ TEST(BounceImpulse, NoSlipNoFriction) {
   BounceBody body = LeverBody();
   body.linear_velocity_W = {0, 0, -1};
   for (const BounceLaw law : {BounceLaw::kEq5, BounceLaw::kEq6})
-    EXPECT_NEAR((BounceImpulse({}, body, MakeContact(Vector3::Zero(), 0.5, 0), kFrame, law) - Vector3(0.5, 0, 0)).norm(), 0, 1e-15);
+    EXPECT_NEAR(
+        (BounceImpulse({}, body, MakeContact(Vector3::Zero(), 0.5, 0), kFrame, law) - Vector3(0.5, 0, 0)).norm(), 0,
+        1e-15);
 }
 
 // [2 1; 1 2] j = (1, -1): sticking needs j = (1, -1), allowed from mu = 1 on.
@@ -107,8 +123,11 @@ TEST(BounceImpulse, ObliqueBounceOfASphere) {
         for (const double spin : {-10.0, 0.0, 7.0}) {
           const double r = 0.3, mass = 2, vz = -2;
           BounceBody wall;
-          BounceBody ball{.inverse_mass = 1 / mass, .inverse_inertia_W = Matrix3::Identity() / (0.4 * mass * r * r),
-                          .position_W = {0, 0, r}, .linear_velocity_W = {vx, 0, vz}, .angular_velocity_W = {0, spin, 0}};
+          BounceBody ball{.inverse_mass = 1 / mass,
+                          .inverse_inertia_W = Matrix3::Identity() / (0.4 * mass * r * r),
+                          .position_W = {0, 0, r},
+                          .linear_velocity_W = {vx, 0, vz},
+                          .angular_velocity_W = {0, spin, 0}};
           const double slip = vx - r * spin, reach = friction * (1 + restitution) * -vz;
           const bool grips = std::abs(slip) <= 3.5 * reach;
           Bounce(MakeContact(Vector3::Zero(), friction, restitution), BounceLaw::kExact, &wall, &ball);
@@ -126,7 +145,8 @@ TEST(BounceImpulse, ObliqueBounceOfASphere) {
 BounceBody RandomBody(std::mt19937& rng) {
   std::uniform_real_distribution<double> uniform(-1, 1), share(0.05, 1);
   const Vector3 squares(share(rng), share(rng), share(rng));
-  const Matrix3 axes = Quaternion(uniform(rng), uniform(rng), uniform(rng), uniform(rng)).normalized().toRotationMatrix();
+  const Matrix3 axes =
+      Quaternion(uniform(rng), uniform(rng), uniform(rng), uniform(rng)).normalized().toRotationMatrix();
   const Vector3 moments = squares.sum() * Vector3::Ones() - squares;
   BounceBody body{.inverse_mass = share(rng)};
   body.inverse_inertia_W = axes * moments.cwiseInverse().asDiagonal() * axes.transpose();
@@ -183,7 +203,8 @@ TEST(BounceImpulse, EveryLawStaysInTheCone) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (int trial = 0; trial < 10000; ++trial) {
     const BounceBody a = RandomBody(rng), b = RandomBody(rng);
-    const Contact contact = MakeContact({uniform(rng), uniform(rng), uniform(rng)}, std::abs(2 * uniform(rng)), std::abs(uniform(rng)));
+    const Contact contact =
+        MakeContact({uniform(rng), uniform(rng), uniform(rng)}, std::abs(2 * uniform(rng)), std::abs(uniform(rng)));
     for (const BounceLaw law : kAllLaws) {
       const Vector3 j = BounceImpulse(a, b, contact, kFrame, law);
       EXPECT_TRUE(j.allFinite());

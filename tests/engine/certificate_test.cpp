@@ -46,8 +46,8 @@ Certificate CertifySliding(const qp::Solution& s, Cone cone = Cone::kCircular) {
 
 TEST(Certify, RightAnswerHasNoResidual) {
   const Certificate c = CertifySliding(SlidingAnswer());
-  for (const double residual : {c.momentum, c.cone, c.dual, c.gap, c.natural_map_max, c.natural_map_rms, c.coulomb_map_max, c.coulomb_map_rms,
-                                c.energy_gain})
+  for (const double residual : {c.momentum, c.cone, c.dual, c.gap, c.natural_map_max, c.natural_map_rms,
+                                c.coulomb_map_max, c.coulomb_map_rms, c.energy_gain})
     EXPECT_NEAR(residual, 0, 1e-15);
 }
 
@@ -208,7 +208,8 @@ TEST(Certify, OctagonDistanceAgreesWithDykstra) {
     qp::Solution s = SlidingAnswer();
     s.impulses[0] = Vector3(gauss(rng), gauss(rng), gauss(rng));
     const double distance = Certify(PointMass({-1, 3, 0}, mu), s, Model::kConvex, Cone::kOctagon, 1).cone * 2;
-    EXPECT_NEAR(distance, (s.impulses[0] - DykstraOctagon(s.impulses[0], mu)).norm(), 1e-5) << trial << " " << s.impulses[0].transpose();
+    EXPECT_NEAR(distance, (s.impulses[0] - DykstraOctagon(s.impulses[0], mu)).norm(), 1e-5)
+        << trial << " " << s.impulses[0].transpose();
     (distance == 0 ? inside : outside) += 1;
   }
   EXPECT_GT(inside, 10);

@@ -87,7 +87,8 @@ TEST(CertifiedFreezing, FloorUnderAFrozenStackCarriesAllOfIt) {
     world.Step(kDt);
     ASSERT_TRUE(AllFrozen(world));
     EXPECT_NEAR(ImpulseOn(world, 0).z(), -8 * kGravity * kDt, 1e-3 * kGravity * kDt);
-    for (int body = 1; body <= 8; ++body) EXPECT_NEAR((ImpulseOn(world, body) - Vector3(0, 0, kGravity * kDt)).norm(), 0, 2e-3 * kGravity * kDt);
+    for (int body = 1; body <= 8; ++body)
+      EXPECT_NEAR((ImpulseOn(world, body) - Vector3(0, 0, kGravity * kDt)).norm(), 0, 2e-3 * kGravity * kDt);
   }
   world.Step(kDt / 2);  // impulses are per time
   EXPECT_NEAR(ImpulseOn(world, 0).z(), -4 * kGravity * kDt, 1e-3 * kGravity * kDt);
@@ -156,7 +157,8 @@ TEST(CertifiedFreezing, GravityTurnedBeyondTheFrictionAngleSlidesInThatFrame) {
 
 TEST(CertifiedFreezing, GravityTurnedBelowTheFrictionAngleLeavesItFrozen) {
   World world = FrozenStack(3);
-  for (const double degrees : {5.0, 15.0, 26.0}) {  // tan 26 = 0.488; tips only at tan = 1/3 for three cubes, so one by one
+  for (const double degrees :
+       {5.0, 15.0, 26.0}) {  // tan 26 = 0.488; tips only at tan = 1/3 for three cubes, so one by one
     World cube = FrozenStack(1);
     cube.SetGravity(kGravity * Vector3(std::sin(degrees * M_PI / 180), 0, -std::cos(degrees * M_PI / 180)));
     for (int i = 0; i < 30; ++i) {
@@ -218,7 +220,11 @@ TEST(CertifiedFreezing, TorqueThatTipsWakes) {
 
 World FrozenOnKinematic(int n) {
   World world(OneThread());
-  BodyDefinition plate{.shape = Shape::Box({5, 5, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5, .restitution = 0};
+  BodyDefinition plate{.shape = Shape::Box({5, 5, 0.5}),
+                       .kind = BodyKind::kKinematic,
+                       .position_W = {0, 0, -0.5},
+                       .friction = 0.5,
+                       .restitution = 0};
   world.Add(plate);
   for (int i = 0; i < n; ++i) world.Add(Cube({0, 0, i + 0.5}));
   EXPECT_LE(FramesUntilFrozen(&world, 60), 60);
@@ -280,7 +286,8 @@ TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
   world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0.1, 0}; });
   world.Step(kDt);
   EXPECT_FALSE(world.body(1).frozen);
-  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * kDt, 1e-4);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * kDt,
+              1e-4);
 }
 
 TEST(CertifiedFreezing, LoadPlacedOnAFrozenStackIsCarried) {
@@ -301,7 +308,8 @@ TEST(CertifiedFreezing, LoadThatTipsAFrozenPlankWakesIt) {
   pedestal.kind = BodyKind::kFixed;
   pedestal.mass.reset();
   world.Add(pedestal);
-  const int plank = world.Add({.shape = Shape::Box({2, 0.5, 0.1}), .mass = 1, .position_W = {0, 0, 1.1}, .restitution = 0});
+  const int plank =
+      world.Add({.shape = Shape::Box({2, 0.5, 0.1}), .mass = 1, .position_W = {0, 0, 1.1}, .restitution = 0});
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   BodyDefinition load = Cube({1.4, 0, 1.7});  // beyond the edge by 0.9 against the plank's 0.5
   world.Add(load);

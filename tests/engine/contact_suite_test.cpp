@@ -38,8 +38,13 @@ void AddFace(int a, int b, const Vector3& centre, double friction, double restit
   std::uint32_t feature = 0;
   for (const double x : {-0.5, 0.5})
     for (const double y : {-0.5, 0.5})
-      contacts->push_back({.body_a = a, .body_b = b, .point_W = centre + Vector3(x, y, 0), .normal_W = Vector3::UnitZ(), .friction = friction,
-                           .restitution = restitution, .feature = feature++});
+      contacts->push_back({.body_a = a,
+                           .body_b = b,
+                           .point_W = centre + Vector3(x, y, 0),
+                           .normal_W = Vector3::UnitZ(),
+                           .friction = friction,
+                           .restitution = restitution,
+                           .feature = feature++});
 }
 
 struct Suite {
@@ -183,7 +188,8 @@ TEST(ContactSuite, SameBitsOnAnyNumberOfThreads) {
     }
     s.Resolve();
     std::vector<Vector3> velocities;
-    for (const Body& b : s.bodies) velocities.push_back(b.linear_velocity_W), velocities.push_back(b.angular_velocity_W);
+    for (const Body& b : s.bodies)
+      velocities.push_back(b.linear_velocity_W), velocities.push_back(b.angular_velocity_W);
     if (first.empty()) first = velocities;
     EXPECT_EQ(velocities, first) << threads;
   }
@@ -267,7 +273,8 @@ TEST(ContactSuite, BadInputIsNamed) {
     EXPECT_EQ(s.bodies[1].linear_velocity_W, Vector3::Zero()) << "a refused step changes nothing";
   }
   Suite s;
-  for (const double dt : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()}) EXPECT_THROW(s.Resolve(dt), std::invalid_argument);
+  for (const double dt : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()})
+    EXPECT_THROW(s.Resolve(dt), std::invalid_argument);
   EXPECT_THROW(s.suite.SetGravity({0, kNan, 0}), std::invalid_argument);
   Settings settings;
   settings.tolerance = -1;

@@ -15,7 +15,9 @@ const Shape kBox = Shape::Box({0.5, 0.5, 0.5});
 
 Shape BoxAsHull() { return Shape::ConvexHull(kBox.polytope().vertices); }
 
-Placement At(const Vector3& position, const Quaternion& rotation) { return {position, rotation.normalized().toRotationMatrix()}; }
+Placement At(const Vector3& position, const Quaternion& rotation) {
+  return {position, rotation.normalized().toRotationMatrix()};
+}
 
 // Two cubes that only one pair of edges separates (by 45 mm), while those edges pass each other by: all faces' axes overlap,
 // and the deepest corner of the least of them was reported 42 mm inside.
@@ -48,14 +50,17 @@ TEST(AppendNearestPoints, BoxesThatAreApartNeverOverlap) {
     const Shape second = Shape::Box(half_b);
     const auto rotation = [&] { return Quaternion(gauss(rng), gauss(rng), gauss(rng), gauss(rng)); };
     const Placement a = At(Vector3::Zero(), rotation());
-    const Placement b = At((1 + 0.8 * uniform(rng)) * Vector3(gauss(rng), gauss(rng), gauss(rng)).normalized(), rotation());
+    const Placement b =
+        At((1 + 0.8 * uniform(rng)) * Vector3(gauss(rng), gauss(rng), gauss(rng)).normalized(), rotation());
     const double separation = -BoxOverlap(half_a, a, half_b, b);
     if (separation < 1e-3) continue;
     ++apart;
     std::vector<Contact> contacts;
     CollideShapes(kBox, a, second, b, 0.2, &contacts);
     if (contacts.empty()) continue;
-    const double least = std::min_element(contacts.begin(), contacts.end(), [](const Contact& x, const Contact& y) { return x.gap < y.gap; })->gap;
+    const double least = std::min_element(contacts.begin(), contacts.end(), [](const Contact& x, const Contact& y) {
+                           return x.gap < y.gap;
+                         })->gap;
     EXPECT_GE(least, separation - 1e-3) << trial;
   }
   EXPECT_GT(apart, 50000);

@@ -10,7 +10,8 @@
 namespace islet {
 namespace {
 
-Body MakeBody(const Vector3& position, const Vector3& linear = Vector3::Zero(), const Vector3& angular = Vector3::Zero()) {
+Body MakeBody(const Vector3& position, const Vector3& linear = Vector3::Zero(),
+              const Vector3& angular = Vector3::Zero()) {
   Body body;
   body.mass = 2;
   body.inertia_B = Vector3(1, 2, 2.5).asDiagonal();
@@ -44,7 +45,7 @@ TEST(IslandGatherer, JacobianByHand) {
   const qp::ContactTerm& c = problem.contacts[0];
   EXPECT_EQ(c.body_a, -1);
   EXPECT_EQ(c.body_b, 0);
-  qp::Jacobian expected;  // v + omega x r: z: vz - omega_y; x: vx - omega_y; y: vy + omega_z + omega_x
+  qp::Jacobian expected;          // v + omega x r: z: vz - omega_y; x: vx - omega_y; y: vy + omega_z + omega_x
   expected << 0, 0, 1, 0, -1, 0,  //
       1, 0, 0, 0, -1, 0,          //
       0, 1, 0, 1, 0, 1;
@@ -60,7 +61,8 @@ TEST(IslandGatherer, JacobianByHand) {
 
 TEST(IslandGatherer, KinematicMotionIsDriftFrozenAndFixedAreNot) {
   Scene s;
-  s.bodies = {MakeBody(Vector3::Zero(), {0, 0, 3}, {0, 0, 1}), MakeBody({0, 0, 1}), MakeBody({0, 0, 2}, {7, 7, 7}), MakeBody({0, 5, 0}, {1, 2, 3})};
+  s.bodies = {MakeBody(Vector3::Zero(), {0, 0, 3}, {0, 0, 1}), MakeBody({0, 0, 1}), MakeBody({0, 0, 2}, {7, 7, 7}),
+              MakeBody({0, 5, 0}, {1, 2, 3})};
   s.bodies[0].kind = BodyKind::kKinematic;
   s.bodies[2].frozen = true;
   s.bodies[3].kind = BodyKind::kKinematic;
@@ -92,7 +94,8 @@ TEST(IslandGatherer, RandomWorldAgreesWithBodyAndContact) {
   for (int a = 0; a < 12; ++a)
     for (int b = a + 1; b < 12; ++b)
       if ((a % 4 || b % 4) && uniform(rng) > 0)
-        s.contacts.push_back({.body_a = a, .body_b = b, .point_W = vector(), .normal_W = vector().normalized(), .friction = 0.5});
+        s.contacts.push_back(
+            {.body_a = a, .body_b = b, .point_W = vector(), .normal_W = vector().normalized(), .friction = 0.5});
   std::vector<int> members, numbers;
   for (int i = 0; i < 12; ++i)
     if (i % 4) members.push_back(i);
@@ -102,13 +105,16 @@ TEST(IslandGatherer, RandomWorldAgreesWithBodyAndContact) {
   gatherer.Gather(s.bodies, s.view(), members, numbers, &problem);
   EXPECT_NO_THROW(problem.Validate());
   qp::Solution solution;
-  for (const qp::BodyTerm& body : problem.bodies) solution.velocities.insert(solution.velocities.end(), body.velocity.data(), body.velocity.data() + 6);
+  for (const qp::BodyTerm& body : problem.bodies)
+    solution.velocities.insert(solution.velocities.end(), body.velocity.data(), body.velocity.data() + 6);
   std::vector<Body> pushed = s.bodies;
   for (size_t c = 0; c < numbers.size(); ++c) {
     const Contact& contact = s.contacts[c];
-    const Vector3 expected = s.frames[c].transpose() * RelativeVelocity(contact, s.bodies[contact.body_a], s.bodies[contact.body_b]);
+    const Vector3 expected =
+        s.frames[c].transpose() * RelativeVelocity(contact, s.bodies[contact.body_a], s.bodies[contact.body_b]);
     std::vector<double> before;
-    for (const qp::BodyTerm& body : problem.bodies) before.insert(before.end(), body.velocity.data(), body.velocity.data() + 6);
+    for (const qp::BodyTerm& body : problem.bodies)
+      before.insert(before.end(), body.velocity.data(), body.velocity.data() + 6);
     EXPECT_NEAR((qp::ContactVelocity(problem.contacts[c], before.data()) - expected).norm(), 0, 1e-13);
     // Impulses move the problem's bodies as they move those of the world.
     const Vector3 impulse = vector();

@@ -181,8 +181,12 @@ TEST(Mover, CubeSlidesDownASteeperInclineAtTheRightRate) {
 TEST(Mover, SlidingCubeStopsWhereItShould) {
   World world(Awake());
   world.Add(Floor(0.5));
-  BodyDefinition cube{.shape = Shape::Box({0.05, 0.05, 0.05}), .mass = 1, .position_W = {0, 0, 0.05}, .linear_velocity_W = {3.6, 4.8, 0},
-                      .friction = 0.5, .restitution = 0};
+  BodyDefinition cube{.shape = Shape::Box({0.05, 0.05, 0.05}),
+                      .mass = 1,
+                      .position_W = {0, 0, 0.05},
+                      .linear_velocity_W = {3.6, 4.8, 0},
+                      .friction = 0.5,
+                      .restitution = 0};
   world.Add(cube);
   double apex = 0;
   while (world.time() < 2) {
@@ -259,7 +263,8 @@ std::vector<BodyDefinition> Cloud(unsigned seed, double friction, double restitu
   for (int i = 0; i < 27; ++i) {
     const Vector3 place(2.0 * (i % 3 - 1), 2.0 * (i / 3 % 3 - 1), 2.0 * (i / 9 - 1));
     BodyDefinition body = boxes ? Cube(place, friction, restitution) : Ball(place, 0.5, friction, restitution);
-    if (boxes) body.shape = Shape::Box({0.4, 0.5, 0.6}), body.rotation_WB = Turn(uniform(rng), {uniform(rng), uniform(rng), 1});
+    if (boxes)
+      body.shape = Shape::Box({0.4, 0.5, 0.6}), body.rotation_WB = Turn(uniform(rng), {uniform(rng), uniform(rng), 1});
     body.mass = 1.5 + uniform(rng);
     body.linear_velocity_W = -2 * place + Vector3(uniform(rng), uniform(rng), uniform(rng));
     body.angular_velocity_W = 3 * Vector3(uniform(rng), uniform(rng), uniform(rng));
@@ -324,7 +329,8 @@ TEST(Mover, FallingHeapNeverGainsEnergyAndNeverOverlaps) {
     std::mt19937 rng(8);
     std::uniform_real_distribution<double> uniform(-1, 1);
     for (int i = 0; i < 24; ++i) {
-      BodyDefinition cube = Cube({0.3 * uniform(rng) + 2.4 * (i % 2), 0.3 * uniform(rng), 1 + 1.8 * (i / 2)}, 0.5, restitution);
+      BodyDefinition cube =
+          Cube({0.3 * uniform(rng) + 2.4 * (i % 2), 0.3 * uniform(rng), 1 + 1.8 * (i / 2)}, 0.5, restitution);
       cube.rotation_WB = Turn(uniform(rng), {uniform(rng), uniform(rng), 1});
       world.Add(cube);
     }

@@ -39,11 +39,13 @@ struct Island {
   }
   ResponseOutcome Collide() {
     Begin();
-    return responder.ResolveCollisions({members, numbers}, {contacts, frames}, settings, kGravity * kDt, 1e-9, bodies, impulses);
+    return responder.ResolveCollisions({members, numbers}, {contacts, frames}, settings, kGravity * kDt, 1e-9, bodies,
+                                       impulses);
   }
   ResponseOutcome Rest() {  // velocities must hold gravity already
     Begin();
-    return responder.ResolveStatic({members, numbers}, {contacts, frames}, settings, kGravity * kDt, kDt, bodies, impulses);
+    return responder.ResolveStatic({members, numbers}, {contacts, frames}, settings, kGravity * kDt, kDt, bodies,
+                                   impulses);
   }
   void AddGravity(const Vector3& gravity = {0, 0, -kGravity}) {
     for (Body& b : bodies)
@@ -72,11 +74,16 @@ Body UnitCube(const Vector3& position, double turn = 0) {
 }
 
 // Four corners of a face with normal `up`, between bodies a (below) and b.
-void AddFace(Island* island, int a, int b, const Vector3& centre, double turn, double friction, double restitution = 0) {
+void AddFace(Island* island, int a, int b, const Vector3& centre, double turn, double friction,
+             double restitution = 0) {
   for (const double x : {-0.5, 0.5})
     for (const double y : {-0.5, 0.5})
-      island->contacts.push_back({.body_a = a, .body_b = b, .point_W = centre + Turn(turn, Vector3::UnitY()) * Vector3(x, y, 0),
-                                  .normal_W = Turn(turn, Vector3::UnitY()) * Vector3::UnitZ(), .friction = friction, .restitution = restitution});
+      island->contacts.push_back({.body_a = a,
+                                  .body_b = b,
+                                  .point_W = centre + Turn(turn, Vector3::UnitY()) * Vector3(x, y, 0),
+                                  .normal_W = Turn(turn, Vector3::UnitY()) * Vector3::UnitZ(),
+                                  .friction = friction,
+                                  .restitution = restitution});
 }
 
 // A cube on a plane that falls towards +x at angle `turn`.
@@ -103,7 +110,8 @@ TEST(ResolveCollisions, ThreeBallCradleSimultaneously) {
     row.settings.model = model;
     for (int i = 0; i < 3; ++i) row.bodies.push_back(UnitCube({static_cast<double>(i), 0, 0}));
     for (int i = 1; i < 3; ++i)
-      row.contacts.push_back({.body_a = i - 1, .body_b = i, .point_W = {i - 0.5, 0, 0}, .normal_W = Vector3::UnitX(), .restitution = 1});
+      row.contacts.push_back(
+          {.body_a = i - 1, .body_b = i, .point_W = {i - 0.5, 0, 0}, .normal_W = Vector3::UnitX(), .restitution = 1});
     row.bodies[0].linear_velocity_W.x() = 3;
     const ResponseOutcome outcome = row.Collide();
     EXPECT_EQ(outcome.status, QpStatus::kSolved);
@@ -164,7 +172,8 @@ TEST(ResolveStatic, SlidingPointByEachModel) {
         const bool exact = model == Model::kCoulomb;
         const double left = (slip - friction * approach) / (exact ? 1 : 1 + friction * friction);
         const Vector3 expected(0.6 * left, 0.8 * left, exact ? 0 : friction * left);
-        EXPECT_LT((island.bodies[1].linear_velocity_W - expected).norm(), 1e-6 * slip) << friction << " " << slip << " " << static_cast<int>(model);
+        EXPECT_LT((island.bodies[1].linear_velocity_W - expected).norm(), 1e-6 * slip)
+            << friction << " " << slip << " " << static_cast<int>(model);
       }
     }
   }
@@ -237,7 +246,8 @@ TEST(ResolveStatic, HeavyOnLight) {
     double floor = 0;
     for (int c = 0; c < 4; ++c) floor += column.impulses[c][0];
     EXPECT_NEAR(floor / ((1 + ratio) * kGravity * kDt), 1, 2e-5) << ratio;
-    for (const int i : {1, 2}) EXPECT_LT(column.bodies[i].linear_velocity_W.norm(), 1e-4 * kGravity * kDt) << ratio << " " << i;
+    for (const int i : {1, 2})
+      EXPECT_LT(column.bodies[i].linear_velocity_W.norm(), 1e-4 * kGravity * kDt) << ratio << " " << i;
   }
 }
 
@@ -251,7 +261,8 @@ TEST(ResolveStatic, InclineSticksBelowAndSlidesAboveTheFrictionAngle) {
       island.Rest();
       const double speed = std::max(0.0, kGravity * (std::sin(turn) - friction * std::cos(turn)) * kDt);
       const Vector3 expected = Turn(turn, Vector3::UnitY()) * Vector3(speed, 0, 0);
-      EXPECT_LT((island.bodies[1].linear_velocity_W - expected).norm(), 1e-5 * kGravity * kDt) << friction << " " << share;
+      EXPECT_LT((island.bodies[1].linear_velocity_W - expected).norm(), 1e-5 * kGravity * kDt)
+          << friction << " " << share;
     }
   }
 }
@@ -318,8 +329,12 @@ Island RandomCluster(unsigned seed, int n, double friction, double restitution) 
       const Vector3 apart = island.bodies[b].position_W - island.bodies[a].position_W;
       if (apart.norm() > 1.5) continue;
       const Vector3 offset = 0.2 * Vector3(uniform(rng), uniform(rng), uniform(rng));
-      island.contacts.push_back({.body_a = a, .body_b = b, .point_W = 0.5 * (island.bodies[a].position_W + island.bodies[b].position_W) + offset,
-                                 .normal_W = apart.normalized(), .friction = friction, .restitution = restitution});
+      island.contacts.push_back({.body_a = a,
+                                 .body_b = b,
+                                 .point_W = 0.5 * (island.bodies[a].position_W + island.bodies[b].position_W) + offset,
+                                 .normal_W = apart.normalized(),
+                                 .friction = friction,
+                                 .restitution = restitution});
     }
   }
   return island;
@@ -337,7 +352,8 @@ TEST(ResolveCollisions, RandomClustersNeverGainEnergy) {
       const ResponseOutcome outcome = island.Collide();
       if (outcome.status == QpStatus::kNone) continue;
       lowered += outcome.restitution_lowered;
-      EXPECT_LE(island.KineticEnergy(), before * (1 + 1e-6)) << seed << " " << static_cast<int>(model) << " " << ToString(outcome.status);
+      EXPECT_LE(island.KineticEnergy(), before * (1 + 1e-6))
+          << seed << " " << static_cast<int>(model) << " " << ToString(outcome.status);
       EXPECT_LE(outcome.certificate.momentum, 1e-9);
       EXPECT_LE(outcome.certificate.energy_gain, before * 1e-6);
       Vector3 wall_push = Vector3::Zero();

@@ -18,7 +18,8 @@ struct Top {
   Vector3 angular_velocity = Vector3::Zero();
 
   void Step(double dt) {
-    const Quaternion turned = Quaternion(Exp(FreeRotation(inertia, rotation, angular_velocity, dt)) * rotation).normalized();
+    const Quaternion turned =
+        Quaternion(Exp(FreeRotation(inertia, rotation, angular_velocity, dt)) * rotation).normalized();
     angular_velocity = AngularVelocityAfter(inertia, rotation, angular_velocity, turned);
     rotation = turned;
   }
@@ -88,7 +89,9 @@ TEST(FreeRotation, SymmetricTopPrecessesAtItsRateToSecondOrder) {
   const double error_coarse = [] {
     double errors[2];
     for (int fine = 0; fine < 2; ++fine) {
-      Top top{.inertia = Vector3(1, 1, 1.7).asDiagonal(), .rotation = Exp({0.4, 0.1, 0.2}), .angular_velocity = {1, 0.5, 2}};
+      Top top{.inertia = Vector3(1, 1, 1.7).asDiagonal(),
+              .rotation = Exp({0.4, 0.1, 0.2}),
+              .angular_velocity = {1, 0.5, 2}};
       const Vector3 momentum = top.MomentumW();
       const Vector3 axis_before = top.rotation * Vector3::UnitZ();
       const int steps = fine ? 2000 : 1000;

@@ -37,7 +37,8 @@ struct Group {
   }
   double FastestApproach() const {
     double fastest = 0;
-    for (const Contact& c : contacts) fastest = std::max(fastest, -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]));
+    for (const Contact& c : contacts)
+      fastest = std::max(fastest, -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]));
     return fastest;
   }
   double KineticEnergy() const {
@@ -56,7 +57,9 @@ Group OfficeToy(int n, int k) {
     ball.position_W.x() = i;
     if (i < k) ball.linear_velocity_W.x() = 1;
     g.bodies.push_back(ball);
-    if (i > 0) g.contacts.push_back({.body_a = i - 1, .body_b = i, .point_W = {i - 0.5, 0, 0}, .normal_W = Vector3::UnitX(), .restitution = 1});
+    if (i > 0)
+      g.contacts.push_back(
+          {.body_a = i - 1, .body_b = i, .point_W = {i - 0.5, 0, 0}, .normal_W = Vector3::UnitX(), .restitution = 1});
   }
   g.Finish();
   return g;
@@ -84,8 +87,12 @@ Group RandomGroup(unsigned seed, int n, int walls, double friction, double resti
       const Vector3 apart = g.bodies[b].position_W - g.bodies[a].position_W;
       if (apart.norm() > 2) continue;
       const Vector3 offset = 0.2 * Vector3(uniform(rng), uniform(rng), uniform(rng));
-      g.contacts.push_back({.body_a = a, .body_b = b, .point_W = 0.5 * (g.bodies[a].position_W + g.bodies[b].position_W) + offset,
-                            .normal_W = apart.normalized(), .friction = friction, .restitution = restitution});
+      g.contacts.push_back({.body_a = a,
+                            .body_b = b,
+                            .point_W = 0.5 * (g.bodies[a].position_W + g.bodies[b].position_W) + offset,
+                            .normal_W = apart.normalized(),
+                            .friction = friction,
+                            .restitution = restitution});
     }
   }
   g.Finish();
@@ -116,7 +123,8 @@ TEST(SequentialResolver, OfficeToyPassesTheMomentumOnExactly) {
       Group g = OfficeToy(n, k);
       g.settings.bounce_limit = 1000;
       EXPECT_EQ(g.Resolve(), k * (n - k)) << n << " " << k;
-      for (int i = 0; i < n; ++i) EXPECT_NEAR(g.bodies[i].linear_velocity_W.x(), i < n - k ? 0 : 1, 1e-12) << n << " " << k << " " << i;
+      for (int i = 0; i < n; ++i)
+        EXPECT_NEAR(g.bodies[i].linear_velocity_W.x(), i < n - k ? 0 : 1, 1e-12) << n << " " << k << " " << i;
     }
   }
 }

@@ -51,8 +51,14 @@ TEST(Settings, EveryBadValueIsNamed) {
       {"overlap_tolerance", "0.0", [](Settings* s) { s->overlap_tolerance = 0; }},
       {"motion_passes", "0", [](Settings* s) { s->motion_passes = 0; }},
       {"threads", "-1", [](Settings* s) { s->threads = -1; }},
-      {"cold_volumes", "2", [](Settings* s) { s->cold_volumes = {{{0, 0, 2}, {1, 1, 1}}}; }},
-      {"cold_volumes", "nan", [](Settings* s) { s->cold_volumes = {{{0, 0, 0}, {1, kNan, 1}}}; }},
+      {"cold_volumes", "2",
+       [](Settings* s) {
+         s->cold_volumes = {{{0, 0, 2}, {1, 1, 1}}};
+       }},
+      {"cold_volumes", "nan",
+       [](Settings* s) {
+         s->cold_volumes = {{{0, 0, 0}, {1, kNan, 1}}};
+       }},
   };
   for (const Case& bad : cases) {
     Settings settings;

@@ -34,7 +34,8 @@ void ExpectRefused(Call call, const std::vector<std::string>& names) {
     call();
     ADD_FAILURE() << names[0] << " was accepted";
   } catch (const std::invalid_argument& error) {
-    for (const std::string& name : names) EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what() << " lacks " << name;
+    for (const std::string& name : names)
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what() << " lacks " << name;
   }
 }
 
@@ -48,7 +49,8 @@ TEST(World, FreeFallIsExact) {
     StepTimes(&world, 30, dt);
     const double t = world.time();
     EXPECT_NEAR(t, 30 * dt, 1e-12);
-    EXPECT_NEAR((world.body(0).position_W - Vector3(1 + 3 * t, 2, 100 + 2 * t - 0.5 * kGravity * t * t)).norm(), 0, 1e-11);
+    EXPECT_NEAR((world.body(0).position_W - Vector3(1 + 3 * t, 2, 100 + 2 * t - 0.5 * kGravity * t * t)).norm(), 0,
+                1e-11);
   }
 }
 
@@ -66,7 +68,8 @@ TEST(World, MassComesFromDensityOrMassAndInertiaFromTheShape) {
   EXPECT_NEAR(world.body(a).inertia_B(0, 0), 12 * (4 + 9) / 12.0, 1e-12);
   const int b = world.Add({.shape = Shape::Sphere(2), .mass = 5, .position_W = {10, 0, 0}});
   EXPECT_NEAR(world.body(b).inertia_B(2, 2), 0.4 * 5 * 4, 1e-12);
-  const int c = world.Add({.shape = Shape::Sphere(2), .mass = 5, .inertia_B = Matrix3(3 * Matrix3::Identity()), .position_W = {20, 0, 0}});
+  const int c = world.Add(
+      {.shape = Shape::Sphere(2), .mass = 5, .inertia_B = Matrix3(3 * Matrix3::Identity()), .position_W = {20, 0, 0}});
   EXPECT_EQ(world.body(c).inertia_B, Matrix3(3 * Matrix3::Identity()));
 }
 
@@ -90,9 +93,16 @@ TEST(World, BadDefinitionsNameBodyFieldAndValue) {
   refused([](BodyDefinition& d) { d.mass.reset(), d.density = -1; }, {"density", "-1.0"});
   refused([](BodyDefinition& d) { d.inertia_B = Matrix3::Zero(); }, {"inertia"});
   refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Vector3(1, 1, -1).asDiagonal()); }, {"inertia", "-1.0"});
-  refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Vector3(1, 1, 2.1).asDiagonal()); }, {"inertia", "triangle", "2.1"});
+  refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Vector3(1, 1, 2.1).asDiagonal()); },
+          {"inertia", "triangle", "2.1"});
   refused([](BodyDefinition& d) { d.inertia_B = Matrix3(Matrix3::Identity() * kNan); }, {"inertia"});
-  refused([](BodyDefinition& d) { Matrix3 m = Matrix3::Identity(); m(0, 1) = 0.3; d.inertia_B = m; }, {"inertia", "symmetric"});
+  refused(
+      [](BodyDefinition& d) {
+        Matrix3 m = Matrix3::Identity();
+        m(0, 1) = 0.3;
+        d.inertia_B = m;
+      },
+      {"inertia", "symmetric"});
   refused([](BodyDefinition& d) { d.friction = -0.1; }, {"friction", "-0.1"});
   refused([](BodyDefinition& d) { d.friction = kNan; }, {"friction", "nan"});
   refused([](BodyDefinition& d) { d.friction = kInfinity; }, {"friction", "inf"});
@@ -105,13 +115,19 @@ TEST(World, BadDefinitionsNameBodyFieldAndValue) {
   refused([](BodyDefinition& d) { d.rotation_WB.coeffs() *= 1.1; }, {"rotation", "1.1"});
   refused([](BodyDefinition& d) { d.rotation_WB.coeffs().setZero(); }, {"rotation", "0.0"});
   refused([](BodyDefinition& d) { d.rotation_WB.w() = kNan; }, {"rotation"});
-  refused([](BodyDefinition& d) { d = Floor(); d.kind = BodyKind::kDynamic; }, {"kind", "half-space"});
+  refused(
+      [](BodyDefinition& d) {
+        d = Floor();
+        d.kind = BodyKind::kDynamic;
+      },
+      {"kind", "half-space"});
   refused([](BodyDefinition& d) { d.kind = BodyKind::kFixed, d.linear_velocity_W.x() = 1; }, {"velocity", "fixed"});
 }
 
 TEST(World, ThinPlateIsStillAMassDistribution) {
   World world;  // I_z = I_x + I_y exactly
-  EXPECT_NO_THROW(world.Add({.shape = Shape::Box({1, 1, 1e-6}), .mass = 1, .inertia_B = Matrix3(Vector3(1, 1, 2).asDiagonal())}));
+  EXPECT_NO_THROW(
+      world.Add({.shape = Shape::Box({1, 1, 1e-6}), .mass = 1, .inertia_B = Matrix3(Vector3(1, 1, 2).asDiagonal())}));
 }
 
 TEST(World, BadCallsAreNamed) {
@@ -199,7 +215,9 @@ TEST(World, MaterialCallbackReplacesTheMixture) {
   world.Add(Cube({5, 0, 0.5}, 0.5, 0.5));
   world.SetVelocity(1, {2, 0, 0}, Vector3::Zero());
   world.SetVelocity(2, {2, 0, 0}, Vector3::Zero());
-  world.SetMaterialCallback([](const Contact& c, const Body&, const Body&) { return Material{c.body_b == 1 ? 0.0 : 0.8, 0}; });
+  world.SetMaterialCallback([](const Contact& c, const Body&, const Body&) {
+    return Material{c.body_b == 1 ? 0.0 : 0.8, 0};
+  });
   StepTimes(&world, 30);
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 2, 1e-9);
   EXPECT_NEAR(world.body(2).position_W.x() - 5, 4 / (2 * 0.8 * kGravity), 0.02);
@@ -259,7 +277,8 @@ TEST(World, ContactsAndImpulsesAreConsistent) {
     for (size_t i = 1; i < before.size(); ++i) {
       if (before[i].frozen || world.bodies()[i].frozen) continue;
       const Vector3 change = world.bodies()[i].linear_velocity_W - before[i].linear_velocity_W;
-      const Vector3 expected = ImpulseOn(world, static_cast<int>(i)) + kDt * (world.bodies()[i].force_W - Vector3(0, 0, kGravity));
+      const Vector3 expected =
+          ImpulseOn(world, static_cast<int>(i)) + kDt * (world.bodies()[i].force_W - Vector3(0, 0, kGravity));
       EXPECT_NEAR((change - expected).norm(), 0, 1e-5) << frame << " " << i;
     }
   }
@@ -294,10 +313,12 @@ TEST(World, TableOnAnyNumberOfLegs) {
   for (const int legs : {3, 4, 8, 30}) {
     World world;
     for (int k = 0; k < legs; ++k) {
-      world.Add({.shape = Shape::Box({0.02, 0.02, 0.5}), .kind = BodyKind::kFixed,
+      world.Add({.shape = Shape::Box({0.02, 0.02, 0.5}),
+                 .kind = BodyKind::kFixed,
                  .position_W = {0.8 * std::cos(2 * M_PI * k / legs), 0.8 * std::sin(2 * M_PI * k / legs), -0.5}});
     }
-    const int table = world.Add({.shape = Shape::Box({1, 1, 0.05}), .mass = 1, .position_W = {0.1, 0, 0.05}, .restitution = 0});
+    const int table =
+        world.Add({.shape = Shape::Box({1, 1, 0.05}), .mass = 1, .position_W = {0.1, 0, 0.05}, .restitution = 0});
     for (int i = 0; i < 20; ++i) {
       world.Step(kDt);
       EXPECT_NEAR(ImpulseOn(world, table).z() / (kGravity * kDt), 1, 1e-5) << legs;

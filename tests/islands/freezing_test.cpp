@@ -17,7 +17,8 @@ int FrozenInFrame(const char* story, int freeze_count) {
   for (const char* f = story; *f; ++f) {
     ++frame;
     const std::vector<double> energy{*f == 'f' ? 1.0 : 0.4}, threshold{0.5};
-    const std::vector<std::uint8_t> touches{static_cast<std::uint8_t>(*f != 'a')}, may{static_cast<std::uint8_t>(*f != 'w')};
+    const std::vector<std::uint8_t> touches{static_cast<std::uint8_t>(*f != 'a')},
+        may{static_cast<std::uint8_t>(*f != 'w')};
     const int newly = UpdateFreezing({energy, threshold, touches, may}, freeze_count, counters, frozen);
     EXPECT_EQ(newly, frozen[0]);
     if (frozen[0]) return frame;

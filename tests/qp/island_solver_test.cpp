@@ -198,7 +198,8 @@ TEST(IslandSolver, OrderOfContactsAndBodiesDoesNotMatter) {
     for (const Model model : {Model::kConvex, Model::kCoulomb}) {
       qp::Settings settings = MakeSettings(island.problem, model);
       settings.coulomb_rounds = 30;
-      settings.aim = 1e-14;  // a gap of 1e-8 leaves 1e-4 of the velocity open, and the two orders may use that differently
+      settings.aim =
+          1e-14;  // a gap of 1e-8 leaves 1e-4 of the velocity open, and the two orders may use that differently
       const qp::Solution one = Solve(island.problem, settings), other = Solve(shuffled, settings);
       if (model == Model::kCoulomb) {
         const double goal = settings.coulomb_tolerance * settings.velocity_scale;
@@ -208,7 +209,8 @@ TEST(IslandSolver, OrderOfContactsAndBodiesDoesNotMatter) {
       std::vector<double> back(one.velocities.size());
       for (int i = 0; i < nb; ++i) std::copy_n(&other.velocities[6 * place[i]], 6, &back[6 * i]);
       EXPECT_LT(VelocityDistance(island.problem, one.velocities, back),
-                std::max(model == Model::kCoulomb ? 1e-3 : 5e-4, 2 * std::sqrt(one.gap + other.gap)) * settings.velocity_scale)
+                std::max(model == Model::kCoulomb ? 1e-3 : 5e-4, 2 * std::sqrt(one.gap + other.gap)) *
+                    settings.velocity_scale)
           << static_cast<int>(model);
     }
   }

@@ -39,9 +39,7 @@ TEST(Determinism, HourglassLikeThePaper) { ExpectSameOnAnyNumberOfThreads("cubeg
 TEST(Determinism, CubejamLikeThePaper) { ExpectSameOnAnyNumberOfThreads("cubejam", 100, 120, Settings::Paper()); }
 TEST(Determinism, ManyStacks) { ExpectSameOnAnyNumberOfThreads("manystacks", 20, 30, {}); }
 
-TEST(Determinism, RunsRepeat) {
-  EXPECT_EQ(Hashes("cubejam", 40, 90, {}, 2), Hashes("cubejam", 40, 90, {}, 2));
-}
+TEST(Determinism, RunsRepeat) { EXPECT_EQ(Hashes("cubejam", 40, 90, {}, 2), Hashes("cubejam", 40, 90, {}, 2)); }
 
 // Velocities after one step of a pyramid, its bodies added in a shuffled order, in the order of `definitions`.
 std::vector<Body> StepShuffled(const std::vector<BodyDefinition>& definitions, unsigned shuffle, Model model) {
@@ -67,7 +65,8 @@ void ExpectOrderDoesNotMatter(const std::vector<BodyDefinition>& definitions, Mo
     const std::vector<Body> bodies = StepShuffled(definitions, shuffle, model);
     for (size_t i = 0; i < bodies.size(); ++i) {
       EXPECT_LT((bodies[i].linear_velocity_W - first[i].linear_velocity_W).norm(), tolerance) << shuffle << " " << i;
-      EXPECT_LT((bodies[i].angular_velocity_W - first[i].angular_velocity_W).norm(), 2 * tolerance) << shuffle << " " << i;
+      EXPECT_LT((bodies[i].angular_velocity_W - first[i].angular_velocity_W).norm(), 2 * tolerance)
+          << shuffle << " " << i;
     }
   }
 }

@@ -41,10 +41,12 @@ TEST(PaperBehaviour, OfficeToyIsExactByThePriorityQueue) {
       for (const int incoming : {1, 2}) {
         Settings settings = paper ? Settings::Paper() : Settings();
         settings.threads = 1;
-        settings.bounce_limit = incoming * (count - incoming);  // what it takes; the automatic limit is enough for one only
+        settings.bounce_limit =
+            incoming * (count - incoming);  // what it takes; the automatic limit is enough for one only
         const std::vector<double> speeds = SpeedsAfterOfficeToy(count, incoming, settings);
         for (int i = 0; i < count; ++i)
-          EXPECT_NEAR(speeds[i], i < count - incoming ? 0 : 1, 1e-9) << paper << " " << count << " " << incoming << " " << i;
+          EXPECT_NEAR(speeds[i], i < count - incoming ? 0 : 1, 1e-9)
+              << paper << " " << count << " " << incoming << " " << i;
       }
     }
   }
@@ -80,7 +82,8 @@ TEST(PaperBehaviour, StackStandsWithEveryModel) {
       double deepest = 0;
       for (int i = 0; i < 150; ++i) deepest = std::max(deepest, world.Step(kDt).penetration_max);
       double drift = 0;
-      for (size_t i = 0; i < start.size(); ++i) drift = std::max(drift, (world.bodies()[i].position_W - start[i].position_W).norm());
+      for (size_t i = 0; i < start.size(); ++i)
+        drift = std::max(drift, (world.bodies()[i].position_W - start[i].position_W).norm());
       EXPECT_LT(drift, 1e-3) << static_cast<int>(model) << " " << static_cast<int>(cone);
       EXPECT_LE(deepest, 2.5e-4);
     }

@@ -9,16 +9,25 @@ namespace islet::testing {
 
 inline constexpr double kGravity = 9.81;  // [m/s^2]
 
-inline Quaternion Turn(double angle, const Vector3& axis) { return Quaternion(Eigen::AngleAxisd(angle, axis.normalized())); }
+inline Quaternion Turn(double angle, const Vector3& axis) {
+  return Quaternion(Eigen::AngleAxisd(angle, axis.normalized()));
+}
 
 // Half-space below z = 0, or turned by `incline` about y: it then falls towards +x.
 inline BodyDefinition Floor(double friction = 0.5, double restitution = 0, double incline = 0) {
-  return {.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .rotation_WB = Turn(incline, Vector3::UnitY()),
-          .friction = friction, .restitution = restitution};
+  return {.shape = Shape::HalfSpace(),
+          .kind = BodyKind::kFixed,
+          .rotation_WB = Turn(incline, Vector3::UnitY()),
+          .friction = friction,
+          .restitution = restitution};
 }
 
 inline BodyDefinition Cube(const Vector3& position, double friction = 0.5, double restitution = 0) {
-  return {.shape = Shape::Box({0.5, 0.5, 0.5}), .mass = 1, .position_W = position, .friction = friction, .restitution = restitution};
+  return {.shape = Shape::Box({0.5, 0.5, 0.5}),
+          .mass = 1,
+          .position_W = position,
+          .friction = friction,
+          .restitution = restitution};
 }
 
 // A cube that lies on Floor(.., incline), its centre above the origin.
@@ -28,8 +37,13 @@ inline BodyDefinition CubeOnIncline(double incline, double friction) {
   return cube;
 }
 
-inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double friction = 0.5, double restitution = 0) {
-  return {.shape = Shape::Sphere(radius), .mass = 1, .position_W = position, .friction = friction, .restitution = restitution};
+inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double friction = 0.5,
+                           double restitution = 0) {
+  return {.shape = Shape::Sphere(radius),
+          .mass = 1,
+          .position_W = position,
+          .friction = friction,
+          .restitution = restitution};
 }
 
 inline void StepTimes(World* world, int frames, double dt = 1.0 / 60) {
@@ -55,7 +69,8 @@ inline Vector3 Momentum(std::span<const Body> bodies) {
 inline Vector3 AngularMomentum(std::span<const Body> bodies) {
   Vector3 sum = Vector3::Zero();
   for (const Body& b : bodies)
-    if (b.kind == BodyKind::kDynamic && !b.removed) sum += b.position_W.cross(b.mass * b.linear_velocity_W) + b.AngularMomentumW();
+    if (b.kind == BodyKind::kDynamic && !b.removed)
+      sum += b.position_W.cross(b.mass * b.linear_velocity_W) + b.AngularMomentumW();
   return sum;
 }
 
