@@ -208,8 +208,9 @@ TEST(Scene, CoefficientsReachEveryBody) {
       EXPECT_EQ(body.restitution, 0.625);
     }
   }
-  for (const Body& body : Build("sphereglass").world.bodies()) EXPECT_EQ(body.friction, 0);
-  for (const Body& body : Build("officetoy").world.bodies()) EXPECT_EQ(body.restitution, 1);
+  const BuiltScene glass = Build("sphereglass"), toy = Build("officetoy");  // outlive the spans
+  for (const Body& body : glass.world.bodies()) EXPECT_EQ(body.friction, 0);
+  for (const Body& body : toy.world.bodies()) EXPECT_EQ(body.restitution, 1);
 }
 
 TEST(Scene, CsStackAlternatesWithinAMillimetre) {
