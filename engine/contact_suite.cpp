@@ -65,7 +65,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   s.ResolveIslands(false, report, &timer);  // steps 2 and 3
   for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(round > 0, report); ++round) {
     timer.Lap(&report->seconds.freeze);
-    if (round == kWakeRounds) {
+    if (round == kWakeRounds || (round > 0 && !s.moves_for_sure)) {  // what only trembles may start a frame later
       for (const int i : s.woken) s.certified.Disturb(i);
       break;
     }

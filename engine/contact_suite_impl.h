@@ -83,7 +83,8 @@ struct ContactSuite::Impl {
   void CutAtImmovable();
   void Bounce(StepReport* report);
   void WakeByBounce();
-  void ResolveIsland(int island, Worker* worker);
+  void ResolveIsland(int island, bool again, Worker* worker);
+  bool WokenWereHit(const IslandView& view) const;
   void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
   bool CheckFrozen(bool all, StepReport* report);
   void AddJoinedFrozen();

@@ -33,7 +33,7 @@ bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
     if (moves_for_sure) break;
   }
   if (woken.empty()) return false;
-  if (all) {
+  if (all && moves_for_sure) {
     candidates = woken;
     AddJoinedFrozen();
     woken = candidates;

@@ -61,12 +61,20 @@ void ContactSuite::Impl::WakeByBounce() {
   }
 }
 
-void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
+// `again`: bodies woke into an island that was resolved before. Its collisions stand unless they hit one of those as a wall.
+void ContactSuite::Impl::ResolveIsland(int island, bool again, Worker* worker) {
   const IslandView view = View(island);
-  for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
   Outcome& outcome = outcomes[island];
-  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
-                                                          frame.threshold, frame.bodies, frame.collisions);
+  if (!again || WokenWereHit(view)) {
+    for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
+    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                            frame.threshold, frame.bodies, frame.collisions);
+  } else {
+    for (const int i : view.bodies) {
+      const bool woke = std::binary_search(woken.begin(), woken.end(), i);
+      SetTwist(woke ? frame.after_bounces[i] : frame.before_gravity[i], &frame.bodies[i]);
+    }
+  }
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
     frame.before_gravity[i] = TwistOf(body);
@@ -75,6 +83,16 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   }
   outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
+}
+
+// A collision that took a body for a wall put more momentum on it than there was: it has to be solved anew.
+bool ContactSuite::Impl::WokenWereHit(const IslandView& view) const {
+  return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
+    if (frame.collisions[number].isZero(0)) return false;
+    const Contact& contact = frame.contacts.contacts[number];
+    return std::binary_search(woken.begin(), woken.end(), contact.body_a) ||
+           std::binary_search(woken.begin(), woken.end(), contact.body_b);
+  });
 }
 
 // only_woken: just the islands that a woken body joined; the others keep what they have.
@@ -87,8 +105,9 @@ void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, Lap
   if (only_woken)
     for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
   timer->Lap(&report->seconds.islands);
-  ForEachIsland([this](int island, Worker* worker) {
-    if (chosen[island]) ResolveIsland(island, worker);
+  std::sort(woken.begin(), woken.end());
+  ForEachIsland([this, only_woken](int island, Worker* worker) {
+    if (chosen[island]) ResolveIsland(island, only_woken, worker);
   });
   for (const Outcome& outcome : outcomes) {
     Include(outcome.collision, &report->collision_qp);

@@ -22,7 +22,7 @@ struct Settings {
   double tolerance = 1e-8;          // relative duality gap; dual violation over the velocity scale
   double aim = 0;                   // if below the tolerance: iterate on towards it while that makes progress
   int max_iterations = 100;         // of one interior-point solve
-  int coulomb_rounds = 4;           // cap on re-solves with lagged slip
+  int coulomb_rounds = 3;           // cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
   double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
