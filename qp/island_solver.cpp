@@ -11,7 +11,7 @@ constexpr double kAcceptShare = 0.3;      // of the tolerance: what sweeps must 
 constexpr double kSmallAim = 1e-15;       // of the gap, where iterations cost microseconds
 constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
-constexpr int kSweeps = 60;               // between two interior-point solves
+constexpr int kSweeps = 100;              // between two interior-point solves
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
 double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2] * u[2]); }
