@@ -4,7 +4,6 @@
 //   suite_freezing.cpp   step 4: the balance of frozen bodies, freezing
 #pragma once
 
-#include <chrono>
 #include <utility>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "engine/contact_suite.h"
 #include "engine/response.h"
 #include "engine/sequential.h"
+#include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
 #include "islands/partition.h"
 #include "parallel/schedule.h"
@@ -20,23 +20,6 @@
 namespace islet {
 
 inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
-
-inline double Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-// Adds the time since the last lap to a stage.
-class LapTimer {
- public:
-  void Lap(double* stage) {
-    const double now = Seconds();
-    *stage += now - last_;
-    last_ = now;
-  }
-
- private:
-  double last_ = Seconds();
-};
 
 struct ContactSuite::Impl {
   Settings settings;

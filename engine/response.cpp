@@ -1,8 +1,9 @@
 #include "engine/response.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+
+#include "engine/stopwatch.h"
 
 namespace islet {
 namespace {
@@ -12,14 +13,6 @@ constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce:
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
-
-class Stopwatch {
- public:
-  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
 double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {

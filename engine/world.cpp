@@ -1,7 +1,6 @@
 #include "engine/world.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <tuple>
@@ -11,15 +10,11 @@
 #include "engine/detection.h"
 #include "engine/motion.h"
 #include "engine/state_hash.h"
+#include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
-namespace {
-
-double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
-}  // namespace
 
 struct World::Impl {
   Settings settings;

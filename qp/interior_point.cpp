@@ -141,7 +141,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     }
     const int patience = best_merit <= settings.tolerance ? 3 : 15;
     if (merit <= aim || solution->iterations >= settings.max_iterations || stalled >= patience) break;
-    if (!UpdateScalings() || !FactoriseNewton()) break;
+    if (!UpdateScalings()) break;
+    FactoriseNewton();
     const double mu = now.gap / degree_;
 
     for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];

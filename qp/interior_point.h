@@ -45,7 +45,7 @@ class InteriorPoint {
   Residuals ComputeResiduals();
   double LeastEnergy();
   bool UpdateScalings();
-  bool FactoriseNewton();
+  void FactoriseNewton();
   // Direction for the complementarity targets in target_ (scaled space), residuals weighted by `weight`.
   void ComputeDirection(double weight, bool refine);  // reads primal_, dual_ and the factors
   void CompleteDirection(double weight);

@@ -68,7 +68,7 @@ bool InteriorPoint::UpdateScalings() {
   return true;
 }
 
-bool InteriorPoint::FactoriseNewton() {
+void InteriorPoint::FactoriseNewton() {
   const size_t nc = scaled_.contacts.size();
   for (size_t r = 0; r < rows_.size(); ++r) {
     const Matrix3 block = ScalingBlock(rows_[r].cone, ScalingOf(r));
@@ -81,7 +81,6 @@ bool InteriorPoint::FactoriseNewton() {
     }
   }
   kkt_.Factorise(scaled_, blocks_, normal_blocks_);
-  return true;
 }
 
 // With t the target in scaled space: W dz + W^-1 ds = t, ds = T (J dy + R dj) - weight r_p, dj = T^T dz. Eliminating ds and
