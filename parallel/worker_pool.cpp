@@ -15,6 +15,8 @@
 #include <oneapi/tbb/partitioner.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include "parallel/fork.h"
+
 namespace islet::parallel {
 namespace {
 
@@ -44,12 +46,13 @@ class FirstException {
 class Run {
  public:
   Run(int num_tasks, int num_workers, const Task& task)
-      : num_tasks_(num_tasks), num_workers_(num_workers), task_(task) {
+      : num_tasks_(num_tasks), num_workers_(num_workers), task_(task), team_(num_workers) {
     ended_.store(0, std::memory_order_release);
   }
 
   void Work(int worker) {
     static_cast<void>(ended_.load(std::memory_order_acquire));
+    const ForkTeam::Member member(num_workers_ > 1 ? &team_ : nullptr);
     for (;;) {
       const int index = next_.fetch_add(1, std::memory_order_relaxed);
       if (index >= num_tasks_) break;
@@ -58,7 +61,9 @@ class Run {
       } catch (...) {
         first_exception_.Catch(index);
       }
+      tasks_done_.fetch_add(1, std::memory_order_release);
     }
+    if (num_workers_ > 1) team_.HelpUntil(tasks_done_, num_tasks_);
     ended_.fetch_add(1, std::memory_order_release);
   }
 
@@ -82,6 +87,8 @@ class Run {
   const int num_workers_;
   const Task& task_;
   std::atomic<int> next_{0};
+  std::atomic<int> tasks_done_{0};
+  ForkTeam team_;  // who has run out of tasks helps those that fork
   // Orders caller before tasks before caller. TBB does so too, but its library is not instrumented: this lets the
   // thread sanitizer see that order, and no other, so that a race between two tasks is still found.
   std::atomic<int> ended_{0};
@@ -126,7 +133,7 @@ int WorkerPool::num_workers() const { return impl_->num_workers; }
 void WorkerPool::ForEach(int num_tasks, const Task& task) {
   if (num_tasks <= 0) return;
   Run run(num_tasks, impl_->num_workers, task);
-  if (impl_->num_workers == 1 || num_tasks == 1) {
+  if (impl_->num_workers == 1) {
     run.Work(0);  // nothing to share: no TBB, not even the user's arena
   } else if (impl_->enter) {
     impl_->enter([&run] { run.WorkInArena(); });

@@ -4,7 +4,7 @@
 cmake_minimum_required(VERSION 3.22)
 
 # folder -> folders that it may include
-set(allowed_qp qp)
+set(allowed_qp qp parallel)
 set(allowed_islands islands)
 set(allowed_parallel parallel)
 set(allowed_engine qp islands parallel engine)
