@@ -1,0 +1,401 @@
+// One factorisation of the Newton matrix against CHOLMOD supernodal with OpenBLAS, both on this machine in this run.
+//
+//   ISLET_PROBLEMS=folder bench_factorisation                            the measured frames in a folder, then piles of our own
+//   bench_factorisation --benchmark_filter=pile                          the piles alone
+//   OPENBLAS_CORETYPE=SkylakeX bench_factorisation                       OpenBLAS's AVX-512 kernels where it does not choose them
+//
+// A row is one matrix. The competitors take turns, the medians of many turns are compared. What the columns mean and what
+// was measured: bench/README.md, "Factorisation".
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <numeric>
+#include <random>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <Eigen/SparseCore>
+
+#include "parallel/worker_pool.h"
+#include "qp/kkt.h"
+
+#ifdef ISLET_HAVE_CHOLMOD
+#include <cholmod.h>
+extern "C" void openblas_set_num_threads(int);
+extern "C" char* openblas_get_corename();
+#endif
+
+namespace islet::qp {
+namespace {
+
+using Sparse = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
+
+ContactTerm MakeContact(int a, int b, const Vector3& from_a, const Vector3& from_b, const Vector3& normal) {
+  ContactTerm contact;
+  contact.body_a = a, contact.body_b = b;
+  Matrix3 frame;
+  frame.row(0) = normal.normalized();
+  frame.row(1) = normal.unitOrthogonal();
+  frame.row(2) = normal.normalized().cross(normal.unitOrthogonal());
+  const auto jacobian = [&](double sign, const Vector3& arm) {
+    Matrix3 cross;
+    cross << 0, -arm[2], arm[1], arm[2], 0, -arm[0], -arm[1], arm[0], 0;
+    Jacobian j;
+    j << sign * frame, -sign * frame * cross;
+    return j;
+  };
+  if (a >= 0) contact.jacobian_a = jacobian(-1, from_a);
+  if (b >= 0) contact.jacobian_b = jacobian(1, from_b);
+  return contact;
+}
+
+// Cubes of edge 1 in a jittered lattice between floor and walls; one to four contacts per touching pair.
+Problem MakePile(int nx, int ny, int nz) {
+  std::mt19937 engine(static_cast<unsigned>(nx * 10000 + ny * 100 + nz));
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(engine()) / 4294967296.0;
+  };
+  const auto jitter = [&] { return Vector3(uniform(-0.2, 0.2), uniform(-0.2, 0.2), uniform(-0.2, 0.2)); };
+  Problem pile;
+  std::vector<Vector3> at;
+  for (int i = 0; i < nx * ny * nz; ++i) {
+    at.push_back(Vector3(i % nx, i / nx % ny, i / nx / ny) + jitter());
+    BodyTerm body;
+    body.inertia = Matrix3::Identity() / 6;
+    body.inverse_inertia = Matrix3::Identity() * 6;
+    pile.bodies.push_back(body);
+  }
+  const auto touch = [&](int a, int b, const Vector3& normal) {
+    const int count = 1 + static_cast<int>(engine() % 4);
+    for (int c = 0; c < count; ++c) {
+      const Vector3 point = at[b] - 0.5 * normal + jitter();
+      pile.contacts.push_back(MakeContact(a, b, a < 0 ? Vector3(0, 0, 0) : Vector3(point - at[a]), point - at[b], normal));
+    }
+  };
+  for (int b = 0; b < nx * ny * nz; ++b) {
+    const int x = b % nx, y = b / nx % ny, z = b / nx / ny;
+    if (z == 0) touch(-1, b, {0, 0, 1});
+    if (x == 0) touch(-1, b, {1, 0, 0});
+    if (y == 0) touch(-1, b, {0, 1, 0});
+    for (int a = 0; a < b; ++a) {
+      const Vector3 gap = at[b] - at[a];
+      if (gap.norm() < 1.2) touch(a, b, gap.normalized());
+    }
+  }
+  return pile;
+}
+
+// Bodies and contacts of the largest island of a measured frame (text: bodies n, n lines; contacts m, m lines).
+Problem ReadLargestIsland(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  Problem island;
+  std::vector<Vector3> at;
+  std::vector<ContactTerm> contacts;
+  std::vector<BodyTerm> bodies;
+  for (std::string line, word; std::getline(file, line);) {
+    std::istringstream header(line);
+    int count = 0;
+    header >> word >> count;
+    for (int i = 0; word == "bodies" && i < count && std::getline(file, line); ++i) {
+      std::istringstream in(line);
+      int id;
+      Vector3 inertia, position;
+      Eigen::Quaterniond turn;
+      BodyTerm body;
+      in >> id >> body.mass >> inertia[0] >> inertia[1] >> inertia[2] >> position[0] >> position[1] >> position[2] >>
+          turn.w() >> turn.x() >> turn.y() >> turn.z();
+      const Matrix3 rotation = turn.normalized().toRotationMatrix();
+      body.inertia = rotation * inertia.asDiagonal() * rotation.transpose();
+      body.inverse_inertia = rotation * inertia.cwiseInverse().asDiagonal() * rotation.transpose();
+      bodies.push_back(body);
+      at.push_back(position);
+    }
+    for (int i = 0; word == "contacts" && i < count && std::getline(file, line); ++i) {
+      std::istringstream in(line);
+      int a = -1, b = -1;
+      Vector3 point, normal;
+      in >> a >> b >> point[0] >> point[1] >> point[2] >> normal[0] >> normal[1] >> normal[2];
+      if (a < 0 || a >= static_cast<int>(at.size()) || b >= static_cast<int>(at.size()))
+        throw std::runtime_error(path.string() + ": contact of an unknown body");
+      contacts.push_back(MakeContact(a, b, point - at[a], b < 0 ? Vector3(0, 0, 0) : Vector3(point - at[b]), normal));
+    }
+  }
+  std::vector<int> root(bodies.size()), size(bodies.size()), id(bodies.size(), -1);
+  std::iota(root.begin(), root.end(), 0);
+  const std::function<int(int)> find = [&](int i) { return root[i] == i ? i : root[i] = find(root[i]); };
+  for (const ContactTerm& c : contacts)
+    if (c.body_b >= 0) root[find(c.body_a)] = find(c.body_b);
+  for (size_t i = 0; i < bodies.size(); ++i) ++size[find(static_cast<int>(i))];
+  const int largest = static_cast<int>(std::max_element(size.begin(), size.end()) - size.begin());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (find(static_cast<int>(i)) != largest) continue;
+    id[i] = island.num_bodies();
+    island.bodies.push_back(bodies[i]);
+  }
+  for (ContactTerm c : contacts) {
+    if (find(c.body_a) != largest) continue;
+    c.body_a = id[c.body_a];
+    if (c.body_b >= 0) c.body_b = id[c.body_b];
+    island.contacts.push_back(c);
+  }
+  return island;
+}
+
+// As spread out as an interior point's scalings before its end: eigenvalues 1e-4 to 1e4 in any direction.
+std::vector<Matrix3> RandomScalings(size_t count) {
+  std::mt19937 engine(7);
+  std::uniform_real_distribution<double> exponent(-4, 4), entry(-1, 1);
+  std::vector<Matrix3> d(count);
+  for (Matrix3& block : d) {
+    const Matrix3 any = Matrix3::NullaryExpr([&] { return entry(engine); });
+    const Matrix3 q = any.householderQr().householderQ();
+    const Vector3 values = Vector3::NullaryExpr([&] { return std::pow(10.0, exponent(engine)); });
+    const Matrix3 product = q * values.asDiagonal() * q.transpose();
+    block = (product + product.transpose()) / 2;
+  }
+  return d;
+}
+
+Sparse LowerTriangle(const Problem& problem, const std::vector<Matrix3>& d) {
+  std::vector<Eigen::Triplet<double>> entries;
+  const auto add = [&](int row, int column, const Eigen::Matrix<double, 6, 6>& block) {
+    for (int j = 0; j < 6; ++j)
+      for (int i = 0; i < 6; ++i)
+        if (6 * row + i >= 6 * column + j) entries.push_back({6 * row + i, 6 * column + j, block(i, j)});
+  };
+  for (int i = 0; i < problem.num_bodies(); ++i) {
+    Eigen::Matrix<double, 6, 6> mass = Eigen::Matrix<double, 6, 6>::Zero();
+    mass.topLeftCorner<3, 3>() = problem.bodies[i].mass * Matrix3::Identity();
+    mass.bottomRightCorner<3, 3>() = problem.bodies[i].inertia;
+    add(i, i, mass);
+  }
+  for (size_t c = 0; c < d.size(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const Jacobian &ja = contact.jacobian_a, &jb = contact.jacobian_b;
+    const int a = contact.body_a, b = contact.body_b;
+    if (a >= 0) add(a, a, ja.transpose() * d[c] * ja);
+    if (b >= 0) add(b, b, jb.transpose() * d[c] * jb);
+    if (a >= 0 && b >= 0 && a > b) add(a, b, ja.transpose() * d[c] * jb);
+    if (a >= 0 && b >= 0 && a < b) add(b, a, jb.transpose() * d[c] * ja);
+  }
+  Sparse lower(6 * problem.num_bodies(), 6 * problem.num_bodies());
+  lower.setFromTriplets(entries.begin(), entries.end());
+  return lower;
+}
+
+// |b - S x| over |S| |x| + |b|, in the Frobenius norm.
+double RelativeResidual(const Sparse& lower, const Eigen::VectorXd& x, const Eigen::VectorXd& b) {
+  const Eigen::VectorXd product = lower.selfadjointView<Eigen::Lower>() * x;
+  return (product - b).norm() / (lower.norm() * x.norm() + b.norm());
+}
+
+class Stopwatch {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+};
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return NAN;
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
+}
+
+// What one competitor took, turn by turn [s].
+struct Times {
+  std::vector<double> factorise, solve;
+  double analyse = 0, residual = 0;
+};
+
+#ifdef ISLET_HAVE_CHOLMOD
+class Cholmod {
+ public:
+  Cholmod(const Sparse& lower, Times* times) : lower_(lower), times_(times) {
+    openblas_set_num_threads(1);
+    cholmod_start(&common_);
+    common_.supernodal = CHOLMOD_SUPERNODAL;
+    view_.nrow = static_cast<size_t>(lower_.rows()), view_.ncol = static_cast<size_t>(lower_.cols());
+    view_.nzmax = static_cast<size_t>(lower_.nonZeros());
+    view_.p = lower_.outerIndexPtr(), view_.i = lower_.innerIndexPtr(), view_.x = lower_.valuePtr();
+    view_.stype = -1, view_.itype = CHOLMOD_INT, view_.xtype = CHOLMOD_REAL, view_.dtype = CHOLMOD_DOUBLE;
+    view_.sorted = 1, view_.packed = 1;
+    const Stopwatch watch;
+    factor_ = cholmod_analyze(&view_, &common_);
+    times_->analyse = watch.Seconds();
+  }
+  ~Cholmod() {
+    cholmod_free_dense(&x_, &common_), cholmod_free_dense(&y_, &common_), cholmod_free_dense(&e_, &common_);
+    cholmod_free_factor(&factor_, &common_);
+    cholmod_finish(&common_);
+  }
+  Cholmod(const Cholmod&) = delete;
+  Cholmod& operator=(const Cholmod&) = delete;
+
+  void Turn(const Eigen::VectorXd& b) {
+    const Stopwatch watch;
+    cholmod_factorize(&view_, factor_, &common_);
+    times_->factorise.push_back(watch.Seconds());
+    Eigen::VectorXd copy = b;
+    cholmod_dense right{};
+    right.nrow = right.d = right.nzmax = static_cast<size_t>(b.size()), right.ncol = 1;
+    right.x = copy.data(), right.xtype = CHOLMOD_REAL, right.dtype = CHOLMOD_DOUBLE;
+    const Stopwatch solving;
+    cholmod_solve2(CHOLMOD_A, factor_, &right, nullptr, &x_, nullptr, &y_, &e_, &common_);
+    times_->solve.push_back(solving.Seconds());
+    const Eigen::Map<Eigen::VectorXd> x(static_cast<double*>(x_->x), b.size());
+    times_->residual = RelativeResidual(lower_, x, b);
+  }
+
+ private:
+  Sparse lower_;
+  Times* times_;
+  cholmod_common common_;
+  cholmod_sparse view_{};
+  cholmod_factor* factor_ = nullptr;
+  cholmod_dense *x_ = nullptr, *y_ = nullptr, *e_ = nullptr;
+};
+#endif
+
+class Ours {
+ public:
+  Ours(const Problem& problem, const std::vector<Matrix3>& d, int threads, Times* times)
+      : problem_(problem), d_(d), times_(times), pool_(threads) {
+    kkt_.Prepare(problem_, 1);
+    KktSystem again;  // a system that has its memory but another graph, as from frame to frame
+    const Problem other = MakePile(10, 10, 10);
+    std::vector<double> analyse;
+    for (int i = 0; i < 5; ++i) {
+      again.Prepare(other, 1);
+      const Stopwatch watch;
+      again.Prepare(problem_, 1);
+      analyse.push_back(watch.Seconds());
+    }
+    times_->analyse = Median(analyse);
+  }
+
+  // Inside of a task of the pool, as the engine does it: idle workers may help. `repeats` for what is too short to time.
+  void Turn(const Eigen::VectorXd& b, const Sparse& lower, int repeats) {
+    pool_.ForEach(1, [&](int, int) {
+      const Stopwatch watch;
+      for (int i = 0; i < repeats; ++i) kkt_.Factorise(problem_, d_, none_);
+      times_->factorise.push_back(watch.Seconds() / repeats);
+      const Stopwatch solving;
+      for (int i = 0; i < repeats; ++i) {
+        x_ = b;
+        kkt_.Solve(x_.data());
+      }
+      times_->solve.push_back(solving.Seconds() / repeats);
+    });
+    times_->residual = RelativeResidual(lower, x_, b);
+  }
+  const BlockCholesky& cholesky() const { return kkt_.cholesky(); }
+  const Eigen::VectorXd& x() const { return x_; }
+
+ private:
+  const Problem& problem_;
+  const std::vector<Matrix3>& d_;
+  Times* times_;
+  parallel::WorkerPool pool_;
+  KktSystem kkt_;
+  std::vector<double> none_;
+  Eigen::VectorXd x_;
+};
+
+void Factorisation(benchmark::State& state, const std::function<Problem()>& make) {
+  const Problem problem = make();
+  const std::vector<Matrix3> d = RandomScalings(problem.contacts.size());
+  const Sparse lower = LowerTriangle(problem, d);
+  std::mt19937 engine(9);
+  const Eigen::VectorXd b = Eigen::VectorXd::NullaryExpr(
+      lower.rows(), [&] { return std::uniform_real_distribution<double>(-1, 1)(engine); });
+  Times times_one, times_two, times_other;
+  Ours one(problem, d, 1, &times_one), two(problem, d, 2, &times_two);
+#ifdef ISLET_HAVE_CHOLMOD
+  Cholmod other(lower, &times_other);
+#endif
+  const int repeats = problem.num_bodies() < 100 ? 100 : 1;
+  for (auto _ : state) {
+    one.Turn(b, lower, repeats);
+    two.Turn(b, lower, repeats);
+#ifdef ISLET_HAVE_CHOLMOD
+    other.Turn(b);
+#endif
+    state.SetIterationTime(times_one.factorise.back());
+  }
+  if (!(one.x().array() == two.x().array()).all()) state.SkipWithError("one and two threads differ");
+  const double flops = 2 * one.cholesky().Flops();
+  const auto report = [&](const std::string& name, const Times& times) {
+    state.counters[name + "_ms"] = 1e3 * Median(times.factorise);
+    state.counters[name + "_solve_ms"] = 1e3 * Median(times.solve);
+    state.counters[name + "_analyse_ms"] = 1e3 * times.analyse;
+    state.counters[name + "_residual"] = times.residual;
+  };
+  state.counters["bodies"] = problem.num_bodies();
+  state.counters["contacts"] = problem.num_contacts();
+  state.counters["gflop"] = 1e-9 * flops;
+  report("one", times_one);
+  report("two", times_two);
+  state.counters["one_GF/s"] = 1e-9 * flops / Median(times_one.factorise);
+  state.counters["two_GF/s"] = 1e-9 * flops / Median(times_two.factorise);
+  state.counters["one/two"] = Median(times_one.factorise) / Median(times_two.factorise);
+  state.counters["solve_one/two"] = Median(times_one.solve) / Median(times_two.solve);
+  if (times_other.factorise.empty()) return;
+  report("cholmod", times_other);
+  state.counters["cholmod/one"] = Median(times_other.factorise) / Median(times_one.factorise);
+  state.counters["cholmod/two"] = Median(times_other.factorise) / Median(times_two.factorise);
+}
+
+void RegisterAll() {
+  const auto add = [](const std::string& name, const std::function<Problem()>& make, int turns) {
+    benchmark::RegisterBenchmark(name.c_str(), Factorisation, make)
+        ->Iterations(turns)
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond);
+  };
+  const char* folder = std::getenv("ISLET_PROBLEMS");
+  std::vector<std::filesystem::path> files;
+  if (folder != nullptr) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+      if (entry.path().extension() == ".txt") files.push_back(entry.path());
+  } else {
+    std::fprintf(stderr, "ISLET_PROBLEMS is not set: no measured frames\n");
+  }
+  std::sort(files.begin(), files.end());
+  for (const auto& file : files) add(file.stem().string(), [file] { return ReadLargestIsland(file); }, 41);
+  for (const auto [x, y, z] : {std::array{2, 1, 1}, {2, 2, 1}, {5, 2, 1}, {3, 2, 2}, {4, 4, 3}, {6, 6, 6}, {10, 10, 10}}) {
+    add("pile_" + std::to_string(x * y * z), [=] { return MakePile(x, y, z); }, 41);
+  }
+}
+
+}  // namespace
+}  // namespace islet::qp
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+#ifdef ISLET_HAVE_CHOLMOD
+  benchmark::AddCustomContext("openblas", openblas_get_corename());
+#else
+  std::fprintf(stderr, "built without CHOLMOD and OpenBLAS: nothing to compare with\n");
+#endif
+  benchmark::AddCustomContext("kernels", islet::qp::BestFrontKernels().name);
+  islet::qp::RegisterAll();
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+}
