@@ -2,9 +2,10 @@
 //
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
+//   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
-// written, 2 a bad argument: the message names the field and the value, and no file has been touched.
+// written or a problem not be read, 2 a bad argument: the message names the field and the value, and no file has been touched.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -15,6 +16,7 @@
 
 #include "scenes/run.h"
 #include "scenes/scene.h"
+#include "scenes/solve.h"
 
 namespace {
 
@@ -39,18 +41,23 @@ int Run(int argc, char** argv) {
   islet::AddRunOptions(run, &options);
   run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
 
+  CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
+  islet::SolveOptions solve_options;
+  islet::AddSolveOptions(solve, &solve_options);
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
     const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes and run; got {}", argv[1])
+                                    ? fmt::format("the commands are scenes, run and solve; got {}", argv[1])
                                     : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
   if (run->parsed()) islet::RunScene(options);
+  if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
   return 0;
 }
 

@@ -8,11 +8,11 @@ set(allowed_qp qp parallel)
 set(allowed_islands islands)
 set(allowed_parallel parallel)
 set(allowed_engine qp islands parallel engine)
-set(allowed_scenes engine scenes)
+set(allowed_scenes qp parallel engine scenes)
 set(folders qp islands parallel engine scenes)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|frame_log|output_file|picture|progress)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|solve|frame_log|output_file|picture|progress)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -20,7 +20,8 @@ set(rules
   "^(fcl|ccd|octomap)/"                                    "^engine/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/ordering\\.cpp$"
   "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
-  "^unistd\\.h$"                                           "${program}"
+  "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
+  "^unistd\\.h$"                                           "${program}|^scenes/fclib_file\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_]+\\.cpp$|^qp/[a-z0-9_]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder

@@ -1,0 +1,47 @@
+// The finish for a dense LocalProblem: proximal steps, each solved by semismooth Newton's method.
+//
+//   one step, from impulses j_k:  j = L(j_k - t (A v + q)),  v = A^T j
+//
+// L is the exact law of a contact on a spring of stiffness t, a formula: for exact Coulomb the projection of x_n on
+// x_n >= 0 and of x_t on the disc of radius mu j_n [AC91]; for the convex model that on the friction cone. A step's
+// solution is that of the problem with W + I / t in place of W; repeated, the springs relax, and where they have, j is exact
+// for W itself. What A misses of W is put into q from step to step. The unknown of Newton's method is v, as long as W has rank:
+// redundant contacts do no harm. Converges from a good start; where it does not, it returns the best impulses it met.
+//   threads: one caller at a time
+#pragma once
+
+#include <Eigen/LU>
+
+#include "qp/local_problem.h"
+#include "qp/settings.h"
+
+namespace islet::qp {
+
+class LocalNewton {
+ public:
+  // Improves impulses (scaled) until the largest natural map over the contacts, relative to the velocity scale, is below
+  // `goal`. Returns the factorisations spent. model: kConvex or kCoulomb, circular cone.
+  int Polish(const ScaledLocalProblem& problem, Model model, double goal, int max_factorisations,
+             Eigen::VectorXd* impulses);
+
+ private:
+  double Residual(const Eigen::VectorXd& v);  // fills impulses_ and residual_
+  void Factorise();
+
+  const ScaledLocalProblem* problem_ = nullptr;
+  Model model_ = Model::kCoulomb;
+  double stiffness_ = 1;
+  Eigen::VectorXd centre_, velocity_;  // j_k - t q is split: j_k, and q with what A misses of W
+  Eigen::VectorXd impulses_, residual_, pulls_;
+  Eigen::MatrixXd weighted_, system_;
+  Eigen::PartialPivLU<Eigen::MatrixXd> factors_;
+};
+
+// Per contact |j - P_K(j - u_hat)| in scaled units, over the velocity scale; u_hat as in CoulombMap (island_solver.h) or, for
+// the convex model, u.
+struct LocalMap {
+  double max, rms;
+};
+LocalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses);
+
+}  // namespace islet::qp
