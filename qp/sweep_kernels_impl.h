@@ -1,0 +1,243 @@
+// Body of the sweep kernels for one vector width. Included by sweep_kernels_<isa>.cpp, which define ISLET_LANES (doubles
+// in a vector), ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared
+// header, compiled with wider vectors, could be chosen by the linker for everyone.
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#include "qp/sweep_kernels.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr int kLanes = ISLET_LANES;
+constexpr int kNewtonSteps = 60;           // with the bracket; two or three are usual
+constexpr double kNewtonTolerance = 1e-5;  // of mu j_n / |j_t|; only the direction depends on it
+typedef double Vec __attribute__((vector_size(kLanes * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef decltype(Vec{} < Vec{}) Mask;
+
+inline Vec Load(const double* p) { return *reinterpret_cast<const Vec*>(p); }
+inline void Store(double* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
+inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
+inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
+
+#if ISLET_LANES == 8
+inline bool Any(Mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
+// Two Newton steps from 14 bits: rounding error as small as a division's, without the wait for the divider.
+inline Vec Inverse(Vec a) {
+  Vec r = (Vec)_mm512_maskz_rcp14_pd(0xff, (__m512d)a);
+  for (int i = 0; i < 2; ++i) r += r * (1 - a * r);
+  return r;
+}
+inline Vec InverseRoot(Vec a) {
+  Vec r = (Vec)_mm512_maskz_rsqrt14_pd(0xff, (__m512d)a);
+  for (int i = 0; i < 2; ++i) r += 0.5 * r * (1 - a * r * r);
+  return r;
+}
+#elif ISLET_LANES == 4
+inline bool Any(Mask m) { return _mm256_movemask_pd((__m256d)m) != 0; }
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_pd((__m256d)a); }
+#else
+inline bool Any(Mask m) { return (m[0] | m[1]) != 0; }
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
+#endif
+
+// Six components of the velocities of kLanes bodies, lane by lane; and back. A transposition in registers.
+#if ISLET_LANES == 8
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
+  Vec even[4], odd[4];
+  for (int i = 0; i < 4; ++i) {
+    const Vec p = Load(y[body[2 * i]].y), q = Load(y[body[2 * i + 1]].y);
+    even[i] = ISLET_SHUFFLE(p, q, 0, 8, 2, 10, 4, 12, 6, 14);
+    odd[i] = ISLET_SHUFFLE(p, q, 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+  for (int k = 0; k < 2; ++k) {
+    const Vec* in = k == 0 ? even : odd;
+    const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 1, 2, 3, 8, 9, 10, 11);
+    const Vec q = ISLET_SHUFFLE(in[2], in[3], 0, 1, 2, 3, 8, 9, 10, 11);
+    const Vec r = ISLET_SHUFFLE(in[0], in[1], 4, 5, 6, 7, 12, 13, 14, 15);
+    const Vec s = ISLET_SHUFFLE(in[2], in[3], 4, 5, 6, 7, 12, 13, 14, 15);
+    out[k] = ISLET_SHUFFLE(p, q, 0, 1, 4, 5, 8, 9, 12, 13);
+    out[2 + k] = ISLET_SHUFFLE(p, q, 2, 3, 6, 7, 10, 11, 14, 15);
+    out[4 + k] = ISLET_SHUFFLE(r, s, 0, 1, 4, 5, 8, 9, 12, 13);
+  }
+}
+inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+  const Vec zero = {};
+  Vec pair[4][2];  // [components 2m and 2m + 1][even or odd bodies]: 128 bits a body
+  for (int m = 0; m < 3; ++m) {
+    pair[m][0] = ISLET_SHUFFLE(in[2 * m], in[2 * m + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+    pair[m][1] = ISLET_SHUFFLE(in[2 * m], in[2 * m + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+  for (int k = 0; k < 2; ++k) {
+    const Vec p = ISLET_SHUFFLE(pair[0][k], pair[1][k], 0, 1, 8, 9, 2, 3, 10, 11);    // bodies k, k + 2
+    const Vec q = ISLET_SHUFFLE(pair[0][k], pair[1][k], 4, 5, 12, 13, 6, 7, 14, 15);  // k + 4, k + 6
+    const Vec r = ISLET_SHUFFLE(pair[2][k], zero, 0, 1, 8, 9, 2, 3, 10, 11);
+    const Vec s = ISLET_SHUFFLE(pair[2][k], zero, 4, 5, 12, 13, 6, 7, 14, 15);
+    Store(y[body[k]].y, ISLET_SHUFFLE(p, r, 0, 1, 2, 3, 8, 9, 10, 11));
+    Store(y[body[k + 2]].y, ISLET_SHUFFLE(p, r, 4, 5, 6, 7, 12, 13, 14, 15));
+    Store(y[body[k + 4]].y, ISLET_SHUFFLE(q, s, 0, 1, 2, 3, 8, 9, 10, 11));
+    Store(y[body[k + 6]].y, ISLET_SHUFFLE(q, s, 4, 5, 6, 7, 12, 13, 14, 15));
+  }
+}
+#elif ISLET_LANES == 4
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+inline void Transpose(const Vec* in, Vec* out) {
+  const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 4, 2, 6), q = ISLET_SHUFFLE(in[0], in[1], 1, 5, 3, 7);
+  const Vec r = ISLET_SHUFFLE(in[2], in[3], 0, 4, 2, 6), s = ISLET_SHUFFLE(in[2], in[3], 1, 5, 3, 7);
+  out[0] = ISLET_SHUFFLE(p, r, 0, 1, 4, 5);
+  out[1] = ISLET_SHUFFLE(q, s, 0, 1, 4, 5);
+  out[2] = ISLET_SHUFFLE(p, r, 2, 3, 6, 7);
+  out[3] = ISLET_SHUFFLE(q, s, 2, 3, 6, 7);
+}
+inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
+  Vec in[4], rest[4];
+  for (int i = 0; i < 4; ++i) in[i] = Load(y[body[i]].y);
+  Transpose(in, out);
+  for (int i = 0; i < 4; ++i) in[i] = Load(y[body[i]].y + 4);
+  Transpose(in, rest);
+  out[4] = rest[0];
+  out[5] = rest[1];
+}
+inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+  const Vec rest[4] = {in[4], in[5], Vec{}, Vec{}};
+  Vec out[4];
+  Transpose(in, out);
+  for (int i = 0; i < 4; ++i) Store(y[body[i]].y, out[i]);
+  Transpose(rest, out);
+  for (int i = 0; i < 4; ++i) Store(y[body[i]].y + 4, out[i]);
+}
+#else
+inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
+  for (int k = 0; k < 6; ++k) out[k] = Vec{y[body[0]].y[k], y[body[1]].y[k]};
+}
+inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+  for (int k = 0; k < 6; ++k)
+    for (int i = 0; i < 2; ++i) y[body[i]].y[k] = in[k][i];
+}
+#endif
+
+// Constants of kLanes contacts.
+struct Law {
+  Vec normal, tangent[2], shear[2], friction;
+};
+
+// For the lanes in `slides`: j_t = t_k / (1 + lambda tangent_k^2) with lambda > 0 the root of mu j_n / |j_t| = 1, which is
+// nearly linear in lambda: Newton's method inside a bracket whose upper end may still be infinite. In contact coordinates
+// x_n is that of a contact that sticks, whatever x_t. The answer lies on the cone exactly, by its last scaling; lambda is
+// left one step better than the answer, for the next sweep.
+inline void Slide(const Law& law, Mask slides, Vec* x, Vec* lambda) {
+  const Vec zero = {}, one = zero + 1, infinite = zero + __builtin_inf();
+  const Vec t1 = law.tangent[0] * x[1], t2 = law.tangent[1] * x[2], n = law.normal * x[0];
+  const Vec a1 = law.tangent[0] * law.tangent[0], a2 = law.tangent[1] * law.tangent[1];
+  const Vec start = Inverse(a1 + a2);
+  const Mask seeks = slides & (law.friction > zero);
+  Vec l = *lambda, low = zero, high = infinite, d1, d2, fit;
+  for (int i = 0; i < kNewtonSteps; ++i) {
+    const Vec q1 = one + l * a1, q2 = one + l * a2, r = Inverse(q1 * q2);
+    d1 = r * q2, d2 = r * q1;
+    const Vec j1 = t1 * d1, j2 = t2 * d2, sheared = law.shear[0] * j1 + law.shear[1] * j2, jn = n + sheared;
+    const Vec p1 = j1 * a1 * d1, p2 = j2 * a2 * d2, squared = j1 * j1 + j2 * j2, inverse = InverseRoot(squared);
+    const Vec g = law.friction * inverse, value = g * jn - one;
+    const Vec slope = g * (jn * (j1 * p1 + j2 * p2) * inverse * inverse - law.shear[0] * p1 - law.shear[1] * p2);
+    const Vec newton = l - value * Inverse(slope);
+    fit = law.friction * n * Inverse(squared * inverse - law.friction * sheared);
+    low = value < zero ? l : low;
+    high = value < zero ? high : l;
+    const Mask inside = (newton > low) & (newton < high);
+    const Mask close = (value <= kNewtonTolerance) & (value >= -kNewtonTolerance);
+    const Vec halved = high == infinite ? 4 * l + start : 0.5 * (low + high);
+    l = inside ? newton : (close ? l : halved);
+    if (!Any(seeks & ~close)) break;
+  }
+  fit = law.friction > zero ? fit : zero;
+  x[1] = slides ? fit * d1 * x[1] : x[1];
+  x[2] = slides ? fit * d2 * x[2] : x[2];
+  *lambda = seeks ? l : zero;
+}
+
+// The exact law at kLanes contacts: x goes in as the impulses that bring u to zero.
+inline void SolveCoulomb(const Law& law, Vec* x, Vec* lambda) {
+  const Vec zero = {};
+  const Vec j1 = law.tangent[0] * x[1], j2 = law.tangent[1] * x[2];
+  const Vec reach = law.friction * (law.normal * x[0] + law.shear[0] * j1 + law.shear[1] * j2);
+  const Mask closed = x[0] > zero;
+  const Mask slides = closed & ~((reach >= zero) & (j1 * j1 + j2 * j2 <= reach * reach));
+  for (int d = 0; d < 3; ++d) x[d] = closed ? x[d] : zero;
+  if (Any(slides)) {
+    Slide(law, slides, x, lambda);
+  } else {
+    *lambda = zero;
+  }
+}
+
+// u += T^T R T x
+inline void AddCompliance(const Law& law, Vec compliance, const Vec* x, Vec* u) {
+  const Vec j1 = law.tangent[0] * x[1], j2 = law.tangent[1] * x[2];
+  const Vec jn = law.normal * x[0] + law.shear[0] * j1 + law.shear[1] * j2;
+  u[0] += compliance * law.normal * jn;
+  u[1] += compliance * law.tangent[0] * (j1 + law.shear[0] * jn);
+  u[2] += compliance * law.tangent[1] * (j2 + law.shear[1] * jn);
+}
+
+inline Vec Visit(const SweepBatch& batch, int lane, bool compliant, SweepState* state, SweepVelocity* velocities) {
+  const int* body_a = batch.body[0] + lane;
+  const int* body_b = batch.body[1] + lane;
+  Vec ya[6], yb[6], u[3], x[3], change[3];
+  Gather(velocities, body_a, ya);
+  Gather(velocities, body_b, yb);
+  const Law law{Load(batch.normal + lane),
+                {Load(batch.tangent[0] + lane), Load(batch.tangent[1] + lane)},
+                {Load(batch.shear[0] + lane), Load(batch.shear[1] + lane)},
+                Load(batch.friction + lane)};
+  for (int d = 0; d < 3; ++d) {
+    Vec first = Load(batch.offset[d] + lane), second = {};
+    for (int k = 0; k < 6; ++k) {
+      first += Load(batch.rows[0][d][k] + lane) * ya[k];
+      second += Load(batch.rows[1][d][k] + lane) * yb[k];
+    }
+    u[d] = first + second;
+    x[d] = change[d] = Load(state->x[d] + lane);
+  }
+  if (compliant) AddCompliance(law, Load(batch.compliance + lane), x, u);
+  for (int d = 0; d < 3; ++d) x[d] -= u[d];
+  Vec lambda = Load(state->lambda + lane);
+  SolveCoulomb(law, x, &lambda);
+  Store(state->lambda + lane, lambda);
+  for (int d = 0; d < 3; ++d) {
+    Store(state->x[d] + lane, x[d]);
+    change[d] = x[d] - change[d];
+  }
+  for (int k = 0; k < 6; ++k) {
+    for (int d = 0; d < 3; ++d) {
+      ya[k] += Load(batch.rows[0][d][k] + lane) * change[d];
+      yb[k] += Load(batch.rows[1][d][k] + lane) * change[d];
+    }
+  }
+  Scatter(ya, body_a, velocities);
+  Scatter(yb, body_b, velocities);
+  const Vec j1 = law.tangent[0] * change[1], j2 = law.tangent[1] * change[2];
+  const Vec jn = law.normal * change[0] + law.shear[0] * j1 + law.shear[1] * j2;
+  return Max(Max(Abs(j1), Abs(j2)), Abs(jn)) * Load(batch.weight + lane);
+}
+
+double SweepCoulomb(int num_batches, const SweepBatch* batches, bool compliant, SweepState* states,
+                    SweepVelocity* velocities) {
+  Vec largest = {};
+  for (int b = 0; b < num_batches; ++b)
+    for (int lane = 0; lane < kBatchLanes; lane += kLanes)
+      largest = Max(Visit(batches[b], lane, compliant, states + b, velocities), largest);
+  double out = 0;
+  for (int i = 0; i < kLanes; ++i) out = largest[i] > out ? largest[i] : out;
+  return out;
+}
+
+}  // namespace
+
+extern const SweepKernels ISLET_KERNEL_SET;
+const SweepKernels ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, SweepCoulomb};
+
+}  // namespace islet::qp
