@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kStepShare = 0.995;     // of the way to the boundary
 constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kSoftness = 3e-2;       // of a contact's own W_nn, where impulses near given ones are asked for
 constexpr double kLeastShare = 0.1;      // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;    // gap from which directions are refined
 constexpr int kMaxCorrectors = 3;        // centrality correctors per factorisation [Gon96]
@@ -37,15 +38,16 @@ void BandCorrection(ConeKind kind, double low, double high, double* v) {
 }  // namespace
 
 void InteriorPoint::Solve(const Problem& problem, const Settings& settings, std::span<const double> slips,
-                          Solution* solution) {
-  Load(problem, settings, slips);
+                          Solution* solution, std::span<const Vector3> near) {
+  Load(problem, settings, slips, near);
   ChooseStart();
   solution->iterations = 0;
   solution->status = Iterate(settings, solution);
-  Extract(problem, settings.velocity_scale, solution);
+  Extract(problem, settings.velocity_scale, slips, near, solution);
 }
 
-void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::span<const double> slips) {
+void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::span<const double> slips,
+                         std::span<const Vector3> near) {
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   scaled_.bodies.assign(problem.bodies.begin(), problem.bodies.end());
   scaled_.contacts.assign(problem.contacts.begin(), problem.contacts.end());
@@ -78,20 +80,28 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
     num_rows_ += NumRows(rows.cone.kind);
     degree_ += Degree(rows.cone.kind);
   };
+  softness_.assign(nc, 0.0);
   for (int c = 0; c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    const Vector3 normal_part(slips.empty() ? 0.0 : slips[c] * per_velocity, 0, 0);
-    const Vector3 target(kinetic ? 0.0 : contact.target, 0, 0);
-    add_rows({num_rows_, c, kinetic ? 1 : 0, kinetic ? -1.0 : 1.0, ChooseCone(contact.friction, settings.cone),
-              contact.drift + normal_part - target, contact.compliance});
+    Vector3 offset = contact.drift;
+    if (!slips.empty()) offset[0] += slips[c] * per_velocity;
+    if (!kinetic) offset[0] -= contact.target;
+    if (!near.empty()) {
+      softness_[c] = kSoftness * DelassusBlock(problem, problem.contacts[c])(0, 0);
+      offset[0] -= softness_[c] * near[c][0] * per_velocity;
+    }
+    add_rows({num_rows_, c, kinetic ? 1 : 0, kinetic ? -1.0 : 1.0, ChooseCone(contact.friction, settings.cone), offset,
+              contact.compliance, softness_[c] * mean_mass_});
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0});
+    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0),
+              0.0, 0.0});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1);
   for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &best_z_}) v->assign(num_rows_, 0.0);
   eta_.assign(rows_.size(), 1.0);
+  softening_.resize(rows_.size());
   for (auto* v : {&y_, &dual_, &dy_}) v->assign(static_cast<size_t>(6) * kkt_.num_fields() * nb, 0.0);
   blocks_.resize(nc);
   normal_blocks_.resize(nc);
@@ -187,7 +197,7 @@ double InteriorPoint::LeastEnergy() {
   error_.assign(dual_.size(), 0.0);
   double lack = 0;
   for (const Rows& rows : rows_) {
-    if (rows.sign < 0 || rows.compliance > 0) continue;
+    if (rows.sign < 0 || rows.IsSoft()) continue;
     const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
     lack -= j.dot(rows.offset);
     AddForce(scaled_.contacts[rows.contact], stride, 0, 1, j, &error_);
@@ -227,14 +237,18 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   return false;
 }
 
-void InteriorPoint::Extract(const Problem& problem, double velocity_scale, Solution* solution) {
+void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
+                            std::span<const Vector3> near, Solution* solution) {
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   solution->velocities.resize(static_cast<size_t>(6) * nb);
   for (int i = 0; i < nb; ++i) At(solution->velocities, 6 * i) = problem.bodies[i].velocity;
   solution->impulses.resize(nc);
+  solution->slips.assign(slips.begin(), slips.end());
+  solution->slips.resize(nc, 0.0);
   for (int c = 0; c < nc; ++c) {
     solution->impulses[c] = mean_mass_ * velocity_scale * MapFromRows(rows_[c].cone, &z_[rows_[c].first]);
     ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+    if (!near.empty()) solution->slips[c] += softness_[c] * (solution->impulses[c][0] - near[c][0]);
   }
   solution->multipliers.clear();
   solution->bounce_multipliers.clear();

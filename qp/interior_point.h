@@ -23,7 +23,14 @@ class InteriorPoint {
  public:
   // slips: one number per contact added to the normal row (De Saxce), or empty for none. Solves the convex problem of
   // settings.cone, or the kinetic one if settings.model says so. `solution` keeps its memory.
-  void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution);
+  // near: impulses, or empty. The slips then give way a little, in proportion to how far the normal impulses end up from
+  // these (a proximal step): of all impulses that hold, those near by are chosen, and slips that contradict each other in
+  // a jam do no harm. The solution's slips are those that its answer satisfies.
+  void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution,
+             std::span<const Vector3> near = {});
+
+  // The matrix of the last solve, for others to use in between.
+  KktSystem& kkt() { return kkt_; }
 
  private:
   // What one contact contributes: first row in s_ and z_, its cone, and the constant part of its velocity.
@@ -34,13 +41,16 @@ class InteriorPoint {
     double sign;  // +1, or -1 where the rows enter the matrix negatively (kinetic cone rows)
     ContactCone cone;
     Vector3 offset;
-    double compliance;
+    double compliance, softness;  // R = compliance I + softness n n^T
+    bool IsSoft() const { return compliance > 0 || softness > 0; }
+    Vector3 Yield(const Vector3& j) const { return compliance * j + Vector3(softness * j[0], 0, 0); }  // R j
   };
   struct Residuals {
     double gap, primal, dual;
   };
 
-  void Load(const Problem& problem, const Settings& settings, std::span<const double> slips);
+  void Load(const Problem& problem, const Settings& settings, std::span<const double> slips,
+            std::span<const Vector3> near);
   void ChooseStart();
   Residuals ComputeResiduals();
   double LeastEnergy();
@@ -51,12 +61,12 @@ class InteriorPoint {
   void CompleteDirection(double weight);
   double DirectionError(double weight);
   double MassNorm(const std::vector<double>& momentum) const;
-  Matrix3 Softening(size_t r);
   double LongestStep(double limit) const;
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
-  void Extract(const Problem& problem, double velocity_scale, Solution* solution);
+  void Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
+               std::span<const Vector3> near, Solution* solution);
 
   Scaling ScalingOf(size_t r) { return {point_.data() + rows_[r].first, lambda_.data() + rows_[r].first, eta_[r]}; }
 
@@ -75,6 +85,8 @@ class InteriorPoint {
   std::vector<Vector3> constants_;  // per Rows: part of dj that dy does not change
   bool refine_ = false;
   double refine_to_ = 0;               // error of a direction that is small enough
+  std::vector<double> softness_;       // per contact, in the caller's units: what its slip gives way per impulse
+  std::vector<Matrix3> softening_;     // (I + D R)^-1 per Rows; unused where R = 0
   std::vector<Matrix3> blocks_;        // D per contact
   std::vector<double> normal_blocks_;  // E per contact
 };

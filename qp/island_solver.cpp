@@ -12,6 +12,12 @@ constexpr double kSmallAim = 1e-15;       // of the gap, where iterations cost m
 constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // between two interior-point solves
+constexpr int kFirstSplittings = 10;      // big islands, from nothing: with a metric that knows nothing
+constexpr int kSplittings = 20;           // with an adapted metric, per factorisation
+constexpr int kSweepsBetween = 10;        // sweeps before each factorisation of the splitting
+constexpr int kMaxBlocks = 6;             // of sweeps and splitting, per round
+constexpr double kBlockGain = 0.5;        // of the natural map, for another block
+constexpr double kRoundGain = 0.3;        // of the natural map, for another round
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
 double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2] * u[2]); }
@@ -80,7 +86,8 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
   return {std::sqrt(largest), std::sqrt(sum / std::max(1, problem.num_contacts()))};
 }
 
-void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution) {
+void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
+                         std::span<const Vector3> start) {
   solution->iterations = solution->rounds = 0;
   solution->gap = 0;
   solution->coulomb_reached = true;
@@ -93,7 +100,11 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     CopyFreeVelocities(problem, &solution->velocities);
     if (!problem.contacts.empty()) SolveOneContact(problem, solution);
   } else if (settings.model == Model::kCoulomb && AnyFriction(problem)) {
-    SolveCoulomb(problem, settings, solution);
+    if (settings.cone == Cone::kCircular && problem.num_bodies() > kSmallIsland) {
+      SolveBigCoulomb(problem, settings, start, solution);
+    } else {
+      SolveCoulomb(problem, settings, solution);
+    }
   } else {
     Settings inner = settings;
     if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
@@ -184,7 +195,6 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
     interior_point_.Solve(problem, inner, slips_, &trial_);
-    trial_.slips = slips_;
     trial_.iterations = iterations += trial_.iterations;
     trial_.rounds = round;
     if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
@@ -210,6 +220,60 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   }
   solution->iterations = iterations;
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
+}
+
+// Improves swept_impulses_ and swept_velocities_ by sweeps and splitting in turn, as long as that pays. Returns the
+// natural map reached, rms.
+double IslandSolver::Search(const Problem& problem, const Settings& settings, bool cold) {
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  splitting_.Start(problem, settings.velocity_scale, &interior_point_.kkt());
+  if (cold) {
+    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    splitting_.Run(kFirstSplittings, Splitting::Metric::kUniform, &swept_impulses_, &swept_velocities_);
+  }
+  double map = INFINITY;
+  for (int block = 0; block < kMaxBlocks; ++block) {
+    gauss_seidel_.Sweep(problem, kSweepsBetween, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    splitting_.Run(kSplittings, Splitting::Metric::kAdapted, &swept_impulses_, &swept_velocities_);
+    const double now = CoulombMap(problem, swept_velocities_, swept_impulses_).rms;
+    const bool pays = now < kBlockGain * map;
+    map = now;
+    if (!pays || map <= kAcceptShare * goal) break;
+  }
+  return map;
+}
+
+// The convex problem with the slips that the search found is solved to the tolerance, so that all but the slips is exact.
+void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                                   Solution* solution) {
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  slips_.assign(problem.contacts.size(), 0.0);
+  gauss_seidel_.Prepare(problem);
+  swept_impulses_.assign(start.begin(), start.end());
+  swept_impulses_.resize(problem.contacts.size(), Vector3::Zero());
+  CopyFreeVelocities(problem, &swept_velocities_);
+  for (int c = 0; c < problem.num_contacts(); ++c)
+    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
+  double best = INFINITY;
+  int iterations = 0;
+  for (int round = 1; round <= settings.coulomb_rounds; ++round) {
+    const double searched = Search(problem, settings, round == 1 && start.empty());
+    UpdateSlips(problem, Cone::kCircular);
+    if (AcceptSweeps(problem, settings, solution)) break;
+    interior_point_.Solve(problem, settings, slips_, &trial_, swept_impulses_);
+    iterations += trial_.iterations;
+    trial_.rounds = round;
+    const bool usable = trial_.status == Status::kSolved || trial_.status == Status::kInaccurate;
+    const double map = usable ? CoulombMap(problem, trial_.velocities, trial_.impulses).rms : INFINITY;
+    const bool pays = map < kRoundGain * std::min(best, searched);
+    if (map < best || round == 1) *solution = trial_;
+    best = std::min(best, map);
+    if (!pays || best <= goal) break;
+    swept_impulses_ = trial_.impulses;
+    swept_velocities_ = trial_.velocities;
+  }
+  solution->iterations = iterations;
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal;
 }
 
 }  // namespace islet::qp

@@ -2,12 +2,14 @@
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   kinetic, convex       one interior-point solve; coulomb too where no contact has friction
-//   coulomb               interior-point solves with lagged slip s = mu |u_t|, Gauss-Seidel sweeps between them, until
-//                         the natural map of exact Coulomb is below the tolerance or the cap on rounds is reached [DS91, ACLM11]
+//   coulomb               rounds of two: a search for the slips s = mu |u_t|, by Gauss-Seidel sweeps and, on big islands,
+//                         operator splitting; then the convex problem with these slips by the interior point, until the
+//                         natural map of exact Coulomb is below the tolerance or no round helps [DS91, ACLM11]
 //
 //   threads: one solver per worker
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "qp/gauss_seidel.h"
@@ -15,23 +17,29 @@
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
+#include "qp/splitting.h"
 
 namespace islet::qp {
 
 class IslandSolver {
  public:
-  void Solve(const Problem& problem, const Settings& settings, Solution* solution);
+  // start: impulses to begin with, one per contact, or empty. Only big islands with exact Coulomb friction use them.
+  void Solve(const Problem& problem, const Settings& settings, Solution* solution, std::span<const Vector3> start = {});
 
  private:
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
 
+  void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                       Solution* solution);
+  double Search(const Problem& problem, const Settings& settings, bool cold);
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
   GaussSeidel gauss_seidel_;
+  Splitting splitting_;
   Solution trial_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "qp/body_algebra.h"
 #include "qp/interior_point.h"
@@ -12,6 +13,19 @@ namespace islet::qp {
 namespace {
 
 constexpr int kMaxRefinements = 4;
+
+// softening = (I + D R)^-1 and D <- (I + D R)^-1 D, for R = compliance I + softness n n^T. By rows, I + D R is well scaled
+// even where D spans many orders; updating D by a matrix of rank one instead would lose its small part.
+void Soften(double compliance, double softness, Matrix3* d, Matrix3* softening) {
+  if (softness > 0) {
+    *softening = (Matrix3::Identity() + *d * Vector3(compliance + softness, compliance, compliance).asDiagonal()).inverse();
+    *d = (*softening * *d).eval();
+  } else {
+    const Eigen::LLT<Matrix3> factors(Matrix3::Identity() + compliance * *d);
+    *softening = factors.solve(Matrix3::Identity());
+    *d = factors.solve(*d).eval();
+  }
+}
 
 }  // namespace
 
@@ -34,7 +48,7 @@ InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
     const ContactTerm& contact = scaled_.contacts[rows.contact];
     const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
     AddForce(contact, stride, rows.field, -rows.sign, j, &dual_);
-    MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset + rows.compliance * j, mapped);
+    MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset + rows.Yield(j), mapped);
     for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
       primal_[rows.first + i] = s_[rows.first + i] - mapped[i];
       residuals.primal = std::max(residuals.primal, std::abs(primal_[rows.first + i]));
@@ -74,10 +88,9 @@ void InteriorPoint::FactoriseNewton() {
     const Matrix3 block = ScalingBlock(rows_[r].cone, ScalingOf(r));
     if (r >= nc) {
       normal_blocks_[r - nc] = block(0, 0);
-    } else if (rows_[r].compliance > 0) {
-      blocks_[r] = (Matrix3::Identity() + rows_[r].compliance * block).llt().solve(block);
     } else {
       blocks_[r] = block;
+      if (rows_[r].IsSoft()) Soften(rows_[r].compliance, rows_[r].softness, &blocks_[r], &softening_[r]);
     }
   }
   kkt_.Factorise(scaled_, blocks_, normal_blocks_);
@@ -95,7 +108,7 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
     for (int i = 0; i < NumRows(rows.cone.kind); ++i) a[i] = weight * a[i] + target_[rows.first + i];
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, b);
     constants_[r] = MapFromRows(rows.cone, b);
-    if (rows.compliance > 0) constants_[r] = (Softening(r) * constants_[r]).eval();
+    if (rows.IsSoft()) constants_[r] = (softening_[r] * constants_[r]).eval();
     AddForce(scaled_.contacts[rows.contact], 6 * kkt_.num_fields(), rows.field, rows.sign, constants_[r], &dy_);
   }
   kkt_.Solve(dy_.data());
@@ -111,13 +124,6 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
   }
 }
 
-// (I + D R)^-1 of a compliant contact.
-Matrix3 InteriorPoint::Softening(size_t r) {
-  return (Matrix3::Identity() + rows_[r].compliance * ScalingBlock(rows_[r].cone, ScalingOf(r)))
-      .llt()
-      .solve(Matrix3::Identity());
-}
-
 // ds and dz, in scaled space, that belong to dy_.
 void InteriorPoint::CompleteDirection(double weight) {
   const int stride = 6 * kkt_.num_fields();
@@ -126,7 +132,7 @@ void InteriorPoint::CompleteDirection(double weight) {
     const Rows& rows = rows_[r];
     const int d = NumRows(rows.cone.kind);
     Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
-    if (rows.compliance > 0) dw = Softening(r) * dw + rows.compliance * constants_[r];
+    if (rows.IsSoft()) dw = (softening_[r].transpose() * dw + rows.Yield(constants_[r])).eval();
     MapToRows(rows.cone, dw, a);
     for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
     ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);
