@@ -8,7 +8,6 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kMaxParts = 4;
 constexpr int kPrepareBatches = 32;  // in one piece
 constexpr double kFlat = 1e-14;      // of W_nn: a tangent that moves nothing
 
@@ -32,7 +31,7 @@ Matrix3 Root(const Matrix3& a) {
 }  // namespace
 
 void GaussSeidel::Prepare(const Problem& problem) {
-  order_.Build(problem, kMaxParts);
+  order_.Build(problem);
   roots_.resize(problem.bodies.size());
   for (size_t i = 0; i < roots_.size(); ++i) {
     roots_[i].mass_root = 1 / std::sqrt(problem.bodies[i].mass);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kLanes = ISLET_LANES;
 constexpr int kNewtonSteps = 60;           // with the bracket; two or three are usual
-constexpr double kNewtonTolerance = 1e-5;  // of mu j_n / |j_t|; only the direction depends on it
+constexpr double kNewtonTolerance = 1e-6;  // of mu j_n / |j_t|; only the direction depends on it
 typedef double Vec __attribute__((vector_size(kLanes * sizeof(double)), aligned(sizeof(double)), may_alias));
 typedef decltype(Vec{} < Vec{}) Mask;
 

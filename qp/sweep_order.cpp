@@ -8,14 +8,16 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kPartContacts = 500;  // fewer are swept in the time of a fork or two
+constexpr int kSplit = 1500;         // contacts; fewer are swept in the time of a few forks
+constexpr int kPartContacts = 3000;  // in a part, more or less: boundaries cost, and their sections are few
+constexpr int kMaxParts = 8;
 constexpr int kSpacing = 3;  // batches between two that share a body, where there is room: the core overlaps them
 
 }  // namespace
 
-void SweepOrder::Build(const Problem& problem, int max_parts) {
+void SweepOrder::Build(const Problem& problem, int num_parts) {
   const int num_contacts = problem.num_contacts();
-  const int num_parts = std::max(1, std::min(max_parts, num_contacts / kPartContacts));
+  if (num_parts <= 0) num_parts = num_contacts < kSplit ? 1 : std::clamp(num_contacts / kPartContacts, 2, kMaxParts);
   part_.assign(problem.bodies.size(), 0);
   if (num_parts > 1) SplitIntoParts(problem, num_parts);
   const int num_sections = AssignSections(problem, num_parts);

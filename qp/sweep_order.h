@@ -22,8 +22,8 @@ namespace islet::qp {
 
 class SweepOrder {
  public:
-  // max_parts: 1 keeps the order of the problem. Parts are no smaller than worth the trouble of another thread.
-  void Build(const Problem& problem, int max_parts);
+  // num_parts: 1 keeps the order of the problem; 0: as many as are worth the trouble of other threads.
+  void Build(const Problem& problem, int num_parts = 0);
 
   struct Section {
     int first_batch, num_batches;
