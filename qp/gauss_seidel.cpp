@@ -9,7 +9,10 @@ namespace islet::qp {
 namespace {
 
 constexpr int kPrepareBatches = 32;  // in one piece
-constexpr double kFlat = 1e-14;      // of W_nn: a tangent that moves nothing
+// Nesterov's momentum wants a gradient; the law of friction is none, and full momentum circles around jammed piles for ever.
+constexpr double kMaxMomentum = 0.8;
+constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
+constexpr double kFlat = 1e-14;   // of W_nn: a tangent that moves nothing
 
 // Lower G with G G^T = a; a column of zeros where a has no more rank.
 Matrix3 Root(const Matrix3& a) {
@@ -40,7 +43,8 @@ void GaussSeidel::Prepare(const Problem& problem) {
   compliant_ = std::any_of(problem.contacts.begin(), problem.contacts.end(),
                            [](const ContactTerm& c) { return c.compliance > 0; });
   velocities_.resize(roots_.size() + order_.sections().size());
-  largest_.resize(order_.sections().size());
+  previous_.resize(roots_.size());
+  sums_.resize(order_.sections().size());
   axes_.resize(problem.contacts.size());
   batches_.resize(order_.num_batches());
   states_.resize(order_.num_batches());
@@ -134,17 +138,34 @@ void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, S
   batch.compliance[lane] = contact.compliance;
 }
 
-double GaussSeidel::SweepOnce() {
+SweepSums GaussSeidel::SweepOnce(double momentum) {
   const std::vector<int>& phases = order_.phase_start();
   for (size_t p = 0; p + 1 < phases.size(); ++p) {
     parallel::Fork(phases[p + 1] - phases[p], [&](int piece) {
       const int number = phases[p] + piece;
       const SweepOrder::Section& section = order_.sections()[number];
-      largest_[number] = kernels_->coulomb(section.num_batches, &batches_[section.first_batch], compliant_,
-                                           &states_[section.first_batch], velocities_.data());
+      sums_[number] = kernels_->coulomb(section.num_batches, &batches_[section.first_batch], compliant_, momentum,
+                                        &states_[section.first_batch], velocities_.data());
     });
   }
-  return *std::max_element(largest_.begin(), largest_.end());
+  SweepSums total;
+  for (const SweepSums& sums : sums_) {
+    total.largest = std::max(total.largest, sums.largest);
+    total.change += sums.change;
+    total.ahead += sums.ahead;
+  }
+  return total;
+}
+
+// The velocities of x + momentum (x - previous): they are linear in the impulses.
+void GaussSeidel::Extrapolate(double momentum) {
+  for (size_t i = 0; i < roots_.size(); ++i) {
+    for (int k = 0; k < 6; ++k) {
+      const double y = velocities_[i].y[k];
+      velocities_[i].y[k] = y + momentum * (y - previous_[i].y[k]);
+      previous_[i].y[k] = y;
+    }
+  }
 }
 
 // Into the coordinates of the kernels: x = T^-1 j, y = G^-1 v = G^T M v.
@@ -157,7 +178,8 @@ void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impul
     const size_t lane = slot % kBatchLanes;
     const SweepBatch& batch = batches_[slot / kBatchLanes];
     SweepState& state = states_[slot / kBatchLanes];
-    state.x[0][lane] = state.x[1][lane] = state.x[2][lane] = state.lambda[lane] = 0;
+    for (int d = 0; d < 3; ++d) state.x[d][lane] = state.previous[d][lane] = 0;
+    state.lambda[lane] = 0;
     if (c < 0) continue;
     const Vector3& j = impulses[c];
     const double t[2] = {axes_[c].cosine * j[1] + axes_[c].sine * j[2], axes_[c].cosine * j[2] - axes_[c].sine * j[1]};
@@ -167,13 +189,15 @@ void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impul
       if (batch.tangent[k][lane] > 0) state.x[1 + k][lane] = t[k] / batch.tangent[k][lane];
     }
     state.x[0][lane] = normal / batch.normal[lane];
+    for (int d = 0; d < 3; ++d) state.previous[d][lane] = state.x[d][lane];
   }
-  for (SweepVelocity& velocity : velocities_) velocity = {};
+  velocities_.assign(velocities_.size(), {});
   for (size_t i = 0; i < roots_.size(); ++i) {
     const double* v = velocities.data() + 6 * i;
     Block(velocities_[i].y) = ConstBlock(v) / roots_[i].mass_root;
     const Vector3 momentum = problem.bodies[i].inertia * ConstBlock(v + 3);
     Block(velocities_[i].y + 3).noalias() = roots_[i].inertia_root.transpose() * momentum;
+    previous_[i] = velocities_[i];
   }
 }
 
@@ -198,13 +222,22 @@ void GaussSeidel::Unload(std::vector<Vector3>* impulses, std::vector<double>* ve
 }
 
 int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
-                       std::vector<double>* velocities) {
+                       std::vector<double>* velocities, Pace pace) {
   if (problem.contacts.empty() || max_sweeps <= 0) return std::max(0, std::min(max_sweeps, 1));
   Load(problem, *impulses, *velocities);
+  double theta = 1, last_change = INFINITY, momentum = 0;
   int sweep = 0;
   while (sweep < max_sweeps) {
     ++sweep;
-    if (SweepOnce() <= tolerance) break;
+    if (pace == Pace::kMomentum) Extrapolate(momentum);
+    const SweepSums sums = SweepOnce(momentum);
+    if (sums.largest <= tolerance) break;
+    if (pace == Pace::kPlain) continue;
+    const bool astray = sums.ahead < 0 || sums.change > kMaxGrowth * last_change;
+    const double next = astray ? 1 : 0.5 * (1 + std::sqrt(1 + 4 * theta * theta));
+    momentum = astray ? 0 : std::min((theta - 1) / next, kMaxMomentum);
+    theta = next;
+    last_change = sums.change;
   }
   Unload(impulses, velocities);
   return sweep;

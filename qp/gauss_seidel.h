@@ -17,6 +17,12 @@
 
 namespace islet::qp {
 
+enum class Pace {
+  kPlain,     // stays near where it starts, which is what a polish of an answer wants
+  kMomentum,  // impulses go on for a while in the direction in which they moved: loads are carried several times faster
+              // [Nes83]; a sweep that is led astray starts anew from rest
+};
+
 class GaussSeidel {
  public:
   // kernels: the best of this machine unless told otherwise.
@@ -28,7 +34,7 @@ class GaussSeidel {
   // `tolerance` [velocity], at most `max_sweeps` times. impulses and velocities must satisfy M (v - v0) = J^T j before, and
   // do so after. Returns the number of sweeps.
   int Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
-            std::vector<double>* velocities);
+            std::vector<double>* velocities, Pace pace = Pace::kPlain);
 
  private:
   struct BodyRoot {  // G = diag(mass_root I, inertia_root), M^-1 = G G^T
@@ -42,7 +48,8 @@ class GaussSeidel {
   void PrepareContact(const Problem& problem, int number, int lane, SweepBatch* batch);
   void Load(const Problem& problem, const std::vector<Vector3>& impulses, const std::vector<double>& velocities);
   void Unload(std::vector<Vector3>* impulses, std::vector<double>* velocities) const;
-  double SweepOnce();
+  SweepSums SweepOnce(double momentum);
+  void Extrapolate(double momentum);
 
   const SweepKernels* kernels_;
   SweepOrder order_;
@@ -52,7 +59,8 @@ class GaussSeidel {
   std::vector<SweepBatch> batches_;
   std::vector<SweepState> states_;
   std::vector<SweepVelocity> velocities_;  // bodies, then an immovable one per section
-  std::vector<double> largest_;            // per section
+  std::vector<SweepVelocity> previous_;    // the same, one sweep before
+  std::vector<SweepSums> sums_;            // per section
 };
 
 }  // namespace islet::qp

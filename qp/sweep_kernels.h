@@ -25,20 +25,27 @@ struct alignas(64) SweepBatch {
 };
 
 struct alignas(64) SweepState {
-  double x[3][kBatchLanes];
-  double lambda[kBatchLanes];  // of a contact that slides, u_t = -lambda j_t; else 0
+  double x[3][kBatchLanes];         // after the last sweep
+  double previous[3][kBatchLanes];  // after the one before
+  double lambda[kBatchLanes];       // of a contact that slides, u_t = -lambda j_t; else 0
 };
 
 struct alignas(64) SweepVelocity {
   double y[8];  // six numbers; the last two stay zero
 };
 
+struct SweepSums {
+  double largest = 0;  // change of an impulse times its weight [velocity]
+  double change = 0;   // |x - z|^2
+  double ahead = 0;    // (x - z) . (x - previous): negative where momentum led astray
+};
+
 struct SweepKernels {
   const char* name;
-  // One sweep over the batches. Returns the largest change of an impulse times its weight [velocity].
-  // compliant: some contact has compliance.
-  double (*coulomb)(int num_batches, const SweepBatch* batches, bool compliant, SweepState* states,
-                    SweepVelocity* velocities);
+  // One sweep over the batches from z = x + momentum (x - previous); velocities must be those of z, and are those of the new
+  // x then. compliant: some contact has compliance.
+  SweepSums (*coulomb)(int num_batches, const SweepBatch* batches, bool compliant, double momentum, SweepState* states,
+                       SweepVelocity* velocities);
 };
 
 // The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.

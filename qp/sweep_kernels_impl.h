@@ -183,10 +183,15 @@ inline void AddCompliance(const Law& law, Vec compliance, const Vec* x, Vec* u) 
   u[2] += compliance * law.tangent[1] * (j2 + law.shear[1] * jn);
 }
 
-inline Vec Visit(const SweepBatch& batch, int lane, bool compliant, SweepState* state, SweepVelocity* velocities) {
+struct Sums {
+  Vec largest, change, ahead;
+};
+
+inline void Visit(const SweepBatch& batch, int lane, bool compliant, Vec momentum, SweepState* state,
+                  SweepVelocity* velocities, Sums* sums) {
   const int* body_a = batch.body[0] + lane;
   const int* body_b = batch.body[1] + lane;
-  Vec ya[6], yb[6], u[3], x[3], change[3];
+  Vec ya[6], yb[6], u[3], before[3], x[3], change[3];
   Gather(velocities, body_a, ya);
   Gather(velocities, body_b, yb);
   const Law law{Load(batch.normal + lane),
@@ -200,7 +205,9 @@ inline Vec Visit(const SweepBatch& batch, int lane, bool compliant, SweepState* 
       second += Load(batch.rows[1][d][k] + lane) * yb[k];
     }
     u[d] = first + second;
-    x[d] = change[d] = Load(state->x[d] + lane);
+    before[d] = Load(state->x[d] + lane);
+    x[d] = change[d] = before[d] + momentum * (before[d] - Load(state->previous[d] + lane));
+    Store(state->previous[d] + lane, before[d]);
   }
   if (compliant) AddCompliance(law, Load(batch.compliance + lane), x, u);
   for (int d = 0; d < 3; ++d) x[d] -= u[d];
@@ -210,6 +217,8 @@ inline Vec Visit(const SweepBatch& batch, int lane, bool compliant, SweepState* 
   for (int d = 0; d < 3; ++d) {
     Store(state->x[d] + lane, x[d]);
     change[d] = x[d] - change[d];
+    sums->change += change[d] * change[d];
+    sums->ahead += change[d] * (x[d] - before[d]);
   }
   for (int k = 0; k < 6; ++k) {
     for (int d = 0; d < 3; ++d) {
@@ -221,17 +230,21 @@ inline Vec Visit(const SweepBatch& batch, int lane, bool compliant, SweepState* 
   Scatter(yb, body_b, velocities);
   const Vec j1 = law.tangent[0] * change[1], j2 = law.tangent[1] * change[2];
   const Vec jn = law.normal * change[0] + law.shear[0] * j1 + law.shear[1] * j2;
-  return Max(Max(Abs(j1), Abs(j2)), Abs(jn)) * Load(batch.weight + lane);
+  sums->largest = Max(Max(Max(Abs(j1), Abs(j2)), Abs(jn)) * Load(batch.weight + lane), sums->largest);
 }
 
-double SweepCoulomb(int num_batches, const SweepBatch* batches, bool compliant, SweepState* states,
-                    SweepVelocity* velocities) {
-  Vec largest = {};
+SweepSums SweepCoulomb(int num_batches, const SweepBatch* batches, bool compliant, double momentum, SweepState* states,
+                       SweepVelocity* velocities) {
+  Sums sums = {};
   for (int b = 0; b < num_batches; ++b)
     for (int lane = 0; lane < kBatchLanes; lane += kLanes)
-      largest = Max(Visit(batches[b], lane, compliant, states + b, velocities), largest);
-  double out = 0;
-  for (int i = 0; i < kLanes; ++i) out = largest[i] > out ? largest[i] : out;
+      Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums);
+  SweepSums out;
+  for (int i = 0; i < kLanes; ++i) {
+    out.largest = sums.largest[i] > out.largest ? sums.largest[i] : out.largest;
+    out.change += sums.change[i];
+    out.ahead += sums.ahead[i];
+  }
   return out;
 }
 

@@ -21,11 +21,11 @@ struct Swept {
   int sweeps = 0;
 };
 
-Swept SweepFromZero(const Problem& problem, int most, double tolerance) {
+Swept SweepFromZero(const Problem& problem, int most, double tolerance, qp::Pace pace = qp::Pace::kPlain) {
   qp::GaussSeidel solver;
   Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
   solver.Prepare(problem);
-  swept.sweeps = solver.Sweep(problem, most, tolerance, &swept.impulses, &swept.velocities);
+  swept.sweeps = solver.Sweep(problem, most, tolerance, &swept.impulses, &swept.velocities, pace);
   return swept;
 }
 
@@ -67,7 +67,7 @@ void ExpectLikePlainSweeps(const Problem& problem, int sweeps, double tolerance)
     qp::GaussSeidel solver(*kernels);
     Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
     solver.Prepare(problem);
-    solver.Sweep(problem, sweeps, 0, &swept.impulses, &swept.velocities);
+    solver.Sweep(problem, sweeps, 0, &swept.impulses, &swept.velocities, qp::Pace::kPlain);
     EXPECT_LT(VelocityDistance(problem, plain.velocities, swept.velocities), tolerance * scale);
     for (size_t c = 0; c < problem.contacts.size(); ++c) {
       const double w = qp::DelassusBlock(problem, problem.contacts[c])(0, 0) + problem.contacts[c].compliance;
@@ -126,7 +126,8 @@ TEST(GaussSeidel, ExactLawAtEveryContactAfterConvergence) {
   for (const NamedProblem& island : RandomIslands(79, 40, 10, true)) {
     SCOPED_TRACE(island.name);
     const double scale = VelocityScale(island.problem);
-    const Swept swept = SweepFromZero(island.problem, 20000, 1e-13 * scale);
+    const qp::Pace pace = total % 2 == 0 ? qp::Pace::kPlain : qp::Pace::kMomentum;
+    const Swept swept = SweepFromZero(island.problem, 20000, 1e-13 * scale, pace);
     ++total;
     if (swept.sweeps == 20000) continue;
     ++converged;
@@ -140,16 +141,31 @@ TEST(GaussSeidel, ExactLawAtEveryContactAfterConvergence) {
   EXPECT_GE(converged, total * 9 / 10);
 }
 
+TEST(GaussSeidel, MomentumCarriesLoadsFaster) {
+  Random random(83);
+  const auto map_after = [&](const Problem& problem, int sweeps, qp::Pace pace) {
+    qp::GaussSeidel solver;
+    Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
+    solver.Prepare(problem);
+    solver.Sweep(problem, sweeps, 0, &swept.impulses, &swept.velocities, pace);
+    EXPECT_LT(MomentumResidual(problem, swept.velocities, swept.impulses), 1e-10);
+    return qp::CoulombMap(problem, swept.velocities, swept.impulses).rms;
+  };
+  const Problem tower = RandomStack(&random, 60, 0.3, 0.6, 1), heap = RandomCluster(&random, 200, 0.3, 0.6, 1);
+  EXPECT_LT(map_after(tower, 300, qp::Pace::kMomentum), 0.7 * map_after(tower, 300, qp::Pace::kPlain));
+  EXPECT_LT(map_after(heap, 300, qp::Pace::kMomentum), 0.1 * map_after(heap, 300, qp::Pace::kPlain));
+}
+
 TEST(GaussSeidel, SameBitsForAnyNumberOfThreads) {
   Random random(80);
   const Problem problem = RandomStack(&random, 600, 0.1, 0.6, 10);
   ASSERT_GE(problem.num_contacts(), 1500);
-  const Swept alone = SweepFromZero(problem, 30, 0);
+  const Swept alone = SweepFromZero(problem, 30, 0, qp::Pace::kMomentum);
   for (int workers : {1, 2, 4, 8}) {
     parallel::WorkerPool pool(workers);
     for (int repeat = 0; repeat < 3; ++repeat) {
       Swept swept;
-      pool.ForEach(1, [&](int, int) { swept = SweepFromZero(problem, 30, 0); });
+      pool.ForEach(1, [&](int, int) { swept = SweepFromZero(problem, 30, 0, qp::Pace::kMomentum); });
       ASSERT_EQ(swept.velocities.size(), alone.velocities.size());
       EXPECT_EQ(std::memcmp(swept.velocities.data(), alone.velocities.data(), sizeof(double) * alone.velocities.size()),
                 0);
