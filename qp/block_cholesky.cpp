@@ -2,158 +2,299 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstdint>
 #include <cstring>
 
 namespace islet::qp {
 namespace {
 
-// Address space for the update matrices: a front's own is needed while its children's are still read, and each is free
-// after its parent has been factorised. First fit, decided once.
-class SpacePlan {
- public:
-  size_t Take(size_t size) {
-    size_t at = 0;
-    auto place = taken_.begin();
-    for (; place != taken_.end() && place->at < at + size; ++place) at = place->at + place->size;
-    taken_.insert(place, {at, size});
-    total_ = std::max(total_, at + size);
-    return at;
-  }
-  void Free(size_t at) {
-    taken_.erase(std::find_if(taken_.begin(), taken_.end(), [at](const Interval& i) { return i.at == at; }));
-  }
-  size_t total() const { return total_; }
+constexpr double kSharedFront = 50e3;    // [ns] from which a front of the top is split
+constexpr int kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
+constexpr int kLinesOfSolve = 96;        // lines of a piece, multiples of kVector
+constexpr int kLinesOfUpdate = 48;
+constexpr int kLinesOfForward = 128;
+constexpr int kColumnsOfBackward = 24;
+constexpr int kPiecesOfAssembly = 8;
+constexpr int kNearCache = 3000;  // numbers
 
- private:
-  struct Interval {
-    size_t at, size;
-  };
-  std::vector<Interval> taken_;  // ascending
-  size_t total_ = 0;
-};
+void CopyBlock(double* to, const double* from, int block) {
+  if (block == 6) {
+    std::memcpy(to, from, 6 * sizeof(double));  // a fixed size is no call
+  } else {
+    std::memcpy(to, from, block * sizeof(double));
+  }
+}
+
+// piece(begin, end) over ranges of `step` lines, the last ones first: they are the longest.
+template <typename Piece>
+void ForkLines(int begin, int end, int step, const Piece& piece) {
+  const int count = (end - begin + step - 1) / step;
+  parallel::Fork(count, [&](int i) {
+    const int from = begin + (count - 1 - i) * step;
+    piece(from, std::min(from + step, end));
+  });
+}
 
 }  // namespace
 
-void BlockCholesky::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
+void AlignedNumbers::Resize(size_t size) {
+  if (numbers_.size() >= size + kVector) return;
+  numbers_.assign(size + kVector, 0.0);
+  const auto address = reinterpret_cast<std::uintptr_t>(numbers_.data()) / sizeof(double);
+  offset_ = (kVector - address % kVector) % kVector;
+}
+
+size_t BlockCholesky::SpacePlan::Take(size_t size) {
+  size_t at = 0;
+  auto place = taken_.begin();
+  for (; place != taken_.end() && place->at < at + size; ++place) at = place->at + place->size;
+  taken_.insert(place, {at, size});
+  total_ = std::max(total_, at + size);
+  return at;
+}
+
+void BlockCholesky::SpacePlan::Free(size_t at) {
+  taken_.erase(std::find_if(taken_.begin(), taken_.end(), [at](const Interval& i) { return i.at == at; }));
+}
+
+bool BlockCholesky::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
   if (num_nodes == num_nodes_ && block == block_ &&
       std::equal(pairs.begin(), pairs.end(), pairs_.begin(), pairs_.end()))
-    return;
+    return false;
   num_nodes_ = num_nodes;
   block_ = block;
   pairs_.assign(pairs.begin(), pairs.end());
-  elimination_ = AnalyseElimination(num_nodes, pairs);
+  kernels_ = &BestFrontKernels().For(block);
+  analysis_.Analyse(num_nodes, pairs, &elimination_);
   PlaceFronts();
+  return true;
 }
 
 void BlockCholesky::PlaceFronts() {
   const Elimination& e = elimination_;
   const int count = e.num_supernodes();
-  panel_at_.assign(count, 0);
+  fronts_.clear();
   update_at_.assign(count, 0);
-  SpacePlan plan;
-  size_t panels = 0;
-  int widest = 0, longest = 0;
+  size_t panels = 0, updates = 0, scratch = 0;
+  int widest = 0;
+  lines_size_ = 0;
   for (int s = 0; s < count; ++s) {
-    const int n = FrontSize(s), k = e.columns(s) * block_, m = e.below(s) * block_;
-    panel_at_[s] = panels;
-    panels += static_cast<size_t>(PaddedRows(n)) * k + kRowPadding;
-    widest = std::max(widest, k);
-    longest = std::max(longest, n);
-    if (m > 0) update_at_[s] = plan.Take(static_cast<size_t>(PaddedRows(m)) * m + kRowPadding);
-    for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) plan.Free(update_at_[e.children[c]]);
+    const Front front((e.columns(s) + e.below(s)) * block_, e.columns(s) * block_, block_);
+    panels += static_cast<size_t>(front.PanelSize());
+    widest = std::max(widest, front.k);
+    lines_size_ = std::max(lines_size_, static_cast<size_t>(front.EndLine()));
+    fronts_.push_back(front);
   }
-  panels_.assign(panels, 0.0);
-  updates_.assign(plan.total(), 0.0);
-  signs_.assign(widest, 1.0);
-  permuted_.assign(static_cast<size_t>(num_nodes_) * block_, 0.0);
-  local_.assign(longest + kRowPadding, 0.0);
+  // Each task, and the top, has space of its own.
+  scratch_at_.assign(1, 0);
+  for (int t = 0; t <= e.num_tasks(); ++t) {
+    const int begin = e.task_start[t], end = t < e.num_tasks() ? e.task_start[t + 1] : count;
+    plan_.Clear();
+    size_t most = 0;
+    for (int s = begin; s < end; ++s) {
+      most = std::max(most, static_cast<size_t>(fronts_[s].ScratchSize()));
+      if (e.below(s) > 0) update_at_[s] = updates + plan_.Take(static_cast<size_t>(fronts_[s].UpdateSize()));
+      for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
+        if (e.children[c] >= begin) plan_.Free(update_at_[e.children[c]] - updates);
+      }
+    }
+    updates += plan_.total();
+    scratch += static_cast<size_t>(RoundUp(static_cast<int>(most)));
+    scratch_at_.push_back(scratch);
+  }
+  panels_.Resize(panels);
+  updates_.Resize(updates);
+  scratch_.Resize(scratch);
+  panels_size_ = panels;
+  top_nodes_ = num_nodes_ - e.first[e.top()];
+  carry_size_ = static_cast<size_t>(RoundUp(top_nodes_ * block_));
+  lines_.Resize(lines_size_ * (e.num_tasks() + 1));
+  carries_.Resize(carry_size_ * e.num_tasks());
+  signs_.resize(std::max(widest, static_cast<int>(signs_.size())));
+  replaced_.resize(e.num_tasks());
+  permuted_.resize(static_cast<size_t>(num_nodes_) * block_);
+  double* panel = panels_.data();
+  for (int t = 0, s = 0; t <= e.num_tasks(); ++t) {
+    for (const int end = t < e.num_tasks() ? e.task_start[t + 1] : count; s < end; ++s) {
+      Front& front = fronts_[s];
+      front.fresh = e.child_start[s] == e.child_start[s + 1];
+      front.signs = signs_.data();
+      front.scratch = scratch_.data() + scratch_at_[t];
+      front.update = updates_.data() + update_at_[s];
+      front.panel = panel;
+      panel += front.PanelSize();
+    }
+  }
 }
 
-void BlockCholesky::SetZero() { std::fill(panels_.begin(), panels_.end(), 0.0); }
+int BlockCholesky::SupernodeOf(int a, int b) const {
+  return elimination_.supernode_of[std::min(elimination_.position[a], elimination_.position[b])];
+}
 
 BlockPlace BlockCholesky::BlockAt(int a, int b) {
   const Elimination& e = elimination_;
   const int pa = e.position[a], pb = e.position[b];
   const int column = std::min(pa, pb), row = std::max(pa, pb);
   const int s = e.supernode_of[column];
-  const int stride = PaddedRows(FrontSize(s));
-  const int at_row = FrontRow(e, s, row) * block_, at_column = (column - e.first[s]) * block_;
-  return {panels_.data() + panel_at_[s] + at_row + static_cast<size_t>(at_column) * stride, stride, pb > pa};
+  const Front& front = fronts_[s];
+  const int line = front.lead + FrontRow(e, s, row) * block_, at_column = (column - e.first[s]) * block_;
+  return {front.panel + line + at_column * front.panel_stride, front.panel_stride, pb > pa};
 }
 
-void BlockCholesky::AddChildren(int s) {
+// Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A few columns at a time, so that
+// they are still in the nearest cache.
+void BlockCholesky::AddChildren(int s, int from, int end) {
   const Elimination& e = elimination_;
-  const int columns = e.columns(s);
-  const int panel_stride = PaddedRows(FrontSize(s)), update_stride = PaddedRows(e.below(s) * block_);
-  double* panel = panels_.data() + panel_at_[s];
-  double* update = updates_.data() + update_at_[s];
-  for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
-    const int child = e.children[c];
-    const int m = e.below(child), child_stride = PaddedRows(m * block_);
-    const int* to = e.row_in_parent.data() + e.row_start[child];
-    const double* from = updates_.data() + update_at_[child];
-    for (int j = 0; j < m; ++j) {
-      const bool in_panel = to[j] < columns;
-      const int stride = in_panel ? panel_stride : update_stride;
-      const int shift = in_panel ? 0 : columns;
-      double* target = (in_panel ? panel : update) + static_cast<size_t>(to[j] - shift) * block_ * stride;
-      for (int q = 0; q < block_; ++q, target += stride, from += child_stride) {
-        for (int i = j; i < m; ++i) {
-          double* out = target + (to[i] - shift) * block_;
-          const double* in = from + i * block_;
-          for (int r = 0; r < block_; ++r) out[r] += in[r];
-        }
-      }
+  const Front& front = fronts_[s];
+  const int step = std::max(1, kNearCache / (front.panel_stride * block_));
+  for (int begin = from; begin < end; begin += step) {
+    const int stop = std::min(begin + step, end);
+    for (int node = begin; node < stop; ++node) {
+      const bool in_panel = node < e.columns(s);
+      if (!in_panel && front.fresh) break;
+      const int stride = in_panel ? front.panel_stride : front.update_stride;
+      const int column = node * block_ - (in_panel ? 0 : front.k);
+      const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
+      double* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
+      for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(double) * (stride - line));
+    }
+    for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
+      const int child = e.children[c];
+      const int* to = e.row_in_parent.data() + e.row_start[child];
+      const int m = e.below(child);
+      const int first = static_cast<int>(std::lower_bound(to, to + m, begin) - to);
+      const int last = static_cast<int>(std::lower_bound(to + first, to + m, stop) - to);
+      kernels_->extend_add(front, m, to, fronts_[child].update, first, last);
     }
   }
 }
 
-int BlockCholesky::Factorise(std::span<const double> signs) {
-  assert(static_cast<int>(signs.size()) == block_);
-  const Elimination& e = elimination_;
-  for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = signs[i % block_];
+int BlockCholesky::FactoriseFront(int s, parallel::PieceRef fill) {
+  AddChildren(s, 0, elimination_.columns(s) + elimination_.below(s));
+  fill(s);
+  return kernels_->factorise(fronts_[s]);
+}
+
+// The same by several threads. The lines and columns of a piece do not depend on their number.
+int BlockCholesky::FactoriseShared(int s, parallel::PieceRef fill) {
+  const Front& front = fronts_[s];
+  const int nodes = elimination_.columns(s) + elimination_.below(s);
+  parallel::Fork(kPiecesOfAssembly, [&](int piece) {
+    AddChildren(s, nodes * piece / kPiecesOfAssembly, nodes * (piece + 1) / kPiecesOfAssembly);
+  });
+  fill(s);
   int replaced = 0;
-  for (int s = 0; s < e.num_supernodes(); ++s) {
-    const int m = e.below(s) * block_;
-    double* update = updates_.data() + update_at_[s];
-    if (m > 0) std::memset(update, 0, sizeof(double) * (static_cast<size_t>(PaddedRows(m)) * m));
-    AddChildren(s);
-    replaced += kernels_->factorise(FrontSize(s), e.columns(s) * block_, block_, 0.0, signs_.data(),
-                                    panels_.data() + panel_at_[s], update);
+  for (int j = 0; j < front.k; j += kPanelBlock) {
+    replaced += kernels_->eliminate(front, j);
+    ForkLines(front.SolveBegin(j), front.EndLine(), kLinesOfSolve,
+              [&](int from, int to) { kernels_->solve_lines(front, j, from, to); });
+    if (j + front.BlockColumns(j) == front.n) break;
+    ForkLines(front.UpdateBegin(j), front.EndLine(), kLinesOfUpdate,
+              [&](int from, int to) { kernels_->update_lines(front, j, from, to); });
   }
   return replaced;
 }
 
+int BlockCholesky::Factorise(std::span<const double> signs, parallel::PieceRef fill) {
+  assert(static_cast<int>(signs.size()) == block_);
+  const Elimination& e = elimination_;
+  for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = signs[i % block_];
+  parallel::Fork(e.num_tasks(), [&](int task) {
+    int replaced = 0;
+    for (int s = e.task_start[task]; s < e.task_start[task + 1]; ++s) replaced += FactoriseFront(s, fill);
+    replaced_[task] = replaced;
+  });
+  int replaced = 0;
+  for (int task = 0; task < e.num_tasks(); ++task) replaced += replaced_[task];
+  for (int s = e.top(); s < e.num_supernodes(); ++s) {
+    const bool shared = FrontTime(e.columns(s), e.below(s)) > kSharedFront;
+    replaced += shared ? FactoriseShared(s, fill) : FactoriseFront(s, fill);
+  }
+  return replaced;
+}
+
+// Where the numbers of a node in elimination order are: those of the top in `carry` while a task runs.
+inline double* BlockCholesky::RowsAt(int node, double* carry) {
+  const int top = num_nodes_ - top_nodes_;
+  return carry != nullptr && node >= top ? carry + static_cast<size_t>(node - top) * block_
+                                         : permuted_.data() + static_cast<size_t>(node) * block_;
+}
+
+void BlockCholesky::Gather(int s, double* lines, double* carry) {
+  const Elimination& e = elimination_;
+  const Front& front = fronts_[s];
+  std::memcpy(lines + front.lead, RowsAt(e.first[s], nullptr), sizeof(double) * front.k);
+  double* line = lines + front.lead + front.k;
+  for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
+    CopyBlock(line, RowsAt(e.rows[r], carry), block_);
+}
+
+void BlockCholesky::Forward(int begin, int end, double* lines, double* carry) {
+  const Elimination& e = elimination_;
+  for (int s = begin; s < end; ++s) {
+    const Front& front = fronts_[s];
+    Gather(s, lines, carry);
+    if (carry == nullptr && front.PanelSize() > kSharedSolve) {
+      for (int j = 0; j < front.k; j += kPanelBlock) {
+        kernels_->forward_block(front, j, lines);
+        ForkLines(front.SolveBegin(j), front.EndLine(), kLinesOfForward,
+                  [&](int from, int to) { kernels_->forward_lines(front, j, from, to, lines); });
+      }
+    } else {
+      kernels_->forward(front, lines);
+    }
+    // The signs scale x1 after it was used for x2, as L S L^T x = b asks.
+    double* own = RowsAt(e.first[s], nullptr);
+    const double* line = lines + front.lead;
+    for (int i = 0; i < front.k; ++i) own[i] = signs_[i] * line[i];
+    line += front.k;
+    for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
+      CopyBlock(RowsAt(e.rows[r], carry), line, block_);
+  }
+}
+
+void BlockCholesky::Backward(int begin, int end, double* lines, bool shared) {
+  const Elimination& e = elimination_;
+  for (int s = end - 1; s >= begin; --s) {
+    const Front& front = fronts_[s];
+    Gather(s, lines, nullptr);
+    if (shared && front.PanelSize() > kSharedSolve) {
+      for (int j = (front.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
+        ForkLines(j, j + front.BlockColumns(j), kColumnsOfBackward,
+                  [&](int from, int to) { kernels_->backward_columns(front, j, from, to, lines); });
+        kernels_->backward_block(front, j, lines);
+      }
+    } else {
+      kernels_->backward(front, lines);
+    }
+    std::memcpy(RowsAt(e.first[s], nullptr), lines + front.lead, sizeof(double) * front.k);
+  }
+}
+
 void BlockCholesky::Solve(double* x) {
   const Elimination& e = elimination_;
-  const size_t bytes = sizeof(double) * block_;
-  for (int k = 0; k < e.num_nodes; ++k)
-    std::memcpy(&permuted_[static_cast<size_t>(k) * block_], x + static_cast<size_t>(e.order[k]) * block_, bytes);
-  const auto move_rows = [&](int s, bool gather) {
-    const int k = e.columns(s) * block_;
-    double* own = &permuted_[static_cast<size_t>(e.first[s]) * block_];
-    std::memcpy(gather ? local_.data() : own, gather ? own : local_.data(), sizeof(double) * k);
-    double* local = local_.data() + k;
-    for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, local += block_) {
-      double* global = &permuted_[static_cast<size_t>(e.rows[r]) * block_];
-      std::memcpy(gather ? local : global, gather ? global : local, bytes);
-    }
-  };
-  const int count = e.num_supernodes();
-  for (int s = 0; s < count; ++s) {
-    move_rows(s, true);
-    kernels_->forward(FrontSize(s), e.columns(s) * block_, panels_.data() + panel_at_[s], local_.data());
-    for (int i = 0; i < e.columns(s) * block_; ++i) local_[i] *= signs_[i];
-    move_rows(s, false);
+  const int tasks = e.num_tasks(), count = e.num_supernodes();
+  double* lines = lines_.data() + lines_size_ * tasks;  // of the top
+  for (int k = 0; k < num_nodes_; ++k)
+    CopyBlock(RowsAt(k, nullptr), x + static_cast<size_t>(e.order[k]) * block_, block_);
+  const auto carry_of = [&](int task) { return top_nodes_ > 0 ? carries_.data() + carry_size_ * task : nullptr; };
+  parallel::Fork(tasks, [&](int task) {
+    double* carry = carry_of(task);
+    if (carry != nullptr) std::memset(carry, 0, sizeof(double) * carry_size_);
+    Forward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, carry);
+  });
+  double* top = RowsAt(num_nodes_ - top_nodes_, nullptr);
+  for (int task = 0; top_nodes_ > 0 && task < tasks; ++task) {
+    const double* carry = carry_of(task);
+    for (int i = 0; i < top_nodes_ * block_; ++i) top[i] += carry[i];
   }
-  // The signs have scaled x1 after it was used for x2, as L S L^T x = b asks.
-  for (int s = count - 1; s >= 0; --s) {
-    move_rows(s, true);
-    kernels_->backward(FrontSize(s), e.columns(s) * block_, panels_.data() + panel_at_[s], local_.data());
-    move_rows(s, false);
-  }
-  for (int k = 0; k < e.num_nodes; ++k)
-    std::memcpy(x + static_cast<size_t>(e.order[k]) * block_, &permuted_[static_cast<size_t>(k) * block_], bytes);
+  Forward(e.top(), count, lines, nullptr);
+  Backward(e.top(), count, lines, true);
+  parallel::Fork(tasks, [&](int task) {
+    Backward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, false);
+  });
+  for (int k = 0; k < num_nodes_; ++k)
+    CopyBlock(x + static_cast<size_t>(e.order[k]) * block_, RowsAt(k, nullptr), block_);
 }
 
 }  // namespace islet::qp

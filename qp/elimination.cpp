@@ -2,184 +2,28 @@
 
 #include <algorithm>
 #include <numeric>
-
-#include "qp/ordering.h"
+#include <utility>
 
 namespace islet::qp {
 namespace {
 
-constexpr int kDenseNodes = 6;  // up to 36 unknowns, 72 with two fields
-
-struct Graph {
-  std::vector<int> start, adjacency;
-};
-
-Graph MakeGraph(int n, std::span<const std::array<int, 2>> pairs) {
-  std::vector<std::array<int, 2>> directed;
-  directed.reserve(2 * pairs.size());
-  for (const auto& [a, b] : pairs) {
-    if (a == b) continue;
-    directed.push_back({a, b});
-    directed.push_back({b, a});
-  }
-  std::sort(directed.begin(), directed.end());
-  directed.erase(std::unique(directed.begin(), directed.end()), directed.end());
-  Graph graph;
-  graph.start.assign(n + 1, 0);
-  graph.adjacency.reserve(directed.size());
-  for (const auto& [a, b] : directed) {
-    ++graph.start[a + 1];
-    graph.adjacency.push_back(b);
-  }
-  std::partial_sum(graph.start.begin(), graph.start.end(), graph.start.begin());
-  return graph;
-}
-
-// Elimination tree of the graph in the given order, over positions [Liu90].
-std::vector<int> EliminationTree(const Graph& graph, const std::vector<int>& order, const std::vector<int>& position) {
-  const int n = static_cast<int>(order.size());
-  std::vector<int> parent(n, -1), ancestor(n, -1);
-  for (int k = 0; k < n; ++k) {
-    for (int e = graph.start[order[k]]; e < graph.start[order[k] + 1]; ++e) {
-      for (int i = position[graph.adjacency[e]]; i < k && i != -1;) {
-        const int next = ancestor[i];
-        ancestor[i] = k;
-        if (next == -1) parent[i] = k;
-        i = next;
-      }
-    }
-  }
-  return parent;
-}
-
-// Depth-first postorder; children in ascending order, so the result depends on the tree alone.
-std::vector<int> Postorder(const std::vector<int>& parent) {
-  const int n = static_cast<int>(parent.size());
-  std::vector<int> head(n, -1), next(n, -1), stack, postorder;
-  for (int i = n - 1; i >= 0; --i) {
-    if (parent[i] >= 0) next[i] = head[parent[i]], head[parent[i]] = i;
-  }
-  postorder.reserve(n);
-  for (int root = 0; root < n; ++root) {
-    if (parent[root] >= 0) continue;
-    stack.push_back(root);
-    while (!stack.empty()) {
-      const int i = stack.back();
-      if (head[i] >= 0) {
-        stack.push_back(head[i]);
-        head[i] = next[head[i]];
-      } else {
-        postorder.push_back(i);
-        stack.pop_back();
-      }
-    }
-  }
-  return postorder;
-}
-
-// Rows below the diagonal of every column of L, ascending.
-std::vector<std::vector<int>> ColumnStructures(const Graph& graph, const Elimination& e,
-                                               const std::vector<int>& parent) {
-  const int n = e.num_nodes;
-  std::vector<std::vector<int>> structure(n);
-  std::vector<int> mark(n, -1);
-  std::vector<std::vector<int>> children(n);
-  for (int k = 0; k < n; ++k) {
-    auto& rows = structure[k];
-    mark[k] = k;
-    const auto add = [&](int row) {
-      if (row > k && mark[row] != k) mark[row] = k, rows.push_back(row);
-    };
-    for (int a = graph.start[e.order[k]]; a < graph.start[e.order[k] + 1]; ++a) add(e.position[graph.adjacency[a]]);
-    for (int child : children[k])
-      for (int row : structure[child]) add(row);
-    std::sort(rows.begin(), rows.end());
-    if (parent[k] >= 0) children[parent[k]].push_back(k);
-  }
-  return structure;
-}
-
-// Joins a supernode with the one right after it (its parent) while the zeros that this stores stay few. Wide fronts run
-// several times faster per flop than narrow ones, so small supernodes may waste a lot.
-bool WorthJoining(double columns, double zeros, double entries) {
-  const double share = zeros / entries;
-  return zeros == 0 || (columns <= 4 && share < 0.6) || (columns <= 12 && share < 0.2) || share < 0.05;
-}
-
-void FindSupernodes(const std::vector<std::vector<int>>& structure, const std::vector<int>& parent, Elimination* e) {
-  const int n = e->num_nodes;
-  struct Run {
-    int first, last, below;
-    double zeros;
-  };
-  std::vector<Run> runs;
-  for (int k = 0; k < n; ++k) {
-    Run run{k, k, static_cast<int>(structure[k].size()), 0};
-    // The run that ends at k-1 can join if k is the parent of k-1 and, with the rows of k, it stays a good front.
-    while (!runs.empty() && parent[runs.back().last] == run.first && runs.back().last + 1 == run.first) {
-      const Run& before = runs.back();
-      const double width_before = before.last - before.first + 1;
-      const double width = run.last - run.first + 1;
-      const double zeros = before.zeros + run.zeros + width_before * (width + run.below - before.below);
-      const double total = width_before + width;
-      const double entries = total * (total + 1) / 2 + total * run.below;
-      if (!WorthJoining(total, zeros, entries)) break;
-      run = {before.first, run.last, run.below, zeros};
-      runs.pop_back();
-    }
-    runs.push_back(run);
-  }
-  e->first.assign(1, 0);
-  e->row_start.assign(1, 0);
-  e->rows.clear();
-  e->supernode_of.resize(n);
-  for (const Run& run : runs) {
-    for (int k = run.first; k <= run.last; ++k) e->supernode_of[k] = static_cast<int>(e->first.size()) - 1;
-    e->first.push_back(run.last + 1);
-    e->rows.insert(e->rows.end(), structure[run.last].begin(), structure[run.last].end());
-    e->row_start.push_back(static_cast<int>(e->rows.size()));
-  }
-}
-
-void LinkSupernodes(Elimination* e) {
-  const int count = e->num_supernodes();
-  e->parent.assign(count, -1);
-  e->child_start.assign(count + 1, 0);
-  for (int s = 0; s < count; ++s) {
-    if (e->below(s) == 0) continue;
-    e->parent[s] = e->supernode_of[e->rows[e->row_start[s]]];
-    ++e->child_start[e->parent[s] + 1];
-  }
-  std::partial_sum(e->child_start.begin(), e->child_start.end(), e->child_start.begin());
-  e->children.resize(e->child_start[count]);
-  std::vector<int> fill(e->child_start.begin(), e->child_start.end() - 1);
-  e->row_in_parent.resize(e->rows.size());
-  e->flops_per_cubed_block = 0;
-  for (int s = 0; s < count; ++s) {
-    const double k = e->columns(s), m = e->below(s);
-    e->flops_per_cubed_block += k * k * k / 3 + k * k * m + k * m * m;
-    if (e->parent[s] < 0) continue;
-    e->children[fill[e->parent[s]]++] = s;
-    for (int r = e->row_start[s]; r < e->row_start[s + 1]; ++r)
-      e->row_in_parent[r] = FrontRow(*e, e->parent[s], e->rows[r]);
-  }
-}
-
-// One dense front in the given order: for a handful of bodies the bookkeeping of sparsity costs more than it saves.
-Elimination DenseElimination(int n) {
-  Elimination e;
-  e.num_nodes = n;
-  e.order.resize(n);
-  std::iota(e.order.begin(), e.order.end(), 0);
-  e.position = e.order;
-  e.first = {0, n};
-  e.row_start = {0, 0};
-  e.supernode_of.assign(n, 0);
-  LinkSupernodes(&e);
-  return e;
-}
+constexpr int kDenseNodes = 6;              // up to 36 unknowns, 72 with two fields
+constexpr double kWorthDissecting = 0.8e6;  // [ns] of a factorisation in the order of minimum degree
+constexpr double kWorthTasks = 100e3;       // [ns] of a factorisation that is cut into tasks
+constexpr double kWorthTask = 20e3;         // [ns] of a task; smaller subtrees share one
+constexpr double kForkedFront = 60e3;       // [ns] from which a front of the top is shared by two threads
+constexpr double kForkedGain = 1.7;         // by how much that shortens it
+constexpr double kCuts[] = {0.35, 0.2, 0.12, 0.08, 0.05};  // largest subtree of a task, share of the whole
 
 }  // namespace
+
+// Fitted to the kernels for vectors of 8: the rate of large products, what a front, a column, an entry of the panel and one
+// of the update matrix cost on top.
+double FrontTime(int columns, int below) {
+  const double k = columns, m = below;
+  const double flops = 216 * (k * k * k / 3 + k * k * m + k * m * m);
+  return flops / 105 + 100 + 210 * k + 12.6 * k * (k + m) + 9 * m * m;
+}
 
 int FrontRow(const Elimination& e, int supernode, int row) {
   if (row < e.first[supernode + 1]) return row - e.first[supernode];
@@ -187,26 +31,307 @@ int FrontRow(const Elimination& e, int supernode, int row) {
   return e.columns(supernode) + static_cast<int>(std::lower_bound(begin, end, row) - begin);
 }
 
-Elimination AnalyseElimination(int num_nodes, std::span<const std::array<int, 2>> pairs) {
-  if (num_nodes > 0 && num_nodes <= kDenseNodes) return DenseElimination(num_nodes);
-  Elimination e;
-  e.num_nodes = num_nodes;
-  const Graph graph = MakeGraph(num_nodes, pairs);
-  std::vector<int> order = MinimumDegreeOrder(graph.start, graph.adjacency);
-  e.position.resize(num_nodes);
-  const auto invert = [&] {
-    for (int k = 0; k < num_nodes; ++k) e.position[order[k]] = k;
-  };
-  invert();
-  const std::vector<int> postorder = Postorder(EliminationTree(graph, order, e.position));
-  e.order.resize(num_nodes);
-  for (int k = 0; k < num_nodes; ++k) e.order[k] = order[postorder[k]];
-  order = e.order;
-  invert();
-  const std::vector<int> parent = EliminationTree(graph, e.order, e.position);
-  FindSupernodes(ColumnStructures(graph, e, parent), parent, &e);
-  LinkSupernodes(&e);
-  return e;
+// Each neighbour once, ascending: two passes of sorting by counting.
+void EliminationAnalysis::MakeGraph(int n, std::span<const std::array<int, 2>> pairs) {
+  start_.assign(n + 1, 0);
+  for (const auto& [a, b] : pairs) {
+    if (a != b) ++start_[a + 1], ++start_[b + 1];
+  }
+  std::partial_sum(start_.begin(), start_.end(), start_.begin());
+  adjacency_.resize(start_[n]);
+  stack_.resize(start_[n]);
+  fill_.assign(start_.begin(), start_.end() - 1);
+  for (const auto& [a, b] : pairs) {
+    if (a != b) stack_[fill_[a]++] = b, stack_[fill_[b]++] = a;
+  }
+  fill_.assign(start_.begin(), start_.end() - 1);
+  for (int i = 0; i < n; ++i)
+    for (int e = start_[i]; e < start_[i + 1]; ++e) adjacency_[fill_[stack_[e]]++] = i;
+  int kept = 0;
+  for (int i = 0; i < n; ++i) {
+    const int begin = start_[i], end = start_[i + 1];
+    start_[i] = kept;
+    for (int e = begin; e < end; ++e) {
+      if (kept == start_[i] || adjacency_[kept - 1] != adjacency_[e]) adjacency_[kept++] = adjacency_[e];
+    }
+  }
+  start_[n] = kept;
+  adjacency_.resize(kept);
+}
+
+// Elimination tree of the graph in the given order, over positions [Liu90].
+void EliminationAnalysis::EliminationTree(const Elimination& e) {
+  const int n = e.num_nodes;
+  parent_.assign(n, -1);
+  mark_.assign(n, -1);  // an ancestor, paths shortened
+  for (int k = 0; k < n; ++k) {
+    for (int a = start_[e.order[k]]; a < start_[e.order[k] + 1]; ++a) {
+      for (int i = e.position[adjacency_[a]]; i < k && i != -1;) {
+        const int next = mark_[i];
+        mark_[i] = k;
+        if (next == -1) parent_[i] = k;
+        i = next;
+      }
+    }
+  }
+}
+
+// Entries of L below the diagonal, per column: row k of L is the subtree from the neighbours of k up to k.
+void EliminationAnalysis::CountRows(const Elimination& e) {
+  const int n = e.num_nodes;
+  count_.assign(n, 0);
+  mark_.assign(n, -1);
+  for (int k = 0; k < n; ++k) {
+    mark_[k] = k;
+    for (int a = start_[e.order[k]]; a < start_[e.order[k] + 1]; ++a) {
+      for (int i = e.position[adjacency_[a]]; i < k && mark_[i] != k; i = parent_[i]) {
+        mark_[i] = k;
+        ++count_[i];
+      }
+    }
+  }
+}
+
+// Depth first; the child with the longest column last, where it can join its parent's supernode, the others ascending.
+void EliminationAnalysis::Postorder(Elimination* e) {
+  const int n = e->num_nodes;
+  head_.assign(n, -1);
+  next_.assign(n, -1);
+  mark_.assign(n, -1);  // per position: its longest child
+  for (int i = 0; i < n; ++i) {
+    const int p = parent_[i];
+    if (p >= 0 && (mark_[p] < 0 || count_[i] >= count_[mark_[p]])) mark_[p] = i;
+  }
+  for (int p = 0; p < n; ++p) head_[p] = mark_[p];
+  for (int i = n - 1; i >= 0; --i) {
+    if (parent_[i] >= 0 && mark_[parent_[i]] != i) next_[i] = head_[parent_[i]], head_[parent_[i]] = i;
+  }
+  sequence_.clear();
+  for (int root = 0; root < n; ++root) {
+    if (parent_[root] >= 0) continue;
+    stack_.assign(1, root);
+    while (!stack_.empty()) {
+      const int i = stack_.back();
+      if (head_[i] >= 0) {
+        stack_.push_back(head_[i]);
+        head_[i] = next_[head_[i]];
+      } else {
+        sequence_.push_back(i);
+        stack_.pop_back();
+      }
+    }
+  }
+  old_order_.assign(e->order.begin(), e->order.end());
+  moved_.resize(n);
+  for (int k = 0; k < n; ++k) {
+    e->order[k] = old_order_[sequence_[k]];
+    e->position[e->order[k]] = k;
+    moved_[sequence_[k]] = k;
+  }
+  head_.assign(parent_.begin(), parent_.end());
+  next_.assign(count_.begin(), count_.end());
+  for (int k = 0; k < n; ++k) {
+    const int p = head_[sequence_[k]];
+    parent_[k] = p < 0 ? -1 : moved_[p];
+    count_[k] = next_[sequence_[k]];
+  }
+}
+
+// Joins a run of columns with its parent right after it wherever that takes less time than two fronts: small fronts may
+// store many zeros, large ones nearly none.
+void EliminationAnalysis::FindSupernodes(Elimination* e) {
+  runs_.clear();
+  for (int k = 0; k < e->num_nodes; ++k) {
+    Run run{k, k, count_[k], FrontTime(1, count_[k])};
+    while (!runs_.empty() && parent_[runs_.back().last] == run.first) {
+      const Run& before = runs_.back();
+      const double time = FrontTime(run.last - before.first + 1, run.below);
+      if (time > before.time + run.time) break;
+      run = {before.first, run.last, run.below, time};
+      runs_.pop_back();
+    }
+    runs_.push_back(run);
+  }
+  e->first.assign(1, 0);
+  e->supernode_of.resize(e->num_nodes);
+  for (const Run& run : runs_) {
+    for (int k = run.first; k <= run.last; ++k) e->supernode_of[k] = static_cast<int>(e->first.size()) - 1;
+    e->first.push_back(run.last + 1);
+  }
+}
+
+// Rows of a supernode: what its columns touch in the graph, and the rows of its children.
+void EliminationAnalysis::FindRows(Elimination* e) {
+  const int count = e->num_supernodes();
+  mark_.assign(e->num_nodes, -1);
+  head_.assign(count, -1);  // children
+  next_.assign(count, -1);
+  e->row_start.assign(1, 0);
+  e->rows.clear();
+  for (int s = 0; s < count; ++s) {
+    const auto add = [&](int row) {
+      if (row >= e->first[s + 1] && mark_[row] != s) mark_[row] = s, e->rows.push_back(row);
+    };
+    for (int k = e->first[s]; k < e->first[s + 1]; ++k)
+      for (int a = start_[e->order[k]]; a < start_[e->order[k] + 1]; ++a) add(e->position[adjacency_[a]]);
+    for (int child = head_[s]; child >= 0; child = next_[child])
+      for (int r = e->row_start[child]; r < e->row_start[child + 1]; ++r) add(e->rows[r]);
+    const auto begin = e->rows.begin() + e->row_start[s];
+    std::sort(begin, e->rows.end());
+    if (begin != e->rows.end()) {
+      const int p = e->supernode_of[*begin];
+      next_[s] = head_[p], head_[p] = s;
+    }
+    e->row_start.push_back(static_cast<int>(e->rows.size()));
+  }
+}
+
+// Subtrees below a certain time become tasks, those above them the top. Of a few such times the one that promises most
+// for two threads is taken.
+void EliminationAnalysis::CutTasks(Elimination* e) {
+  const int count = e->num_supernodes();
+  const auto parent = [&](int s) { return e->below(s) == 0 ? -1 : e->supernode_of[e->rows[e->row_start[s]]]; };
+  double total = 0;
+  subtree_.assign(count, 0.0);
+  for (int s = 0; s < count; ++s) {
+    const double time = FrontTime(e->columns(s), e->below(s));
+    total += time;
+    subtree_[s] += time;
+    if (parent(s) >= 0) subtree_[parent(s)] += subtree_[s];
+  }
+  double limit = total, best = total;
+  for (const double share : kCuts) {
+    if (total < kWorthTasks) break;
+    double longest = 0, tasks = 0, top = 0;
+    for (int s = 0; s < count; ++s) {
+      const double time = FrontTime(e->columns(s), e->below(s));
+      if (subtree_[s] > share * total) {
+        top += time > kForkedFront ? time / kForkedGain : time;
+      } else {
+        tasks += time;
+        longest = std::max(longest, subtree_[s]);
+      }
+    }
+    const double both = std::max(longest, tasks / 2) + top;
+    if (both < best) best = both, limit = share * total;
+  }
+  e->model_time = (total + best) / 2;
+  // Tasks by their time, longest first; small subtrees share one.
+  const bool cut = limit < total;
+  sequence_.clear();
+  for (int s = 0; s < count; ++s) {
+    if (subtree_[s] <= limit && (parent(s) < 0 || subtree_[parent(s)] > limit)) sequence_.push_back(s);
+  }
+  std::sort(sequence_.begin(), sequence_.end(),
+            [&](int a, int b) { return subtree_[a] != subtree_[b] ? subtree_[a] > subtree_[b] : a < b; });
+  task_of_.assign(count, -1);
+  int num_tasks = 0;
+  double filled = 0;
+  for (int root : sequence_) {
+    if (num_tasks == 0 || (cut && filled >= kWorthTask)) ++num_tasks, filled = 0;
+    filled += subtree_[root];
+    task_of_[root] = num_tasks - 1;
+  }
+  for (int s = count - 1; s >= 0; --s) {
+    if (task_of_[s] < 0) task_of_[s] = subtree_[s] > limit ? num_tasks : task_of_[parent(s)];
+  }
+  // Renumbered: task by task, then the top; within each as before. Rows stay ascending, for a front's ancestors are in
+  // its own task, in the same order as before, or in the top.
+  e->task_start.assign(num_tasks + 2, 0);
+  for (int s = 0; s < count; ++s) ++e->task_start[task_of_[s] + 1];
+  std::partial_sum(e->task_start.begin(), e->task_start.end(), e->task_start.begin());
+  fill_.assign(e->task_start.begin(), e->task_start.end() - 1);
+  e->task_start.pop_back();
+  rank_.resize(count);
+  for (int s = 0; s < count; ++s) rank_[fill_[task_of_[s]]++] = s;
+  old_first_.swap(e->first);
+  old_row_start_.swap(e->row_start);
+  old_rows_.swap(e->rows);
+  old_order_.assign(e->order.begin(), e->order.end());
+  moved_.resize(e->num_nodes);
+  e->first.assign(1, 0);
+  e->row_start.assign(1, 0);
+  e->rows.clear();
+  for (int s = 0; s < count; ++s) {
+    int to = e->first.back();
+    for (int k = old_first_[rank_[s]]; k < old_first_[rank_[s] + 1]; ++k, ++to) {
+      moved_[k] = to;
+      e->order[to] = old_order_[k];
+      e->position[e->order[to]] = to;
+      e->supernode_of[to] = s;
+    }
+    e->first.push_back(to);
+  }
+  for (int s = 0; s < count; ++s) {
+    for (int r = old_row_start_[rank_[s]]; r < old_row_start_[rank_[s] + 1]; ++r)
+      e->rows.push_back(moved_[old_rows_[r]]);
+    e->row_start.push_back(static_cast<int>(e->rows.size()));
+  }
+}
+
+void EliminationAnalysis::LinkSupernodes(Elimination* e) {
+  const int count = e->num_supernodes();
+  e->parent.assign(count, -1);
+  e->child_start.assign(count + 1, 0);
+  e->row_in_parent.resize(e->rows.size());
+  e->flops_per_cubed_block = 0;
+  for (int s = 0; s < count; ++s) {
+    const double k = e->columns(s), m = e->below(s);
+    e->flops_per_cubed_block += k * k * k / 3 + k * k * m + k * m * m;
+    if (m == 0) continue;
+    const int p = e->parent[s] = e->supernode_of[e->rows[e->row_start[s]]];
+    ++e->child_start[p + 1];
+    int r = e->row_start[s];
+    for (; r < e->row_start[s + 1] && e->rows[r] < e->first[p + 1]; ++r) e->row_in_parent[r] = e->rows[r] - e->first[p];
+    for (int q = e->row_start[p]; r < e->row_start[s + 1]; ++r) {
+      while (e->rows[q] != e->rows[r]) ++q;
+      e->row_in_parent[r] = e->columns(p) + q - e->row_start[p];
+    }
+  }
+  std::partial_sum(e->child_start.begin(), e->child_start.end(), e->child_start.begin());
+  e->children.resize(e->child_start[count]);
+  fill_.assign(e->child_start.begin(), e->child_start.end() - 1);
+  for (int s = 0; s < count; ++s)
+    if (e->parent[s] >= 0) e->children[fill_[e->parent[s]]++] = s;
+}
+
+void EliminationAnalysis::Complete(Elimination* e) {
+  e->position.resize(e->num_nodes);
+  for (int k = 0; k < e->num_nodes; ++k) e->position[e->order[k]] = k;
+  EliminationTree(*e);
+  CountRows(*e);
+  Postorder(e);
+  FindSupernodes(e);
+  FindRows(e);
+  CutTasks(e);
+}
+
+void EliminationAnalysis::Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out) {
+  out->num_nodes = num_nodes;
+  if (num_nodes > 0 && num_nodes <= kDenseNodes) {
+    // One dense front in the given order: for a handful of bodies the bookkeeping of sparsity costs more than it saves.
+    out->order.resize(num_nodes);
+    std::iota(out->order.begin(), out->order.end(), 0);
+    out->position = out->order;
+    out->first.assign({0, num_nodes});
+    out->row_start.assign({0, 0});
+    out->rows.clear();
+    out->supernode_of.assign(num_nodes, 0);
+    out->task_start.assign({0, 1});
+    out->model_time = FrontTime(num_nodes, 0);
+    LinkSupernodes(out);
+    return;
+  }
+  MakeGraph(num_nodes, pairs);
+  minimum_degree_.Order({start_, adjacency_}, &out->order);
+  Complete(out);
+  if (out->model_time > kWorthDissecting) {
+    other_.num_nodes = num_nodes;
+    nested_dissection_.Order({start_, adjacency_}, &other_.order);
+    Complete(&other_);
+    if (other_.model_time < out->model_time) std::swap(*out, other_);
+  }
+  LinkSupernodes(out);
 }
 
 }  // namespace islet::qp

@@ -2,20 +2,364 @@
 
 #include <amd.h>
 
+#include <algorithm>
+#include <bit>
 #include <numeric>
+#include <utility>
 
 namespace islet::qp {
+namespace {
 
-std::vector<int> MinimumDegreeOrder(std::span<const int> start, std::span<const int> adjacency) {
-  const int n = static_cast<int>(start.size()) - 1;
-  std::vector<int> order(n);
-  std::iota(order.begin(), order.end(), 0);
-  if (n < 3) return order;
-  double control[AMD_CONTROL];
+constexpr int kPiece = 130;           // nodes that are ordered by minimum degree
+constexpr int kCoarsest = 80;         // nodes of the coarsest graph
+constexpr double kLargerHalf = 0.56;  // of a piece that is separated
+constexpr int kPasses = 3;            // of single moves over a separator
+constexpr int kMovesBeyond = 25;      // without a better separator, before a pass ends
+constexpr int kStarts = 4;            // separators tried on the coarsest graph
+constexpr int kTwice = 250;           // nodes of a piece that is coarsened in two ways
+
+}  // namespace
+
+void MinimumDegree::Order(GraphView graph, std::vector<int>* order) {
+  const int n = graph.size(), entries = static_cast<int>(graph.adjacency.size());
+  order->resize(n);
+  std::iota(order->begin(), order->end(), 0);
+  if (n < 3) return;
+  const int space = entries + entries / 5 + n;
+  work_.resize(space + 8 * static_cast<size_t>(n) + 1);
+  int* adjacency = work_.data();
+  int* rest = adjacency + space;
+  std::copy(graph.adjacency.begin(), graph.adjacency.end(), adjacency);
+  const auto take = [&](int count) { return std::exchange(rest, rest + count); };
+  int *start = take(n), *length = take(n), *weight = take(n), *next = take(n), *head = take(n), *elements = take(n);
+  int *degree = take(n), *marks = take(n);
+  for (int i = 0; i < n; ++i) {
+    start[i] = graph.start[i];
+    length[i] = graph.start[i + 1] - graph.start[i];
+  }
+  double control[AMD_CONTROL], info[AMD_INFO];
   amd_defaults(control);
-  const int status = amd_order(n, start.data(), adjacency.data(), order.data(), control, nullptr);
-  if (status != AMD_OK && status != AMD_OK_BUT_JUMBLED) std::iota(order.begin(), order.end(), 0);
-  return order;
+  amd_2(n, start, adjacency, length, space, entries, weight, next, order->data(), head, elements, degree, marks,
+        control, info);
+}
+
+void NestedDissection::Order(GraphView graph, std::vector<int>* order) {
+  const int n = graph.size();
+  graph_ = graph;
+  nodes_.resize(n);
+  std::iota(nodes_.begin(), nodes_.end(), 0);
+  local_.assign(n, -1);
+  place_.resize(n);
+  gain_.resize(n);
+  mark_.resize(n);
+  moved_.assign(n, 0);
+  pass_ = 0;
+  if (levels_.empty()) levels_.resize(24);
+  Dissect(0, n);
+  order->assign(nodes_.begin(), nodes_.end());
+}
+
+// First half, second half, separator.
+void NestedDissection::Dissect(int begin, int end) {
+  while (end - begin > kPiece && Separate(begin, end)) {
+    const std::vector<Side>& side = levels_[0].side;
+    const int first = size_[kFirst], second = size_[kSecond];
+    undo_.assign(nodes_.begin() + begin, nodes_.begin() + end);
+    int to[3] = {begin, begin + first, begin + first + second};
+    for (int i = 0; i < end - begin; ++i) nodes_[to[side[i]]++] = undo_[i];
+    Dissect(begin, begin + first);
+    begin += first;
+    end = begin + second;
+  }
+  OrderPiece(begin, end);
+}
+
+void NestedDissection::TakePiece(int begin, int end) {
+  Level& level = levels_[0];
+  level.n = total_ = end - begin;
+  for (int i = begin; i < end; ++i) local_[nodes_[i]] = i - begin;
+  level.start.assign(1, 0);
+  level.adjacency.clear();
+  for (int i = begin; i < end; ++i) {
+    for (int next : graph_.neighbours(nodes_[i]))
+      if (local_[next] >= 0) level.adjacency.push_back(local_[next]);
+    level.start.push_back(static_cast<int>(level.adjacency.size()));
+  }
+  for (int i = begin; i < end; ++i) local_[nodes_[i]] = -1;
+  level.weight.assign(level.n, 1);
+  level.edge.assign(level.adjacency.size(), 1);
+  level.side.resize(level.n);
+}
+
+// If not, what hangs together with node 0 becomes the first half.
+bool NestedDissection::IsConnected() {
+  Level& level = levels_[0];
+  level.side.assign(level.n, kSecond);
+  queue_.assign(1, 0);
+  level.side[0] = kFirst;
+  for (size_t i = 0; i < queue_.size(); ++i) {
+    for (int e = level.start[queue_[i]]; e < level.start[queue_[i] + 1]; ++e) {
+      const int next = level.adjacency[e];
+      if (level.side[next] == kSecond) level.side[next] = kFirst, queue_.push_back(next);
+    }
+  }
+  const int found = static_cast<int>(queue_.size());
+  size_ = {found, level.n - found, 0};
+  return found == level.n;
+}
+
+// Joins neighbours in pairs, first those with most edges between them.
+bool NestedDissection::Coarsen(int at, bool backwards) {
+  Level& fine = levels_[at];
+  Level& coarse = levels_[at + 1];
+  const int heaviest = std::max(2, 3 * total_ / (2 * kCoarsest));
+  fine.coarse.assign(fine.n, -1);
+  queue_.clear();  // per coarse node: its one or two fine ones
+  for (int k = 0; k < fine.n; ++k) {
+    const int i = backwards ? fine.n - 1 - k : k;
+    if (fine.coarse[i] >= 0) continue;
+    int mate = i;
+    int most = 0;
+    for (int e = fine.start[i]; e < fine.start[i + 1]; ++e) {
+      const int next = fine.adjacency[e];
+      if (fine.coarse[next] >= 0 || fine.weight[i] + fine.weight[next] > heaviest) continue;
+      if (fine.edge[e] > most || (fine.edge[e] == most && fine.weight[next] < fine.weight[mate]))
+        most = fine.edge[e], mate = next;
+    }
+    fine.coarse[i] = fine.coarse[mate] = static_cast<int>(queue_.size()) / 2;
+    queue_.push_back(i), queue_.push_back(mate);
+  }
+  coarse.n = static_cast<int>(queue_.size()) / 2;
+  if (coarse.n > fine.n * 9 / 10) return false;
+  coarse.start.assign(1, 0);
+  coarse.adjacency.clear(), coarse.edge.clear();
+  coarse.weight.resize(coarse.n), coarse.side.resize(coarse.n);
+  std::fill_n(mark_.begin(), coarse.n, -1);
+  for (int c = 0; c < coarse.n; ++c) {
+    const int pair[2] = {queue_[2 * c], queue_[2 * c + 1]};
+    const int members = pair[0] == pair[1] ? 1 : 2, begin = coarse.start.back();
+    coarse.weight[c] = 0;
+    for (int m = 0; m < members; ++m) {
+      coarse.weight[c] += fine.weight[pair[m]];
+      for (int e = fine.start[pair[m]]; e < fine.start[pair[m] + 1]; ++e) {
+        const int next = fine.coarse[fine.adjacency[e]];
+        if (next == c) continue;
+        if (mark_[next] < begin) {
+          mark_[next] = static_cast<int>(coarse.adjacency.size());
+          coarse.adjacency.push_back(next), coarse.edge.push_back(0);
+        }
+        coarse.edge[mark_[next]] += fine.edge[e];
+      }
+    }
+    coarse.start.push_back(static_cast<int>(coarse.adjacency.size()));
+  }
+  return true;
+}
+
+bool NestedDissection::Separate(int begin, int end) {
+  TakePiece(begin, end);
+  if (!IsConnected()) return true;  // nothing to separate
+  int least = total_;
+  std::array<int, 3> best_size{};
+  for (int way = 0; way < (total_ >= kTwice ? 2 : 1); ++way) {
+    int last = 0;
+    while (levels_[last].n > kCoarsest && last + 2 < static_cast<int>(levels_.size()) && Coarsen(last, way == 1))
+      ++last;
+    Level& coarsest = levels_[last];
+    int best = total_ + 1;
+    for (int s = 0; s < kStarts; ++s) {
+      Halve(&coarsest, coarsest.n * s / kStarts);
+      Improve(&coarsest);
+      if (size_[kSeparator] >= best) continue;
+      best = size_[kSeparator];
+      best_coarse_ = coarsest.side;
+    }
+    coarsest.side = best_coarse_;
+    for (int l = last; l >= 0; --l) {
+      if (l < last) {
+        for (int i = 0; i < levels_[l].n; ++i) levels_[l].side[i] = levels_[l + 1].side[levels_[l].coarse[i]];
+      }
+      Improve(&levels_[l]);
+    }
+    if (size_[kSeparator] >= least) continue;
+    least = size_[kSeparator];
+    best_size = size_;
+    best_side_ = levels_[0].side;
+  }
+  size_ = best_size;
+  if (least >= total_ || size_[kFirst] == 0 || size_[kSecond] == 0) return false;
+  levels_[0].side = best_side_;
+  return true;
+}
+
+// What is nearest to root, half of the weight, is first; the separator is what of the rest touches it.
+void NestedDissection::Halve(Level* level, int root) {
+  std::fill(level->side.begin(), level->side.end(), kSecond);
+  queue_.assign(1, root);
+  level->side[root] = kFirst;
+  int weight = level->weight[root];
+  for (size_t i = 0; i < queue_.size(); ++i) {
+    for (int e = level->start[queue_[i]]; e < level->start[queue_[i] + 1]; ++e) {
+      const int next = level->adjacency[e];
+      if (level->side[next] != kSecond) continue;
+      if (2 * weight < total_) {
+        level->side[next] = kFirst;
+        weight += level->weight[next];
+        queue_.push_back(next);
+      } else {
+        level->side[next] = kSeparator;
+      }
+    }
+  }
+}
+
+void NestedDissection::ComputeGains(const Level& level, int node) {
+  int near[3] = {0, 0, 0};
+  for (int e = level.start[node]; e < level.start[node + 1]; ++e)
+    near[level.side[level.adjacency[e]]] += level.weight[level.adjacency[e]];
+  gain_[node] = {level.weight[node] - near[kSecond], level.weight[node] - near[kFirst]};
+}
+
+void NestedDissection::Enter(Level* level, int node) {
+  size_[level->side[node]] -= level->weight[node];
+  size_[kSeparator] += level->weight[node];
+  level->side[node] = kSeparator;
+  place_[node] = static_cast<int>(separator_.size());
+  separator_.push_back(node);
+}
+
+// A node of the separator joins a side; its neighbours on the other side come into the separator.
+void NestedDissection::Move(Level* level, int node, Side to) {
+  const Side other = to == kFirst ? kSecond : kFirst;
+  separator_[place_[node]] = separator_.back();
+  place_[separator_.back()] = place_[node];
+  separator_.pop_back();
+  size_[kSeparator] -= level->weight[node];
+  size_[to] += level->weight[node];
+  level->side[node] = to;
+  moved_[node] = pass_;
+  undo_.push_back(node), undo_.push_back(kSeparator);
+  for (int e = level->start[node]; e < level->start[node + 1]; ++e) {
+    const int next = level->adjacency[e];
+    if (level->side[next] == kSeparator) {
+      gain_[next][other] -= level->weight[node];
+    } else if (level->side[next] == other) {
+      undo_.push_back(next), undo_.push_back(other);
+      Enter(level, next);
+      for (int f = level->start[next]; f < level->start[next + 1]; ++f) {
+        const int beyond = level->adjacency[f];
+        if (level->side[beyond] == kSeparator) gain_[beyond][to] += level->weight[next];
+      }
+      ComputeGains(*level, next);
+    }
+  }
+}
+
+// Passes of single moves, best gain first, each node at most once a pass; a pass goes on through worse separators and
+// returns to the best one that it saw.                                                                         [FM82]
+void NestedDissection::Improve(Level* level) {
+  const int limit = static_cast<int>(kLargerHalf * total_);
+  size_ = {0, 0, 0};
+  separator_.clear();
+  for (int i = 0; i < level->n; ++i) {
+    size_[level->side[i]] += level->weight[i];
+    if (level->side[i] != kSeparator) continue;
+    place_[i] = static_cast<int>(separator_.size());
+    separator_.push_back(i);
+  }
+  for (int round = 0; round < kPasses; ++round) {
+    ++pass_;
+    undo_.clear();  // node, side it came from
+    for (int node : separator_) ComputeGains(*level, node);
+    const auto larger = [&] { return std::max(size_[kFirst], size_[kSecond]); };
+    size_t best_length = 0;
+    int best = size_[kSeparator], best_larger = larger();
+    const int before = best, larger_before = best_larger;
+    for (int since = 0; since < kMovesBeyond; ++since) {
+      int chosen = -1, chosen_gain = 0;
+      Side to = kFirst;
+      const Side lighter = size_[kFirst] <= size_[kSecond] ? kFirst : kSecond;
+      for (int node : separator_) {
+        if (moved_[node] == pass_) continue;
+        for (Side side : {kFirst, kSecond}) {
+          if (size_[side] + level->weight[node] > limit && side != lighter) continue;
+          const int gain = 2 * gain_[node][side] + (side == lighter);
+          if (chosen < 0 || gain > chosen_gain) chosen = node, chosen_gain = gain, to = side;
+        }
+      }
+      if (chosen < 0) break;
+      Move(level, chosen, to);
+      if (larger() > limit && larger() >= best_larger) continue;
+      const bool balances = best_larger > limit && larger() < best_larger;
+      if (balances || size_[kSeparator] < best || (size_[kSeparator] == best && larger() < best_larger)) {
+        best = size_[kSeparator], best_larger = larger(), best_length = undo_.size();
+        since = -1;
+      }
+    }
+    while (undo_.size() > best_length) {
+      const int node = undo_[undo_.size() - 2];
+      const Side from = static_cast<Side>(undo_.back());
+      undo_.resize(undo_.size() - 2);
+      if (from == kSeparator) {
+        Enter(level, node);
+        continue;
+      }
+      separator_[place_[node]] = separator_.back();
+      place_[separator_.back()] = place_[node];
+      separator_.pop_back();
+      size_[kSeparator] -= level->weight[node];
+      size_[from] += level->weight[node];
+      level->side[node] = from;
+    }
+    if (best == before && best_larger == larger_before) break;
+  }
+}
+
+// Exact minimum degree over rows of bits: the nodes of the piece and, as columns only, what lies around it.
+void NestedDissection::OrderPiece(int begin, int end) {
+  const int n = end - begin;
+  if (n <= 1) return;
+  queue_.assign(nodes_.begin() + begin, nodes_.begin() + end);
+  std::sort(queue_.begin(), queue_.end());
+  for (int i = 0; i < n; ++i) local_[queue_[i]] = i;
+  for (int i = 0; i < n; ++i) {
+    for (int next : graph_.neighbours(queue_[i])) {
+      if (local_[next] >= 0) continue;
+      local_[next] = static_cast<int>(queue_.size());
+      queue_.push_back(next);
+    }
+  }
+  const int words = (static_cast<int>(queue_.size()) + 63) / 64;
+  rows_.assign(static_cast<size_t>(n) * words, 0);
+  const auto row = [&](int i) { return rows_.data() + static_cast<size_t>(i) * words; };
+  const auto degree = [&](int i) {
+    int count = 0;
+    for (int w = 0; w < words; ++w) count += std::popcount(row(i)[w]);
+    return count;
+  };
+  undo_.resize(n);  // degrees; -1: eliminated
+  for (int i = 0; i < n; ++i) {
+    for (int next : graph_.neighbours(queue_[i])) row(i)[local_[next] / 64] |= std::uint64_t{1} << local_[next] % 64;
+    undo_[i] = degree(i);
+  }
+  for (int k = 0; k < n; ++k) {
+    int least = -1;
+    for (int i = 0; i < n; ++i)
+      if (undo_[i] >= 0 && (least < 0 || undo_[i] < undo_[least])) least = i;
+    nodes_[begin + k] = queue_[least];
+    undo_[least] = -1;
+    for (int w = 0; w < (n + 63) / 64; ++w) {
+      for (std::uint64_t bits = row(least)[w]; bits != 0; bits &= bits - 1) {
+        const int i = 64 * w + std::countr_zero(bits);
+        if (i >= n) break;
+        for (int v = 0; v < words; ++v) row(i)[v] |= row(least)[v];
+        row(i)[least / 64] &= ~(std::uint64_t{1} << least % 64);
+        row(i)[i / 64] &= ~(std::uint64_t{1} << i % 64);
+        undo_[i] = degree(i);
+      }
+    }
+  }
+  for (int node : queue_) local_[node] = -1;
 }
 
 }  // namespace islet::qp

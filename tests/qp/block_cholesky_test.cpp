@@ -1,5 +1,7 @@
 #include "qp/block_cholesky.h"
 
+#include <set>
+
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
@@ -19,9 +21,14 @@ struct System {
   Pairs pairs;
   std::vector<double> signs;  // per unknown of a node
   MatrixXd a;
+  Pairs blocks;  // the pairs, each once
 };
 
 void DrawValues(Random* random, System* system) {
+  std::set<std::array<int, 2>> once;
+  for (const auto& [p, q] : system->pairs)
+    if (p != q) once.insert({std::min(p, q), std::max(p, q)});
+  system->blocks.assign(once.begin(), once.end());
   const int b = system->block, n = system->nodes * b;
   system->a = MatrixXd::Zero(n, n);
   for (const auto& [p, q] : system->pairs) {
@@ -41,7 +48,7 @@ void DrawValues(Random* random, System* system) {
 }
 
 System RandomSystem(Random* random, int nodes, int block, bool mixed_signs) {
-  System system{nodes, block, {}, {}, {}};
+  System system{nodes, block, {}, {}, {}, {}};
   const int edges = random->Integer(0, 3 * nodes);
   for (int e = 0; e < edges; ++e) {
     const int p = random->Integer(0, nodes - 1), q = random->Integer(0, nodes - 1);
@@ -52,18 +59,21 @@ System RandomSystem(Random* random, int nodes, int block, bool mixed_signs) {
   return system;
 }
 
+// Each supernode's own blocks when it is asked for.
 int Fill(const System& system, qp::BlockCholesky* cholesky) {
   const int b = system.block;
-  cholesky->SetZero();
   const auto put = [&](int p, int q) {
     const qp::BlockPlace place = cholesky->BlockAt(p, q);
     const int rows = place.transposed ? q : p, columns = place.transposed ? p : q;
     for (int j = 0; j < b; ++j)
-      for (int i = 0; i < b; ++i) place.data[i + j * place.stride] = system.a(rows * b + i, columns * b + j);
+      for (int i = 0; i < b; ++i) place.data[i + j * place.stride] += system.a(rows * b + i, columns * b + j);
   };
-  for (int i = 0; i < system.nodes; ++i) put(i, i);
-  for (const auto& [p, q] : system.pairs) put(p, q);
-  return cholesky->Factorise(system.signs);
+  return cholesky->Factorise(system.signs, [&](int s) {
+    for (int i = 0; i < system.nodes; ++i)
+      if (cholesky->SupernodeOf(i, i) == s) put(i, i);
+    for (const auto& [p, q] : system.blocks)
+      if (cholesky->SupernodeOf(p, q) == s) put(p, q);
+  });
 }
 
 VectorXd RandomRightSide(Random* random, const System& system) {
@@ -74,11 +84,13 @@ TEST(BlockCholesky, TwoNumbersByHand) {
   // [4 2; 2 5] x = [8; 9]: x = (22, 20) / 16.
   qp::BlockCholesky cholesky;
   cholesky.Analyse(2, 1, Pairs{{0, 1}});
-  cholesky.SetZero();
-  *cholesky.BlockAt(0, 0).data = 4;
-  *cholesky.BlockAt(1, 1).data = 5;
-  *cholesky.BlockAt(1, 0).data = 2;
-  EXPECT_EQ(cholesky.Factorise(std::vector<double>{1}), 0);
+  const auto fill = [&](int supernode) {
+    EXPECT_EQ(supernode, 0);
+    *cholesky.BlockAt(0, 0).data += 4;
+    *cholesky.BlockAt(1, 1).data += 5;
+    *cholesky.BlockAt(1, 0).data += 2;
+  };
+  EXPECT_EQ(cholesky.Factorise(std::vector<double>{1}, fill), 0);
   double x[2] = {8, 9};
   cholesky.Solve(x);
   EXPECT_NEAR(x[0], 22.0 / 16, 1e-15);
@@ -163,8 +175,7 @@ TEST(BlockCholesky, NumericPhasesAllocateNothing) {
 TEST(BlockCholesky, SingularMatrixIsCountedAndStaysFinite) {
   qp::BlockCholesky cholesky;
   cholesky.Analyse(2, 3, Pairs{{0, 1}});
-  cholesky.SetZero();
-  EXPECT_EQ(cholesky.Factorise(std::vector<double>{1, 1, 1}), 6);
+  EXPECT_EQ(cholesky.Factorise(std::vector<double>{1, 1, 1}, [](int) {}), 6);
   double x[6] = {1, 2, 3, 4, 5, 6};
   cholesky.Solve(x);
   for (double value : x) EXPECT_TRUE(std::isfinite(value));

@@ -15,6 +15,13 @@ namespace {
 using qp::Elimination;
 using Pairs = std::vector<std::array<int, 2>>;
 
+Elimination Analyse(int n, const Pairs& pairs) {
+  qp::EliminationAnalysis analysis;
+  Elimination e;
+  analysis.Analyse(n, pairs, &e);
+  return e;
+}
+
 // True pattern of L by elimination on a full boolean matrix.
 std::vector<std::set<int>> DenseSymbolic(const Elimination& e, const Pairs& pairs) {
   std::vector<std::set<int>> below(e.num_nodes);
@@ -38,7 +45,7 @@ bool IsPermutation(std::vector<int> order) {
 
 // Everything the header promises.
 void CheckStructure(int n, const Pairs& pairs) {
-  const Elimination e = qp::AnalyseElimination(n, pairs);
+  const Elimination e = Analyse(n, pairs);
   ASSERT_EQ(e.num_nodes, n);
   ASSERT_EQ(static_cast<int>(e.order.size()), n);
   EXPECT_TRUE(IsPermutation(e.order));
@@ -89,19 +96,19 @@ Pairs RandomGraph(Random* random, int n, int edges) {
 }
 
 TEST(Elimination, OneNode) {
-  const Elimination e = qp::AnalyseElimination(1, {});
+  const Elimination e = Analyse(1, {});
   ASSERT_EQ(e.num_supernodes(), 1);
   EXPECT_EQ(e.parent[0], -1);
   CheckStructure(1, {});
 }
 
-TEST(Elimination, NoNodes) { EXPECT_EQ(qp::AnalyseElimination(0, {}).num_supernodes(), 0); }
+TEST(Elimination, NoNodes) { EXPECT_EQ(Analyse(0, {}).num_supernodes(), 0); }
 
 TEST(Elimination, NoPairs) { CheckStructure(7, {}); }
 
 TEST(Elimination, PairsMayRepeatInBothOrders) {
-  const Elimination once = qp::AnalyseElimination(3, Pairs{{0, 1}, {1, 2}});
-  const Elimination often = qp::AnalyseElimination(3, Pairs{{1, 0}, {1, 2}, {0, 1}, {2, 1}, {1, 1}});
+  const Elimination once = Analyse(3, Pairs{{0, 1}, {1, 2}});
+  const Elimination often = Analyse(3, Pairs{{1, 0}, {1, 2}, {0, 1}, {2, 1}, {1, 1}});
   EXPECT_EQ(once.order, often.order);
   EXPECT_EQ(once.rows, often.rows);
 }
@@ -110,7 +117,7 @@ TEST(Elimination, CliqueIsOneFront) {
   Pairs pairs;
   for (int a = 0; a < 6; ++a)
     for (int b = 0; b < a; ++b) pairs.push_back({a, b});
-  const Elimination e = qp::AnalyseElimination(6, pairs);
+  const Elimination e = Analyse(6, pairs);
   EXPECT_EQ(e.num_supernodes(), 1);
   EXPECT_DOUBLE_EQ(e.flops_per_cubed_block, 72);
   CheckStructure(6, pairs);
@@ -158,7 +165,8 @@ TEST(Ordering, TreesHaveNoFill) {
       adjacency.insert(adjacency.end(), list.begin(), list.end());
       start.push_back(static_cast<int>(adjacency.size()));
     }
-    const std::vector<int> order = qp::MinimumDegreeOrder(start, adjacency);
+    std::vector<int> order;
+    qp::MinimumDegree().Order({start, adjacency}, &order);
     ASSERT_TRUE(IsPermutation(order));
     std::vector<int> position(n);
     for (int k = 0; k < n; ++k) position[order[k]] = k;
