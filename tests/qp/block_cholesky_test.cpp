@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
+#include "parallel/worker_pool.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
 
@@ -170,6 +171,37 @@ TEST(BlockCholesky, NumericPhasesAllocateNothing) {
     }
     EXPECT_EQ(counter.count(), 0);
   }
+}
+
+// A grid in space, large enough for several tasks and for fronts that are split.
+TEST(BlockCholesky, SameBitsForAnyNumberOfWorkers) {
+  Random random(35);
+  System system{9 * 9 * 6, 6, {}, {1, 1, 1, -1, -1, -1}, {}, {}};
+  for (int i = 0; i < system.nodes; ++i) {
+    if (i % 9 > 0) system.pairs.push_back({i, i - 1});
+    if (i / 9 % 9 > 0) system.pairs.push_back({i, i - 9});
+    if (i >= 81) system.pairs.push_back({i, i - 81});
+  }
+  DrawValues(&random, &system);
+  const VectorXd b = RandomRightSide(&random, system);
+  VectorXd expected;
+  for (const int workers : {1, 2, 4}) {
+    parallel::WorkerPool pool(workers);
+    qp::BlockCholesky cholesky;
+    cholesky.Analyse(system.nodes, system.block, system.pairs);
+    EXPECT_GE(cholesky.elimination().num_tasks(), 2);
+    EXPECT_LT(cholesky.elimination().top(), cholesky.elimination().num_supernodes());
+    for (int repeat = 0; repeat < 5; ++repeat) {
+      VectorXd x = b;
+      pool.ForEach(1, [&](int, int) {
+        EXPECT_EQ(Fill(system, &cholesky), 0);
+        cholesky.Solve(x.data());
+      });
+      if (expected.size() == 0) expected = x;
+      ASSERT_TRUE((x.array() == expected.array()).all()) << workers << " workers";
+    }
+  }
+  EXPECT_LT((system.a * expected - b).norm(), 1e-12 * b.norm());
 }
 
 TEST(BlockCholesky, SingularMatrixIsCountedAndStaysFinite) {
