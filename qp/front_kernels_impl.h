@@ -63,14 +63,19 @@ ISLET_INLINE void AddMultiple(int k, const double* a, int lda, const double* b, 
   }
 }
 
+// By how much whole vectors go beyond N numbers.
+template <int N>
+constexpr int kSpill = (N + kLanes - 1) / kLanes* kLanes - N;
+
+// whole_vectors: what lies beyond the N rows may be read.
 // out[p N + i] = -signs[p] a[i + p lda] for i in [from, to).
 template <int N>
-ISLET_INLINE void PackRows(int k, const double* a, int lda, const double* signs, int from, int to, double* out) {
+ISLET_INLINE void PackRows(int k, const double* a, int lda, const double* signs, int from, int to, bool whole_vectors,
+                           double* out) {
   if (from == 0 && to == N) {
     // Whole vectors spill over into the place of the next column, which is written later; so not for the last one.
-    constexpr int kSpill = (N + kLanes - 1) / kLanes * kLanes - N;
     int p = 0;
-    for (; kSpill <= N && p + 1 < k; ++p, a += lda, out += N)
+    for (; whole_vectors && kSpill<N> <= N && p + 1 < k; ++p, a += lda, out += N)
       for (int i = 0; i < N; i += kLanes) Store(out + i, Load(a + i) * -signs[p]);
     for (; p < k; ++p, a += lda, out += N)
       for (int i = 0; i < N; ++i) out[i] = -signs[p] * a[i];
@@ -88,8 +93,9 @@ void PackLines(const Front& f, int j, int from, int to) {
   for (int line = from > begin ? from : begin; line < end;) {
     const int group = (line - begin) / N, first = begin + group * N;
     const int stop = end < first + N ? end : first + N;
+    // The lines from `to` on may be another thread's.
     PackRows<N>(s.width, f.panel + first + j * f.panel_stride, f.panel_stride, f.signs + j, line - first, stop - first,
-                s.packed + group * N * s.width);
+                first + N + kSpill<N> <= to, s.packed + group * N * s.width);
     line = stop;
   }
 }
@@ -159,7 +165,7 @@ int Eliminate(const Front& f, int j) {
     const int line = f.lead + j + i, top = RoundDown(line);
     double* triangle = s.triangle + TriangleAt<N>(i);
     const double* rows = f.panel + line + j * stride;
-    PackRows<N>(i, rows, stride, f.signs + j, 0, N, triangle);
+    PackRows<N>(i, rows, stride, f.signs + j, 0, N, true, triangle);
     double diagonal[2 * kVector * N];  // N <= 8 rows lie in two vectors of 8
     for (int v = 0; v < 2 * kVector && top + v < line + N; v += kLanes) {
       Vec sum[1][N];
