@@ -47,6 +47,7 @@ void ContactSuite::SetGravity(const Vector3& gravity_W) {
   if (!gravity_W.allFinite()) throw std::invalid_argument("gravity is not finite");
   impl_->settings.gravity = gravity_W;
 }
+void ContactSuite::SetProblemObserver(ProblemObserver observer) { impl_->observer = std::move(observer); }
 std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
 std::span<const double> ContactSuite::support() const { return impl_->support; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }

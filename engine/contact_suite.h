@@ -15,6 +15,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/problem_record.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
 
@@ -37,6 +38,8 @@ class ContactSuite {
   ContactSuite& operator=(const ContactSuite&) = delete;
 
   void SetGravity(const Vector3& gravity_W);
+  // Called for each collision and static problem that a Resolve solves; empty: nobody watches, and nothing is kept for it.
+  void SetProblemObserver(ProblemObserver observer);
 
   // Throws std::invalid_argument if a contact names no body, its numbers are not ordered, or a value is not finite.
   void Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report);

@@ -51,6 +51,9 @@ struct ContactSuite::Impl {
     ResponseOutcome collision, resting;
   };
   std::vector<Outcome> outcomes;  // per island
+  ProblemObserver observer;
+  std::vector<std::vector<ProblemRecord>> records;  // per island, for the observer
+  int solve_round = 0;                              // of this frame
   std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
   std::vector<std::uint8_t> chosen;      // per island
   bool moves_for_sure = false;           // a candidate got more than a trembling speed
@@ -67,6 +70,7 @@ struct ContactSuite::Impl {
   void Bounce(StepReport* report);
   void WakeByBounce();
   void ResolveIsland(int island, bool again, Worker* worker);
+  void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);
   bool WokenWereHit(const IslandView& view) const;
   void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
   bool CheckFrozen(bool all, StepReport* report);

@@ -45,6 +45,9 @@ class IslandResponder {
                                     std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
+  // Problem and answer of the last call that solved one.
+  const qp::Problem& problem() const { return problem_; }
+  const qp::Solution& solution() const { return solution_; }
   // Bodies that should stay at rest under a load that changed a little: adapts the given impulses as locally as it can, and
   // only where that does not bring every point below rest_limit [m/s] solves the static problem anew.
   ResponseOutcome ResolveHolding(const IslandView& island, const ContactFrames& contacts, const Settings& settings,

@@ -69,6 +69,7 @@ void ContactSuite::Impl::ResolveIsland(int island, bool again, Worker* worker) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
     outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
                                                             frame.threshold, frame.bodies, frame.collisions);
+    if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   } else {
     for (const int i : view.bodies) {
       const bool woke = std::binary_search(woken.begin(), woken.end(), i);
@@ -83,6 +84,12 @@ void ContactSuite::Impl::ResolveIsland(int island, bool again, Worker* worker) {
   }
   outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
+  if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
+}
+
+void ContactSuite::Impl::Record(int island, Stage stage, QpStatus status, const IslandResponder& responder) {
+  if (status == QpStatus::kNone) return;
+  records[island].push_back({solve_round, island, stage, status, responder.problem(), responder.solution()});
 }
 
 // A collision that took a body for a wall put more momentum on it than there was: it has to be solved anew.
@@ -104,11 +111,16 @@ void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, Lap
   chosen.assign(partition.num_islands(), !only_woken);
   if (only_woken)
     for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
+  solve_round = only_woken ? solve_round + 1 : 0;
+  if (observer) records.assign(partition.num_islands(), {});
   timer->Lap(&report->seconds.islands);
   std::sort(woken.begin(), woken.end());
   ForEachIsland([this, only_woken](int island, Worker* worker) {
     if (chosen[island]) ResolveIsland(island, only_woken, worker);
   });
+  if (observer)
+    for (const auto& solved : records)
+      for (const ProblemRecord& record : solved) observer(record);
   for (const Outcome& outcome : outcomes) {
     Include(outcome.collision, &report->collision_qp);
     Include(outcome.resting, &report->static_qp);

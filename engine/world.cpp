@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <tuple>
+#include <utility>
 
 #include "engine/body_definition.h"
 #include "engine/contact_suite.h"
@@ -128,6 +129,7 @@ void World::SetGravity(const Vector3& gravity_W) {
   impl_->mover.SetGravity(gravity_W);
 }
 
+void World::SetProblemObserver(ProblemObserver observer) { impl_->suite.SetProblemObserver(std::move(observer)); }
 void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->material = std::move(callback);
   impl_->stale = true;

@@ -21,6 +21,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/problem_record.h"
 #include "engine/settings.h"
 #include "engine/shape.h"
 #include "engine/step_report.h"
@@ -67,6 +68,7 @@ class World {
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);  // stays until changed
   void SetGravity(const Vector3& gravity_W);
   void SetMaterialCallback(MaterialCallback callback);
+  void SetProblemObserver(ProblemObserver observer);  // see engine/problem_record.h; empty: none
 
   // Throws if two bodies overlap by more than the touch gap: names both and the depth. Step() checks the bodies that
   // were added since the last step.

@@ -13,6 +13,8 @@ constexpr int kMaxCorrectors = 2;     // centrality correctors per factorisation
 constexpr double kCorrectorReach = 0.3, kCorrectorGain = 0.1;
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band
 constexpr int kRefinements = 2;
+constexpr double kFeasible = 1e-3;    // residual, scaled, from which on a problem may be infeasible
+constexpr double kAbsurdSpeed = 1e3;  // times the velocities at hand
 
 // Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
 void BandCorrection(ConeKind kind, double low, double high, double* v) {
@@ -107,7 +109,15 @@ LocalInteriorPoint::Result LocalInteriorPoint::Solve(const ScaledLocalProblem& p
     Advance(step);
   }
   *impulses = Impulses(best_z);
+  result.infeasible = result.residual > kFeasible && ProveInfeasible();
   return result;
+}
+
+// Weak duality: for impulses in the cones 0 <= j . (A v + c) <= |A^T j| |v| + j . c.
+bool LocalInteriorPoint::ProveInfeasible() const {
+  const Eigen::VectorXd j = Impulses(z_);
+  const double lack = -j.dot(offset_), push = (a_->transpose() * j).norm();
+  return lack > 0 && lack > kAbsurdSpeed * (1 + offset_.norm()) * push;
 }
 
 bool LocalInteriorPoint::Factorise() {

@@ -21,8 +21,9 @@ class LocalInteriorPoint {
  public:
   struct Result {
     int iterations = 0;
-    double gap = 0;       // s . z per contact, scaled units
-    double residual = 0;  // largest violation of the linear equations, scaled units
+    double gap = 0;           // s . z per contact, scaled units
+    double residual = 0;      // largest violation of the linear equations, scaled units
+    bool infeasible = false;  // the impulses prove that velocities which satisfy the contacts would need absurd energy
   };
   // offset: c, 3 numbers a contact, scaled. `impulses`: j, scaled.
   Result Solve(const ScaledLocalProblem& problem, Cone cone, int max_iterations, const Eigen::VectorXd& offset,
@@ -35,6 +36,7 @@ class LocalInteriorPoint {
   };
   void Load(const ScaledLocalProblem& problem, Cone cone, const Eigen::VectorXd& offset);
   Eigen::VectorXd Impulses(const Eigen::VectorXd& z) const;
+  bool ProveInfeasible() const;
   bool Factorise();
   void ComputeDirection(double weight);
   void AimAt(double goal);

@@ -6,11 +6,14 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kFirstStiffness = 10, kLastStiffness = 1e8;  // scaled units, in which W_cc has trace 3
-constexpr double kSoften = 0.1, kStiffen = 10;
+constexpr double kFirstStiffness = 10, kLeastStiffness = 1e-3, kMostStiffness = 1e6;  // scaled units: W_cc has trace 3
+constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
+constexpr int kEasy = 3, kFair = 6;    // Newton steps of a proximal step that may become stiffer, or a little stiffer
 constexpr int kMaxInner = 25;          // Newton steps of one proximal step
 constexpr double kInnerShare = 1e-14;  // of the velocities: residual of a proximal step that is as good as none
+constexpr int kPatience = 8;           // proximal steps without a better answer
 constexpr int kMaxHalvings = 8;
+constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
 
 double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
 
@@ -71,62 +74,71 @@ double LocalNewton::Residual(const Eigen::VectorXd& v) {
   return residual_.norm();
 }
 
-// I + t A^T G A; contacts that do not press drop out.
+// I + t A^T G A, without the contacts that do not press.
 void LocalNewton::Factorise() {
   const Eigen::MatrixXd& a = problem_->factor;
+  pressing_.resize(a.rows(), a.cols());
   weighted_.resize(a.rows(), a.cols());
+  int rows = 0;
   for (int c = 0; c < problem_->num_contacts(); ++c) {
     const Matrix3 slope = LawSlope(model_, pulls_.segment<3>(3 * c), problem_->friction[c]);
-    weighted_.middleRows<3>(3 * c).noalias() = stiffness_ * slope * a.middleRows<3>(3 * c);
+    if (slope.isZero(0)) continue;
+    pressing_.middleRows<3>(rows) = a.middleRows<3>(3 * c);
+    weighted_.middleRows<3>(rows).noalias() = stiffness_ * slope * a.middleRows<3>(3 * c);
+    rows += 3;
   }
   system_.setIdentity(a.cols(), a.cols());
-  system_.noalias() += a.transpose() * weighted_;
+  system_.noalias() += pressing_.topRows(rows).transpose() * weighted_.topRows(rows);
   factors_.compute(system_);
 }
 
+// One proximal step. True if it was solved; either way impulses_ is where it ended. Adds to *factorisations.
+bool LocalNewton::Step(int most, int* factorisations) {
+  const Eigen::MatrixXd& a = problem_->factor;
+  Eigen::VectorXd v = a.transpose() * centre_;
+  velocity_ = problem_->velocity + problem_->delassus * centre_ - a * v;
+  double size = Residual(v);
+  for (int steps = 0; size > kInnerShare * stiffness_ * (1 + v.norm()); ++steps, ++*factorisations) {
+    if (steps >= most) return false;
+    Factorise();
+    const Eigen::VectorXd step = factors_.solve(-residual_), from = v;
+    double share = 1, next = 0;
+    for (int halving = 0; halving <= kMaxHalvings; ++halving, share /= 2) {
+      v = from + share * step;
+      next = Residual(v);
+      if (next <= (1 - kLeastDescent * share) * size) break;
+    }
+    if (!(next < size)) return ++*factorisations, false;
+    size = next;
+  }
+  return true;
+}
+
+// Steps that were easy make the springs stiffer, those that failed softer.
 int LocalNewton::Polish(const ScaledLocalProblem& problem, Model model, double goal, int max_factorisations,
                         Eigen::VectorXd* impulses) {
   problem_ = &problem;
   model_ = model;
   stiffness_ = kFirstStiffness;
-  LocalMap best = NaturalMapOf(problem, model, *impulses);
-  Eigen::VectorXd v = problem.factor.transpose() * *impulses, start;
-  int factorisations = 0;
   centre_ = *impulses;
-  while (best.max > goal && factorisations < max_factorisations) {
-    velocity_ = problem.velocity + problem.delassus * centre_ - problem.factor * (problem.factor.transpose() * centre_);
-    start = v = problem.factor.transpose() * centre_;
-    double size = Residual(v);
-    bool good = false;
-    for (int inner = 0; inner < kMaxInner && factorisations < max_factorisations; ++inner) {
-      good = size <= kInnerShare * stiffness_ * (1 + v.norm());
-      if (good) break;
-      Factorise();
-      ++factorisations;
-      const Eigen::VectorXd step = factors_.solve(-residual_), from = v;
-      double share = 1, next = 0;
-      for (int halving = 0; halving <= kMaxHalvings; ++halving, share /= 2) {
-        v = from + share * step;
-        next = Residual(v);
-        if (next <= (1 - 1e-4 * share) * size) break;
-      }
-      if (!(next < size)) break;
-      size = next;
-    }
+  LocalMap best = NaturalMapOf(problem, model, *impulses);
+  int spent = 0, stalled = 0;
+  while (!best.Meets(goal) && spent < max_factorisations && stiffness_ > kLeastStiffness && stalled < kPatience) {
+    const int before = spent;
+    const bool good = Step(std::min(kMaxInner, max_factorisations - spent), &spent);
     const LocalMap map = NaturalMapOf(problem, model, impulses_);
-    if (map.rms < best.rms) {
-      best = map;
-      *impulses = impulses_;
-    }
-    if (good || map.rms <= best.rms) {
+    const bool better = map.rms < best.rms;
+    stalled = better ? 0 : stalled + 1;
+    if (better) best = map, *impulses = impulses_;
+    if (good || better) {
       centre_ = impulses_;
-      stiffness_ = std::min(kLastStiffness, stiffness_ * kStiffen);
+      const double factor = spent - before <= kEasy ? kStiffen : spent - before <= kFair ? kStiffenLittle : 1;
+      stiffness_ = std::min(kMostStiffness, stiffness_ * factor);
     } else {
       stiffness_ *= kSoften;
-      if (stiffness_ < 1e-3) break;
     }
   }
-  return factorisations;
+  return spent;
 }
 
 }  // namespace islet::qp

@@ -19,21 +19,21 @@ namespace islet::qp {
 
 class LocalNewton {
  public:
-  // Improves impulses (scaled) until the largest natural map over the contacts, relative to the velocity scale, is below
-  // `goal`. Returns the factorisations spent. model: kConvex or kCoulomb, circular cone.
+  // Improves impulses (scaled) until their natural map meets the goal. Returns the factorisations spent. model: kConvex or kCoulomb, circular cone.
   int Polish(const ScaledLocalProblem& problem, Model model, double goal, int max_factorisations,
              Eigen::VectorXd* impulses);
 
  private:
   double Residual(const Eigen::VectorXd& v);  // fills impulses_ and residual_
   void Factorise();
+  bool Step(int most, int* factorisations);
 
   const ScaledLocalProblem* problem_ = nullptr;
   Model model_ = Model::kCoulomb;
   double stiffness_ = 1;
   Eigen::VectorXd centre_, velocity_;  // j_k - t q is split: j_k, and q with what A misses of W
   Eigen::VectorXd impulses_, residual_, pulls_;
-  Eigen::MatrixXd weighted_, system_;
+  Eigen::MatrixXd pressing_, weighted_, system_;
   Eigen::PartialPivLU<Eigen::MatrixXd> factors_;
 };
 
@@ -41,6 +41,7 @@ class LocalNewton {
 // the convex model, u.
 struct LocalMap {
   double max, rms;
+  bool Meets(double goal) const { return rms <= goal && max <= 10 * goal; }
 };
 LocalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses);
 

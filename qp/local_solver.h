@@ -15,13 +15,14 @@ namespace islet::qp {
 
 class LocalSolver {
  public:
-  // The problem must be valid. settings.tolerance: of the natural map of the convex model; coulomb_tolerance: of that of exact
-  // Coulomb; both rms over the contacts, over the velocity scale.
+  // The problem must be valid. settings.tolerance is that of the natural map of the convex model, coulomb_tolerance of that of
+  // exact Coulomb: rms over the contacts, over the velocity scale, and ten times that at any contact.
   void Solve(const LocalProblem& problem, const Settings& settings, LocalSolution* solution);
 
  private:
   void SolveConvex(const ScaledLocalProblem& problem, const Settings& settings, LocalSolution* solution);
   void SolveCoulomb(const ScaledLocalProblem& problem, const Settings& settings, LocalSolution* solution);
+  void SolveCoulombOctagon(const ScaledLocalProblem& problem, const Settings& settings, LocalSolution* solution);
 
   LocalInteriorPoint interior_point_;
   LocalNewton newton_;

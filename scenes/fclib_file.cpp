@@ -16,6 +16,7 @@ namespace islet {
 namespace {
 
 constexpr hsize_t kMostNumbers = hsize_t{1} << 28;  // in one data set; more is taken for a broken file
+constexpr int kMostRows = 1 << 25;                  // of a matrix
 
 // Closes what it holds; a negative number is none.
 class Handle {
@@ -131,8 +132,8 @@ bool AllBelow(const std::vector<int>& indices, int limit) {
 SparseMatrix Reader::Matrix(const std::string& place) const {
   if (!Has(place)) Fail(place, "is missing");
   const int rows = Integer(place + "/m"), columns = Integer(place + "/n"), nz = Integer(place + "/nz");
-  if (rows < 0) Fail(place + "/m", "is " + std::to_string(rows));
-  if (columns < 0) Fail(place + "/n", "is " + std::to_string(columns));
+  if (rows < 0 || rows > kMostRows) Fail(place + "/m", "is " + std::to_string(rows));
+  if (columns < 0 || columns > kMostRows) Fail(place + "/n", "is " + std::to_string(columns));
   if (nz < -2) Fail(place + "/nz", "is " + std::to_string(nz));
   std::vector<int> row, column;
   std::vector<double> value;
@@ -217,7 +218,7 @@ void WriteMatrix(hid_t parent, const char* name, SparseMatrix matrix) {
   WriteSet(group, "x", H5T_NATIVE_DOUBLE, nonzeros, matrix.valuePtr());
 }
 
-void WriteAll(hid_t file, const FclibProblem& problem, const FclibSolution& solution, const std::string& title,
+void WriteAll(hid_t file, const FclibProblem& problem, const FclibSolution* solution, const std::string& title,
               const std::string& description) {
   const Handle root(MakeGroup(file, problem.global ? "fclib_global" : "fclib_local"), H5Gclose);
   WriteInteger(root, "spacedim", 3);
@@ -236,10 +237,11 @@ void WriteAll(hid_t file, const FclibProblem& problem, const FclibSolution& solu
   WriteText(info, "title", title);
   WriteText(info, "description", description);
   WriteText(info, "math_info", "");
+  if (!solution) return;
   const Handle answer(MakeGroup(file, "solution"), H5Gclose);
-  if (problem.global) WriteVector(answer, "v", solution.v);
-  WriteVector(answer, "u", solution.u);
-  WriteVector(answer, "r", solution.r);
+  if (problem.global) WriteVector(answer, "v", solution->v);
+  WriteVector(answer, "u", solution->u);
+  WriteVector(answer, "r", solution->r);
 }
 
 }  // namespace
@@ -278,7 +280,7 @@ FclibProblem ReadFclib(const std::string& path) {
   return problem;
 }
 
-void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution& solution,
+void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution* solution,
                 const std::string& title, const std::string& description) {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const std::string temporary = path + ".part" + std::to_string(::getpid());

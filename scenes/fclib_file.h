@@ -43,8 +43,8 @@ struct FclibSolution {
 
 FclibProblem ReadFclib(const std::string& path);
 
-// Title and description go to the group `info`. The file appears whole or not at all.
-void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution& solution,
+// Title and description go to the group `info`. solution may be null. The file appears whole or not at all.
+void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution* solution,
                 const std::string& title, const std::string& description);
 
 }  // namespace islet

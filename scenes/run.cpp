@@ -6,8 +6,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
+#include "scenes/export_fclib.h"
 #include "scenes/frame_log.h"
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
@@ -76,15 +78,27 @@ void RunScene(const RunOptions& options) {
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
 
+  std::optional<FclibExport> problems;
+  if (!options.export_fclib.empty()) {
+    const Settings& s = world.settings();
+    problems.emplace(options.export_fclib, options.export_frames,
+                     fmt::format("{} seed {}, dt {} s, model {}, cone {}, tolerance {}", scene.name, info.seed,
+                                 options.dt, NameOf(s.model), NameOf(s.cone), s.tolerance));
+  }
+
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
     if (drawing.empty() && !options.picture.empty() && (frame - 1) * options.dt >= picture_time - 1e-9) {
       drawing = picture.Draw(world);
     }
+    if (problems && problems->Wants(frame)) {
+      world.SetProblemObserver([&](const ProblemRecord& record) { problems->Write(frame, record); });
+    }
     const double step_start = WallTime();
     const StepReport report = world.Step(options.dt);
     const double step_seconds = WallTime() - step_start;
+    world.SetProblemObserver({});
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);

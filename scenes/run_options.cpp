@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
 
 namespace islet {
@@ -88,6 +89,7 @@ void CheckNumbers(const RunOptions& o) {
   if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
   if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance > 0 && *o.tolerance <= 0.1, "in (0, 0.1]");
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
+  for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
   if (o.picture_time) {
     RequireRange("--picture-time", *o.picture_time, *o.picture_time >= 0 && *o.picture_time <= kLongestRun,
                  "in [0, 1e6] s");
@@ -101,6 +103,10 @@ void CheckFiles(const RunOptions& o) {
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
   }
+  if (!o.export_frames.empty() && o.export_fclib.empty()) {
+    throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
+  }
+  if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
   const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
@@ -161,6 +167,10 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
   add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+  add(kOutput, "--export-fclib", o.export_fclib, "DIR",
+      "write the contact problems of every frame in FCLIB's HDF5 format")
+      ->check(FileName);
+  add(kOutput, "--export-frames", o.export_frames, "N,N,...", "of these frames only, the first is 1")->delimiter(',');
 }
 
 void CheckRunOptions(const RunOptions& options) {

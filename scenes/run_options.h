@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "engine/settings.h"
 #include "scenes/scene.h"
@@ -36,6 +37,9 @@ struct RunOptions {
   std::string frames_csv;              // file or empty
   std::string picture;                 // file or empty
   std::optional<double> picture_time;  // [s] of simulated time; absent: at the end
+
+  std::string export_fclib;        // folder for the island problems, or empty
+  std::vector<int> export_frames;  // from 1; empty: all
 
   bool ReportOnStdout() const { return report == "-"; }
 };

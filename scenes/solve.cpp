@@ -22,8 +22,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kWorstContact = 10;  // times the tolerance: the largest natural map of a contact in a solved problem
-constexpr int kMostRounds = 30;       // of lagged slip
-constexpr double kLeastAim = 1e-15;   // relative gap
 
 struct Result {
   std::string file, error;  // error: why it could not be read or solved at all
@@ -35,16 +33,9 @@ struct Result {
   bool usable() const { return error.empty() && verdict.finite; }
 };
 
-qp::Settings SolverSettings(const SolveOptions& options) {
-  qp::Settings settings;
-  settings.model = options.model == "coulomb" ? qp::Model::kCoulomb : qp::Model::kConvex;
-  settings.cone = options.cone == "circular" ? qp::Cone::kCircular : qp::Cone::kOctagon;
-  settings.tolerance = 1e-2 * options.tolerance;
-  settings.aim =
-      std::max(kLeastAim, 1e-2 * options.tolerance * options.tolerance);  // the velocities' error is its root
-  settings.coulomb_tolerance = options.tolerance;
-  settings.coulomb_rounds = kMostRounds;
-  return settings;
+SolveLaw LawOf(const SolveOptions& options) {
+  return {options.model == "coulomb" ? qp::Model::kCoulomb : qp::Model::kConvex,
+          options.cone == "circular" ? qp::Cone::kCircular : qp::Cone::kOctagon, options.tolerance};
 }
 
 bool Solved(const SolveVerdict& verdict, double tolerance) {
@@ -57,12 +48,12 @@ bool Better(const SolveVerdict& x, const SolveVerdict& y) {
 
 // The sparse way where it is open; where it does not reach the tolerance the dense one too, and the better answer counts.
 void SolveAndJudge(const FclibProblem& original, const SolveOptions& options, Result* result) {
-  const qp::Settings settings = SolverSettings(options);
+  const SolveLaw law = LawOf(options);
   const Stopwatch watch;
   const auto attempt = [&](bool sparse) {
-    SolveAnswer answer = SolveBy(sparse, result->problem, settings);
+    SolveAnswer answer = SolveBy(sparse, result->problem, law);
     result->seconds = watch.seconds();
-    const SolveVerdict verdict = Judge(original, result->problem, answer, settings.model, settings.cone);
+    const SolveVerdict verdict = Judge(original, result->problem, answer, law.model, law.cone);
     if (!result->method.empty() && !Better(verdict, result->verdict)) return;
     result->answer = std::move(answer);
     result->verdict = verdict;

@@ -14,6 +14,8 @@ namespace {
 constexpr double kSameMass = 1e-12;   // relative: entries of a rigid body's block that should be equal, or zero
 constexpr double kLeastScale = 1e-6;  // of the fastest contact: least v_ref
 constexpr int kMostDense = 3000;      // contacts
+constexpr int kMostRounds = 30;       // of lagged slip
+constexpr double kLeastAim = 1e-15;   // relative gap
 
 using Entry = SparseMatrix::InnerIterator;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -148,14 +150,13 @@ void SolveDense(const SolveProblem& problem, const qp::Settings& settings, Solve
   } else {
     local.delassus = file.delassus;
   }
+  qp::LocalSolution solution;
   try {
     local.Validate();
+    qp::LocalSolver().Solve(local, settings, &solution);
   } catch (const std::invalid_argument& error) {
     throw FclibError(problem.name + ": " + (file.global ? "/fclib_global/H" : "/fclib_local/W") + ": " + error.what());
   }
-  qp::LocalSolver solver;
-  qp::LocalSolution solution;
-  solver.Solve(local, settings, &solution);
   answer->status = solution.status;
   answer->iterations = solution.iterations;
   answer->rounds = solution.rounds;
@@ -186,8 +187,16 @@ SolveProblem PrepareProblem(const std::string& name, FclibProblem file) {
 
 bool FitsDense(const SolveProblem& problem) { return problem.file.num_contacts() <= kMostDense; }
 
-SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, qp::Settings settings) {
+SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, const SolveLaw& law) {
+  qp::Settings settings;
+  settings.model = law.model;
+  settings.cone = law.cone;
+  settings.coulomb_tolerance = law.tolerance;
+  settings.coulomb_rounds = kMostRounds;
   settings.velocity_scale = problem.v_ref;
+  // Of the interior point on islands: a relative gap, whose root is the error of the velocities.
+  settings.tolerance = sparse ? 1e-2 * law.tolerance : law.tolerance;
+  settings.aim = std::max(kLeastAim, 1e-2 * law.tolerance * law.tolerance);
   SolveAnswer answer;
   answer.sparse = sparse;
   answer.r.setZero(3 * problem.file.num_contacts());

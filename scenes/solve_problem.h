@@ -42,8 +42,15 @@ struct SolveAnswer {
   int rounds = 0;        // of lagged slip, exact Coulomb only
 };
 
-// settings.velocity_scale is taken from the problem. sparse needs problem.rigid.
-SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, qp::Settings settings);
+struct SolveLaw {
+  qp::Model model = qp::Model::kCoulomb;  // or kConvex
+  qp::Cone cone = qp::Cone::kCircular;
+  double tolerance =
+      1e-6;  // of the natural map, rms over the contacts, over v_ref; a tenth of that of the worst contact
+};
+
+// sparse needs problem.rigid.
+SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, const SolveLaw& law);
 
 // Whether the dense way is open: W fits into memory.
 bool FitsDense(const SolveProblem& problem);

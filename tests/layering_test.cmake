@@ -21,7 +21,7 @@ set(rules
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/ordering\\.cpp$"
   "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
-  "^unistd\\.h$"                                           "${program}|^scenes/fclib_file\\.cpp$"
+  "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_]+\\.cpp$|^qp/[a-z0-9_]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder

@@ -1,0 +1,28 @@
+// One problem that a step solved, with its answer: for whoever wants to look at what the solver is given.
+//
+//   threads: an observer is called by the thread that steps the world, after the islands are done, in an order that does not
+//            depend on the number of threads; the record is valid during the call
+#pragma once
+
+#include <functional>
+
+#include "engine/step_report.h"
+#include "qp/problem.h"
+#include "qp/solution.h"
+
+namespace islet {
+
+enum class Stage { kCollision, kStatic };
+
+struct ProblemRecord {
+  int round = 0;   // 0; in certified freezing then 1, 2 for islands that are solved again because bodies woke into them
+  int island = 0;  // in the partition of this round; numbered by smallest body
+  Stage stage = Stage::kCollision;
+  QpStatus status = QpStatus::kNone;
+  qp::Problem problem;  // with the bounces that were asked for in the end
+  qp::Solution solution;
+};
+
+using ProblemObserver = std::function<void(const ProblemRecord& record)>;
+
+}  // namespace islet
