@@ -99,7 +99,8 @@ void SweepOrder::SplitIntoParts(const Problem& problem, int num_parts) {
   }
 }
 
-// Sections without contacts are dropped.
+// Numbers the sections in the order of the phases, without those that have no contacts. section_start_ is scratch here: first
+// whether a section is used, then its number.
 int SweepOrder::AssignSections(const Problem& problem, int num_parts) {
   const int rest = 2 * num_parts;  // after the parts and their boundaries, even ones first
   section_of_.resize(problem.contacts.size());
