@@ -1,6 +1,8 @@
 #include "qp/block_cholesky.h"
 
 #include <algorithm>
+#include <atomic>
+#include <bit>
 #include <cassert>
 #include <cstdint>
 #include <cstring>
@@ -23,6 +25,14 @@ void CopyBlock(double* to, const double* from, int block) {
   } else {
     std::memcpy(to, from, block * sizeof(double));
   }
+}
+
+// Claims the lowest bit that is not set. Which one it is depends on timing, and nothing may depend on it but addresses.
+int TakeLowest(std::atomic<std::uint64_t>* taken) {
+  std::uint64_t now = taken->load();
+  while (!taken->compare_exchange_weak(now, now | (now + 1))) {
+  }
+  return std::countr_one(now);
 }
 
 // piece(begin, end) over ranges of `step` lines, the last ones first: they are the longest.
@@ -75,7 +85,7 @@ void BlockCholesky::PlaceFronts() {
   const int count = e.num_supernodes();
   fronts_.clear();
   update_at_.assign(count, 0);
-  size_t panels = 0, updates = 0, scratch = 0;
+  size_t panels = 0, updates = 0;
   int widest = 0;
   lines_size_ = 0;
   for (int s = 0; s < count; ++s) {
@@ -85,26 +95,36 @@ void BlockCholesky::PlaceFronts() {
     lines_size_ = std::max(lines_size_, static_cast<size_t>(front.EndLine()));
     fronts_.push_back(front);
   }
-  // Each task, and the top, has space of its own.
-  scratch_at_.assign(1, 0);
+  // What a task leaves for the top, and the top itself, have places of their own. All else of a task lies in a region
+  // that the next task uses again, while it is still in the cache.
+  region_size_ = scratch_size_ = 0;
   for (int t = 0; t <= e.num_tasks(); ++t) {
-    const int begin = e.task_start[t], end = t < e.num_tasks() ? e.task_start[t + 1] : count;
+    const bool top = t == e.num_tasks();
+    const int begin = e.task_start[t], end = top ? count : e.task_start[t + 1];
     plan_.Clear();
-    size_t most = 0;
     for (int s = begin; s < end; ++s) {
-      most = std::max(most, static_cast<size_t>(fronts_[s].ScratchSize()));
-      if (e.below(s) > 0) update_at_[s] = updates + plan_.Take(static_cast<size_t>(fronts_[s].UpdateSize()));
-      for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
-        if (e.children[c] >= begin) plan_.Free(update_at_[e.children[c]] - updates);
+      const size_t size = static_cast<size_t>(fronts_[s].UpdateSize());
+      scratch_size_ = std::max(scratch_size_, static_cast<size_t>(fronts_[s].ScratchSize()));
+      if (LeavesTask(s)) {
+        update_at_[s] = updates;
+        updates += size;
+      } else if (size > 0) {
+        update_at_[s] = plan_.Take(size);
       }
+      for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c)
+        if (e.children[c] >= begin) plan_.Free(update_at_[e.children[c]]);
     }
-    updates += plan_.total();
-    scratch += static_cast<size_t>(RoundUp(static_cast<int>(most)));
-    scratch_at_.push_back(scratch);
+    if (top) {
+      for (int s = begin; s < end; ++s) update_at_[s] += updates;
+      updates += plan_.total();
+    } else {
+      region_size_ = std::max(region_size_, plan_.total());
+    }
   }
   panels_.Resize(panels);
   updates_.Resize(updates);
-  scratch_.Resize(scratch);
+  regions_.Resize(region_size_ * e.num_tasks());
+  scratch_.Resize(scratch_size_ * (e.num_tasks() + 1));
   panels_size_ = panels;
   top_nodes_ = num_nodes_ - e.first[e.top()];
   carry_size_ = static_cast<size_t>(RoundUp(top_nodes_ * block_));
@@ -114,16 +134,14 @@ void BlockCholesky::PlaceFronts() {
   replaced_.resize(e.num_tasks());
   permuted_.resize(static_cast<size_t>(num_nodes_) * block_);
   double* panel = panels_.data();
-  for (int t = 0, s = 0; t <= e.num_tasks(); ++t) {
-    for (const int end = t < e.num_tasks() ? e.task_start[t + 1] : count; s < end; ++s) {
-      Front& front = fronts_[s];
-      front.fresh = e.child_start[s] == e.child_start[s + 1];
-      front.signs = signs_.data();
-      front.scratch = scratch_.data() + scratch_at_[t];
-      front.update = updates_.data() + update_at_[s];
-      front.panel = panel;
-      panel += front.PanelSize();
-    }
+  for (int s = 0; s < count; ++s) {
+    Front& front = fronts_[s];
+    front.fresh = e.child_start[s] == e.child_start[s + 1];
+    front.signs = signs_.data();
+    front.scratch = scratch_.data() + scratch_size_ * e.num_tasks();  // of the top; tasks choose their own
+    front.update = updates_.data() + update_at_[s];
+    front.panel = panel;
+    panel += front.PanelSize();
   }
 }
 
@@ -199,10 +217,18 @@ int BlockCholesky::Factorise(std::span<const double> signs, parallel::PieceRef f
   assert(static_cast<int>(signs.size()) == block_);
   const Elimination& e = elimination_;
   for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = signs[i % block_];
+  std::atomic<std::uint64_t> taken{0};
+  static_assert(kMostTasks <= 64);
   parallel::Fork(e.num_tasks(), [&](int task) {
+    const int region = TakeLowest(&taken);
     int replaced = 0;
-    for (int s = e.task_start[task]; s < e.task_start[task + 1]; ++s) replaced += FactoriseFront(s, fill);
+    for (int s = e.task_start[task]; s < e.task_start[task + 1]; ++s) {
+      fronts_[s].scratch = scratch_.data() + scratch_size_ * region;
+      if (!LeavesTask(s)) fronts_[s].update = regions_.data() + region_size_ * region + update_at_[s];
+      replaced += FactoriseFront(s, fill);
+    }
     replaced_[task] = replaced;
+    taken.fetch_and(~(std::uint64_t{1} << region));
   });
   int replaced = 0;
   for (int task = 0; task < e.num_tasks(); ++task) replaced += replaced_[task];

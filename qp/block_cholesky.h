@@ -82,6 +82,8 @@ class BlockCholesky {
   };
 
   void PlaceFronts();
+  // Does the parent of s belong to the top, and s does not?
+  bool LeavesTask(int s) const { return s < elimination_.top() && elimination_.parent[s] >= elimination_.top(); }
   void AddChildren(int s, int from, int end);
   int FactoriseFront(int s, parallel::PieceRef fill);
   int FactoriseShared(int s, parallel::PieceRef fill);
@@ -96,15 +98,15 @@ class BlockCholesky {
   std::vector<std::array<int, 2>> pairs_;  // as analysed, to recognise the same graph
   int num_nodes_ = -1;
   int block_ = 0;
-  std::vector<Front> fronts_;      // per supernode
-  std::vector<size_t> update_at_;  // per supernode, into updates_
-  AlignedNumbers panels_, updates_, scratch_, lines_, carries_;
-  size_t panels_size_ = 0, lines_size_ = 0, carry_size_ = 0;
+  std::vector<Front> fronts_;  // per supernode
+  std::vector<size_t>
+      update_at_;  // per supernode: into updates_ if it leaves its task or is in the top, else into a region
+  AlignedNumbers panels_, updates_, regions_, scratch_, lines_, carries_;
+  size_t panels_size_ = 0, region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
   int top_nodes_ = 0;
-  std::vector<size_t> scratch_at_;  // per task, then the top
-  std::vector<double> signs_;       // of the widest panel
-  std::vector<int> replaced_;       // pivots, per task
-  std::vector<double> permuted_;    // right side in elimination order
+  std::vector<double> signs_;     // of the widest panel
+  std::vector<int> replaced_;     // pivots, per task
+  std::vector<double> permuted_;  // right side in elimination order
   const FrontKernels* kernels_ = nullptr;
 };
 

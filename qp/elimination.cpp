@@ -227,8 +227,9 @@ void EliminationAnalysis::CutTasks(Elimination* e) {
   task_of_.assign(count, -1);
   int num_tasks = 0;
   double filled = 0;
+  const double worth = std::max(kWorthTask, total / (kMostTasks - 1));  // all but the last take as long
   for (int root : sequence_) {
-    if (num_tasks == 0 || (cut && filled >= kWorthTask)) ++num_tasks, filled = 0;
+    if (num_tasks == 0 || (cut && filled >= worth)) ++num_tasks, filled = 0;
     filled += subtree_[root];
     task_of_[root] = num_tasks - 1;
   }

@@ -22,6 +22,8 @@
 
 namespace islet::qp {
 
+inline constexpr int kMostTasks = 64;
+
 struct Elimination {
   int num_nodes = 0;
   std::vector<int> order;      // order[k]: node eliminated k-th
