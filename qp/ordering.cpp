@@ -275,7 +275,7 @@ void NestedDissection::Improve(Level* level) {
     size_t best_length = 0;
     int best = size_[kSeparator], best_larger = larger();
     const int before = best, larger_before = best_larger;
-    for (int since = 0; since < kMovesBeyond; ++since) {
+    for (int since = 0; since < std::min(kMovesBeyond, 8 + level->n / 12); ++since) {
       int chosen = -1, chosen_gain = 0;
       Side to = kFirst;
       const Side lighter = size_[kFirst] <= size_[kSecond] ? kFirst : kSecond;
