@@ -6,13 +6,16 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStepShare = 0.995;  // of the way to the boundary
-constexpr double kLeastGap = 1e-15;   // per contact, scaled: nothing is gained below it
-constexpr int kPatience = 4;          // iterations without progress
+constexpr double kStepShare = 0.995;               // of the way to the boundary
+constexpr double kLeastGap = 1e-15;                // per contact, scaled: nothing is gained below it
+constexpr int kPatience = 15, kShortPatience = 4;  // iterations without progress; the same with a good answer in hand
+constexpr double kGood = 1e-8;                     // gap and squared residual of a good answer
+constexpr double kLeastSigma = 1e-5;  // lower the products would leave the range of numbers before the gap is small
 constexpr int kMaxCorrectors = 2;     // centrality correctors per factorisation [Gon96]
 constexpr double kCorrectorReach = 0.3, kCorrectorGain = 0.1;
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band
 constexpr int kRefinements = 2;
+constexpr double kFirstShift = 1e-15, kLastShift = 1e-12;  // of the diagonal, where the factorisation fails
 constexpr double kFeasible = 1e-3;    // residual, scaled, from which on a problem may be infeasible
 constexpr double kAbsurdSpeed = 1e3;  // times the velocities at hand
 
@@ -35,7 +38,8 @@ void BandCorrection(ConeKind kind, double low, double high, double* v) {
 
 }  // namespace
 
-// s pushed inside its cones by one unit, z the unit elements: both are of order one in scaled units.
+// s pushed inside its cones by one unit, z the unit elements: both are of order one in scaled units, or of that of the
+// velocities where contacts slide much faster than they approach.
 void LocalInteriorPoint::Load(const ScaledLocalProblem& problem, Cone cone, const Eigen::VectorXd& offset) {
   a_ = &problem.factor;
   offset_ = offset;
@@ -50,15 +54,16 @@ void LocalInteriorPoint::Load(const ScaledLocalProblem& problem, Cone cone, cons
   for (Eigen::VectorXd* x : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_}) x->setZero(num_rows_);
   eta_.assign(rows_.size(), 1.0);
   double unit[kMaxRows];
+  const double size = std::max(1.0, offset_.norm() / std::sqrt(static_cast<double>(rows_.size())));
   for (size_t c = 0; c < rows_.size(); ++c) {
     const ConeKind kind = rows_[c].cone.kind;
     double* s = &s_[rows_[c].first];
     MapToRows(rows_[c].cone, offset_.segment<3>(3 * c), s);
     Identity(kind, unit);
-    const double push = 1 + std::max(0.0, -MinEigenvalue(kind, s));
+    const double push = size + std::max(0.0, -MinEigenvalue(kind, s));
     for (int i = 0; i < NumRows(kind); ++i) {
       s[i] += push * unit[i];
-      z_[rows_[c].first + i] = unit[i] / Degree(kind);
+      z_[rows_[c].first + i] = size * unit[i] / Degree(kind);
     }
   }
 }
@@ -94,12 +99,14 @@ LocalInteriorPoint::Result LocalInteriorPoint::Solve(const ScaledLocalProblem& p
       best_z = z_;
       result.gap = per_contact, result.residual = residual;
     }
-    if (per_contact < kLeastGap || stalled >= kPatience || result.iterations >= max_iterations) break;
+    if (per_contact < kLeastGap || stalled >= (best_merit < kGood ? kShortPatience : kPatience) ||
+        result.iterations >= max_iterations)
+      break;
     if (!Factorise()) break;
     const double mu = gap / degree_;
     target_ = -lambda_;
     ComputeDirection(1);
-    const double sigma = std::pow(1 - LongestStep(1), 3);
+    const double sigma = std::max(kLeastSigma, std::pow(1 - LongestStep(1), 3));
     AimAt(sigma * mu);
     ComputeDirection(1 - sigma);
     double step = std::min(1.0, kStepShare * LongestStep(2));
@@ -131,6 +138,11 @@ bool LocalInteriorPoint::Factorise() {
   system_.setIdentity(a_->cols(), a_->cols());
   system_.triangularView<Eigen::Lower>() += a_->transpose() * weighted_;
   factors_.compute(system_);
+  for (double shift = kFirstShift; factors_.info() != Eigen::Success && shift <= kLastShift; shift *= 10) {
+    system_.diagonal().array() +=
+        shift * system_.diagonal().maxCoeff();  // the rounding of large entries hides the unit matrix
+    factors_.compute(system_);
+  }
   return factors_.info() == Eigen::Success;
 }
 

@@ -59,10 +59,12 @@ void SolveAndJudge(const FclibProblem& original, const SolveOptions& options, Re
     result->verdict = verdict;
     result->method = sparse ? "sparse" : "dense";
   };
-  const bool rigid = result->problem.rigid.has_value();
-  if (rigid) attempt(true);
-  const bool dense = !rigid || !Solved(result->verdict, options.tolerance);
-  if (dense && FitsDense(result->problem)) attempt(false);
+  // On the octagon the rounds of exact Coulomb friction are those of the dense way: it measures whether its slips are its own.
+  const bool fits = FitsDense(result->problem);
+  const bool sparse =
+      result->problem.rigid && !(fits && law.model == qp::Model::kCoulomb && law.cone == qp::Cone::kOctagon);
+  if (sparse) attempt(true);
+  if (fits && !(sparse && Solved(result->verdict, options.tolerance))) attempt(false);
   if (result->method.empty())
     throw FclibError(fmt::format("{}: {} contacts are too many for a dense matrix", result->file,
                                  result->problem.file.num_contacts()));
