@@ -399,10 +399,12 @@ void RegisterAll() {
   for (const auto& file : files)
     add(
         file.stem().string(), [file] { return ReadLargestIsland(file); }, 41);
-  for (const auto [x, y, z] :
-       {std::array{2, 1, 1}, {2, 2, 1}, {5, 2, 1}, {3, 2, 2}, {4, 4, 3}, {6, 6, 6}, {10, 10, 10}}) {
+  constexpr std::array<std::array<int, 3>, 7> kPiles{
+      {{2, 1, 1}, {2, 2, 1}, {5, 2, 1}, {3, 2, 2}, {4, 4, 3}, {6, 6, 6}, {10, 10, 10}}};
+  for (const std::array<int, 3>& pile : kPiles) {
     add(
-        "pile_" + std::to_string(x * y * z), [=] { return MakePile(x, y, z); }, 41);
+        "pile_" + std::to_string(pile[0] * pile[1] * pile[2]), [pile] { return MakePile(pile[0], pile[1], pile[2]); },
+        41);
   }
 }
 
