@@ -16,8 +16,7 @@ constexpr double kCorrectorReach = 0.3, kCorrectorGain = 0.1;
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band
 constexpr int kRefinements = 2;
 constexpr double kFirstShift = 1e-15, kLastShift = 1e-12;  // of the diagonal, where the factorisation fails
-constexpr double kFeasible = 1e-3;    // residual, scaled, from which on a problem may be infeasible
-constexpr double kAbsurdSpeed = 1e3;  // times the velocities at hand
+constexpr double kAbsurdSpeed = 1e3;                       // times the velocities at hand
 
 // Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
 void BandCorrection(ConeKind kind, double low, double high, double* v) {
@@ -102,7 +101,8 @@ LocalInteriorPoint::Result LocalInteriorPoint::Solve(const ScaledLocalProblem& p
     if (per_contact < kLeastGap || stalled >= (best_merit < kGood ? kShortPatience : kPatience) ||
         result.iterations >= max_iterations)
       break;
-    if (!Factorise()) break;
+    result.infeasible = ProveInfeasible();
+    if (result.infeasible || !Factorise()) break;
     const double mu = gap / degree_;
     target_ = -lambda_;
     ComputeDirection(1);
@@ -116,7 +116,6 @@ LocalInteriorPoint::Result LocalInteriorPoint::Solve(const ScaledLocalProblem& p
     Advance(step);
   }
   *impulses = Impulses(best_z);
-  result.infeasible = result.residual > kFeasible && ProveInfeasible();
   return result;
 }
 
