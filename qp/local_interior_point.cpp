@@ -40,6 +40,7 @@ void BandCorrection(ConeKind kind, double low, double high, double* v) {
 // s pushed inside its cones by one unit, z the unit elements: both are of order one in scaled units, or of that of the
 // velocities where contacts slide much faster than they approach.
 void LocalInteriorPoint::Load(const ScaledLocalProblem& problem, Cone cone, const Eigen::VectorXd& offset) {
+  gram_.Prepare(problem);
   a_ = &problem.factor;
   offset_ = offset;
   rows_.clear();
@@ -127,15 +128,15 @@ bool LocalInteriorPoint::ProveInfeasible() const {
 }
 
 bool LocalInteriorPoint::Factorise() {
-  weighted_.resize(a_->rows(), a_->cols());
+  weights_.resize(rows_.size());
   for (size_t c = 0; c < rows_.size(); ++c) {
     Scaling scaling = ScalingOf(c);
     if (!UpdateScaling(rows_[c].cone.kind, &s_[rows_[c].first], &z_[rows_[c].first], &scaling)) return false;
     eta_[c] = scaling.eta;
-    weighted_.middleRows<3>(3 * c).noalias() = ScalingBlock(rows_[c].cone, scaling) * a_->middleRows<3>(3 * c);
+    weights_[c] = ScalingBlock(rows_[c].cone, scaling);
   }
   system_.setIdentity(a_->cols(), a_->cols());
-  system_.triangularView<Eigen::Lower>() += a_->transpose() * weighted_;
+  gram_.Add(weights_, true, &system_);
   factors_.compute(system_);
   for (double shift = kFirstShift; factors_.info() != Eigen::Success && shift <= kLastShift; shift *= 10) {
     system_.diagonal().array() +=

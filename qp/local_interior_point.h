@@ -13,6 +13,7 @@
 #include <Eigen/Cholesky>
 
 #include "qp/cone.h"
+#include "qp/local_gram.h"
 #include "qp/local_problem.h"
 
 namespace islet::qp {
@@ -52,7 +53,9 @@ class LocalInteriorPoint {
   std::vector<double> eta_;
   Eigen::VectorXd primal_, dual_;          // s - T (A v + c); v - A^T j
   Eigen::VectorXd target_, dv_, ds_, dz_;  // direction; all but dv in scaled space
-  Eigen::MatrixXd weighted_, system_;      // D A; S
+  LocalGram gram_;
+  std::vector<Matrix3> weights_;  // D per contact
+  Eigen::MatrixXd system_;        // S
   Eigen::LLT<Eigen::MatrixXd> factors_;
 };
 

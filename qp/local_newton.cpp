@@ -76,19 +76,11 @@ double LocalNewton::Residual(const Eigen::VectorXd& v) {
 
 // I + t A^T G A, without the contacts that do not press.
 void LocalNewton::Factorise() {
-  const Eigen::MatrixXd& a = problem_->factor;
-  pressing_.resize(a.rows(), a.cols());
-  weighted_.resize(a.rows(), a.cols());
-  int rows = 0;
-  for (int c = 0; c < problem_->num_contacts(); ++c) {
-    const Matrix3 slope = LawSlope(model_, pulls_.segment<3>(3 * c), problem_->friction[c]);
-    if (slope.isZero(0)) continue;
-    pressing_.middleRows<3>(rows) = a.middleRows<3>(3 * c);
-    weighted_.middleRows<3>(rows).noalias() = stiffness_ * slope * a.middleRows<3>(3 * c);
-    rows += 3;
-  }
-  system_.setIdentity(a.cols(), a.cols());
-  system_.noalias() += pressing_.topRows(rows).transpose() * weighted_.topRows(rows);
+  weights_.resize(problem_->num_contacts());
+  for (int c = 0; c < problem_->num_contacts(); ++c)
+    weights_[c] = stiffness_ * LawSlope(model_, pulls_.segment<3>(3 * c), problem_->friction[c]);
+  system_.setIdentity(problem_->factor.cols(), problem_->factor.cols());
+  gram_.Add(weights_, false, &system_);
   factors_.compute(system_);
 }
 
@@ -117,6 +109,7 @@ bool LocalNewton::Step(int most, int* factorisations) {
 // Steps that were easy make the springs stiffer, those that failed softer.
 int LocalNewton::Polish(const ScaledLocalProblem& problem, Model model, double goal, int max_factorisations,
                         Eigen::VectorXd* impulses) {
+  gram_.Prepare(problem);
   problem_ = &problem;
   model_ = model;
   stiffness_ = kFirstStiffness;

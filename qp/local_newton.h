@@ -12,6 +12,7 @@
 
 #include <Eigen/LU>
 
+#include "qp/local_gram.h"
 #include "qp/local_problem.h"
 #include "qp/settings.h"
 
@@ -33,7 +34,9 @@ class LocalNewton {
   double stiffness_ = 1;
   Eigen::VectorXd centre_, velocity_;  // j_k - t q is split: j_k, and q with what A misses of W
   Eigen::VectorXd impulses_, residual_, pulls_;
-  Eigen::MatrixXd pressing_, weighted_, system_;
+  LocalGram gram_;
+  std::vector<Matrix3> weights_;  // t G per contact
+  Eigen::MatrixXd system_;
   Eigen::PartialPivLU<Eigen::MatrixXd> factors_;
 };
 
