@@ -101,7 +101,8 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   RecallHolding();
 }
 
-// Contacts at which nothing moves keep the impulses that held in the frame before, per second.
+// Contacts keep the impulses that held in the frame before, per second: where nothing moves as they are, elsewhere as what
+// the static problem starts from.
 void ContactSuite::Impl::RecallHolding() {
   if (previous_dt == 0) return;
   size_t p = 0;
@@ -110,7 +111,8 @@ void ContactSuite::Impl::RecallHolding() {
     while (p < previous_contacts.size() && Earlier(previous_contacts[p], contact)) ++p;
     if (p == previous_contacts.size()) return;
     if (!SameContact(previous_contacts[p], contact)) continue;
-    if (StandsStill(frame.bodies[contact.body_a]) && StandsStill(frame.bodies[contact.body_b]))
+    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
+    if (a.Moves() || b.Moves() || (StandsStill(a) && StandsStill(b)))
       frame.holding[c] = previous_holding[p] * (frame.dt / previous_dt);
     ++p;
   }

@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
+constexpr double kRestShare = 3;      // times the floor of v_ref: nothing approaches faster than a resting load would
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
@@ -85,15 +86,17 @@ bool IslandResponder::LowerRestitution(int attempt) {
   return true;
 }
 
-void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
+void IslandResponder::Solve(const Settings& settings, double v_ref, std::span<const Vector3> guess,
+                            ResponseOutcome* outcome) {
   qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  solver_settings.expect_rest = expect_rest_;
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = KineticEnergy(problem_, nullptr);
   const bool bounces =
       std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto solve = [&] {
-    solver_.Solve(problem_, solver_settings, &solution_);
+    solver_.Solve(problem_, solver_settings, &solution_, guess);
     outcome->iterations += solution_.iterations;
     outcome->rounds = std::max(outcome->rounds, solution_.rounds);
     outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
@@ -150,7 +153,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (free_[c] < -threshold)
       problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
-  Solve(settings, v_ref, &outcome);
+  expect_rest_ = false;
+  Solve(settings, v_ref, {}, &outcome);
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
@@ -160,6 +164,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                                                const Settings& settings, double speed_floor, double dt,
                                                std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
+  guess_.clear();
+  for (const int contact : island.contacts) guess_.push_back(impulses[contact]);
   for (const int contact : island.contacts) impulses[contact].setZero();
   if (island.contacts.empty()) return outcome;
   const Stopwatch watch;
@@ -176,7 +182,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const bool rubs = settings.model != Model::kCoulomb && std::any_of(problem_.contacts.begin(), problem_.contacts.end(),
                                                                      [](const auto& c) { return c.friction > 0; });
   if (fastest <= 1e-12 * v_ref && !rubs) return outcome;
-  Solve(settings, v_ref, &outcome);
+  expect_rest_ = v_ref <= kRestShare * speed_floor;
+  Solve(settings, v_ref, guess_, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

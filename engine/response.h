@@ -39,7 +39,8 @@ struct ResponseOutcome {
 class IslandResponder {
  public:
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
-  // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten.
+  // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. The static problem takes those that
+  // it finds there for a guess.
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                     double speed_floor, double threshold, std::span<Body> bodies,
                                     std::span<Vector3> impulses);
@@ -55,7 +56,7 @@ class IslandResponder {
                                  std::span<Vector3> impulses);
 
  private:
-  void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
+  void Solve(const Settings& settings, double v_ref, std::span<const Vector3> guess, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
@@ -67,6 +68,8 @@ class IslandResponder {
   qp::GaussSeidel sweeps_;
   std::vector<double> free_;   // contact velocities before
   std::vector<int> touching_;  // contacts of the collision problem
+  std::vector<Vector3> guess_;
+  bool expect_rest_ = false;
 };
 
 }  // namespace islet

@@ -32,6 +32,8 @@ class IslandSolver {
 
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
+  bool StartFrom(const Problem& problem, std::span<const Vector3> start);
+  double SweepFrom(const Problem& problem, const Settings& settings, const Solution& convex);
   double Search(const Problem& problem, const Settings& settings, bool cold);
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution);
@@ -43,6 +45,8 @@ class IslandSolver {
   Solution trial_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;
+  std::vector<Vector3> best_impulses_;
+  std::vector<double> best_velocities_;
   std::vector<double> slips_;
 };
 

@@ -24,6 +24,7 @@ struct Settings {
   int max_iterations = 100;         // of one interior-point solve
   int coulomb_rounds = 3;           // cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
+  bool expect_rest = false;         // hardly anything slides, the caller thinks; decides about speed alone
   double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
   // more, the solve stops as infeasible. Infinity: a million times the energy at hand.

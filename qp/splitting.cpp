@@ -25,10 +25,9 @@ void ForRanges(int count, int size, const Function& f) {
 
 }  // namespace
 
-void Splitting::Start(const Problem& problem, double velocity_scale, KktSystem* kkt) {
+void Splitting::Start(const Problem& problem, KktSystem* kkt) {
   problem_ = &problem;
   kkt_ = kkt;
-  velocity_scale_ = velocity_scale;
   kkt->Prepare(problem, 1);
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   inertia_.resize(nc);
@@ -52,11 +51,12 @@ void Splitting::Start(const Problem& problem, double velocity_scale, KktSystem* 
   place_start_.push_back(static_cast<int>(places_.size()));
 }
 
-void Splitting::Run(int iterations, Metric metric, std::vector<Vector3>* impulses, std::vector<double>* velocities) {
+void Splitting::Run(int iterations, Metric metric, double doubt, std::vector<Vector3>* impulses,
+                    std::vector<double>* velocities) {
   const Problem& problem = *problem_;
   for (int c = 0; c < problem.num_contacts(); ++c)
     velocities_[c] = ContactVelocity(problem.contacts[c], velocities->data());
-  ChooseMetric(metric, *impulses);
+  ChooseMetric(metric, doubt, *impulses);
   kkt_->Factorise(problem, blocks_, no_bounces_);
   for (int i = 0; i < iterations; ++i) {
     SolveBodies(*impulses);
@@ -68,16 +68,16 @@ void Splitting::Run(int iterations, Metric metric, std::vector<Vector3>* impulse
     ApplyImpulse(problem, problem.contacts[c], (*impulses)[c], velocities->data());
 }
 
-// j over w, both softened by the velocity scale: the weights of a contact of which nothing is known are its own inertia.
-void Splitting::ChooseMetric(Metric metric, const std::vector<Vector3>& impulses) {
+// j over w, both softened by the doubt: the weights of a contact of which nothing is known are its own inertia.
+void Splitting::ChooseMetric(Metric metric, double doubt, const std::vector<Vector3>& impulses) {
   for (int c = 0; c < problem_->num_contacts(); ++c) {
     const ContactTerm& contact = problem_->contacts[c];
-    const double soft_velocity = velocity_scale_, soft_impulse = velocity_scale_ * inertia_[c];
+    const double soft_impulse = doubt * inertia_[c];
     double normal = kUniformWeight * inertia_[c], tangent = normal;
     if (metric == Metric::kAdapted) {
       const Vector3 &j = impulses[c], &w = velocities_[c];
-      normal = (std::max(0.0, j[0]) + soft_impulse) / (std::max(0.0, w[0] - contact.target) + soft_velocity);
-      tangent = (TangentSize(j) + soft_impulse) / (TangentSize(w) + soft_velocity);
+      normal = (std::max(0.0, j[0]) + soft_impulse) / (std::max(0.0, w[0] - contact.target) + doubt);
+      tangent = (TangentSize(j) + soft_impulse) / (TangentSize(w) + doubt);
     }
     const double least = kLeastWeight * inertia_[c], most = kMostWeight * inertia_[c];
     weights_[c] = {std::clamp(normal, least, most), contact.friction > 0 ? std::clamp(tangent, least, most) : 0};

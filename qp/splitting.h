@@ -26,13 +26,13 @@ class Splitting {
     kAdapted,  // from the impulses and velocities at hand
   };
 
-  // kkt: factorised here with one field; nobody else may use it until the last Run. velocity_scale > 0 [velocity]. Both
-  // problem and kkt must outlive the last Run.
-  void Start(const Problem& problem, double velocity_scale, KktSystem* kkt);
+  // kkt: factorised here with one field; nobody else may use it until the last Run. Both must outlive the last Run.
+  void Start(const Problem& problem, KktSystem* kkt);
 
   // Iterates from the given impulses and velocities (M (v - v0) = J^T j), which hold the same relation afterwards; the
-  // impulses lie in their cones. One factorisation.
-  void Run(int iterations, Metric metric, std::vector<Vector3>* impulses, std::vector<double>* velocities);
+  // impulses lie in their cones. One factorisation. doubt: [velocity] > 0, about the error of the velocities at hand; the
+  // adapted metric trusts them no more than that. Too little doubt may lead astray, too much makes slow.
+  void Run(int iterations, Metric metric, double doubt, std::vector<Vector3>* impulses, std::vector<double>* velocities);
 
  private:
   struct Place {  // a contact as a body sees it
@@ -42,13 +42,12 @@ class Splitting {
   struct Weight {
     double normal, tangent;  // of D
   };
-  void ChooseMetric(Metric metric, const std::vector<Vector3>& impulses);
+  void ChooseMetric(Metric metric, double doubt, const std::vector<Vector3>& impulses);
   void SolveBodies(const std::vector<Vector3>& impulses);
   void SolveContacts(std::vector<Vector3>* impulses);
 
   const Problem* problem_ = nullptr;
   KktSystem* kkt_ = nullptr;
-  double velocity_scale_ = 1;
   std::vector<double> inertia_;      // per contact: 3 / tr W_cc
   std::vector<Weight> weights_;      // per contact
   std::vector<Matrix3> blocks_;      // D per contact, as kkt takes it
