@@ -214,7 +214,7 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   worker->sweeps.Prepare(problem);
-  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities) <
+  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities, qp::Pace::kMomentum) <
       kMaxSweeps)
     return true;
   qp::Settings settings;
