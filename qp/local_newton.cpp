@@ -11,7 +11,7 @@ constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
 constexpr int kEasy = 3, kFair = 6;    // Newton steps of a proximal step that may become stiffer, or a little stiffer
 constexpr int kMaxInner = 25;          // Newton steps of one proximal step
 constexpr double kInnerShare = 1e-14;  // of the velocities: residual of a proximal step that is as good as none
-constexpr int kPatience = 8;           // proximal steps without a better answer
+constexpr int kPatience = 20;  // proximal steps without a better answer: on the way to it the map may rise for a while
 constexpr int kMaxHalvings = 8;
 constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
 

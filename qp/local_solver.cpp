@@ -9,9 +9,10 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kSweeps = 100;                  // between two interior-point solves
-constexpr int kNewtonSteps = 60;              // between two interior-point solves
-constexpr double kGoalShare = 0.5;            // of the tolerance: so that nobody who measures otherwise finds it missed
+constexpr int kSweeps = 100;        // between two interior-point solves
+constexpr int kNewtonSteps = 150;   // between two interior-point solves
+constexpr double kPaid = 0.5;       // what a round must have made of the best map to have its answer followed up
+constexpr double kGoalShare = 0.5;  // of the tolerance: so that nobody who measures otherwise finds it missed
 constexpr double kSofteningOfBlocks = 1e-12;  // scaled: blocks W_cc may be singular
 
 // De Saxce's term: mu |u_t|; for the octagon the support function of its base, which is largest at an edge.
@@ -126,7 +127,8 @@ void LocalSolver::SolveCoulomb(const ScaledLocalProblem& problem, const Settings
   Eigen::VectorXd offset = problem.velocity, impulses;
   const Sweeper sweeper(problem);
   LocalMap best{INFINITY, INFINITY};
-  bool infeasible = false;  // without slips; with them sliding contacts need not open
+  double best_before = INFINITY;  // of the rounds but the last
+  bool infeasible = false;        // without slips; with them sliding contacts need not open
   const auto keep = [&](const Eigen::VectorXd& j) {
     const LocalMap map = NaturalMapOf(problem, Model::kCoulomb, j);
     if (map.rms < best.rms) best = map, solution->impulses = j;
@@ -144,6 +146,9 @@ void LocalSolver::SolveCoulomb(const ScaledLocalProblem& problem, const Settings
     const LocalMap swept = keep(start);
     if (best.Meets(goal)) break;
     if (inner.rms < swept.rms) start = impulses;
+    // The best so far, unless it has been tried in vain.
+    if (best.rms < std::min(inner.rms, swept.rms) && best.rms < kPaid * best_before) start = solution->impulses;
+    best_before = best.rms;
     solution->iterations += newton_.Polish(problem, Model::kCoulomb, goal, kNewtonSteps, &start);
     keep(start);
     if (best.Meets(goal)) break;
