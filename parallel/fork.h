@@ -7,6 +7,7 @@
 //   threads: from any task; forks may be nested; no allocation
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <type_traits>
@@ -37,6 +38,12 @@ void Fork(int num_pieces, PieceRef piece);
 template <typename First, typename Second>
 void ForkTwo(const First& first, const Second& second) {
   Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
+}
+
+// run(first, last) for consecutive ranges of `size` numbers that cover 0 .. count-1; the ranges depend on these two alone.
+template <typename Run>
+void ForkRanges(int count, int size, const Run& run) {
+  Fork((count + size - 1) / size, [&](int piece) { run(piece * size, std::min(count, (piece + 1) * size)); });
 }
 
 // The workers of one call of WorkerPool::ForEach. Used by WorkerPool alone.

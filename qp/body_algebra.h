@@ -9,6 +9,10 @@
 
 namespace islet::qp {
 
+// Ranges in which idle workers take up loops: big enough that handing one over costs nothing beside it.
+inline constexpr int kRowsPerPiece = 512;
+inline constexpr int kBodiesPerPiece = 256;
+
 using Velocity = Eigen::Map<Vector6>;
 using ConstVelocity = Eigen::Map<const Vector6>;
 

@@ -59,3 +59,5 @@ double MaxStep(ConeKind kind, const double* lambda, const double* direction, dou
 double MinEigenvalue(ConeKind kind, const double* a);
 
 }  // namespace islet::qp
+
+#include "qp/cone_algebra.h"  // what is inline

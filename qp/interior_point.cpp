@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "parallel/fork.h"
 #include "qp/body_algebra.h"
 
 namespace islet::qp {
@@ -99,6 +100,7 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
               0.0, 0.0});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1);
+  incidence_.Build(scaled_);
   for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &best_z_}) v->assign(num_rows_, 0.0);
   eta_.assign(rows_.size(), 1.0);
   softening_.resize(rows_.size());
@@ -166,15 +168,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double least = kLeastShare * aim * energy_scale_ / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
-    double unit[kMaxRows], product[kMaxRows];
-    for (const Rows& rows : rows_) {
-      const int d = NumRows(rows.cone.kind);
-      JordanProduct(rows.cone.kind, &ds_[rows.first], &dz_[rows.first], product);
-      Identity(rows.cone.kind, unit);
-      for (int i = 0; i < d; ++i) product[i] = goal * unit[i] - product[i];
-      JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
-      for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
-    }
+    AimAt(goal);
     ComputeDirection(weight, refine_);
     double step = std::min(1.0, kStepShare * LongestStep(2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
@@ -215,18 +209,21 @@ double InteriorPoint::LeastEnergy() {
 bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
   saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
-  double a[kMaxRows], b[kMaxRows];
-  for (const Rows& rows : rows_) {
-    const int d = NumRows(rows.cone.kind);
-    for (int i = 0; i < d; ++i) {
-      a[i] = lambda_[rows.first + i] + reach * ds_[rows.first + i];
-      b[i] = lambda_[rows.first + i] + reach * dz_[rows.first + i];
+  parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
+    double a[kMaxRows], b[kMaxRows];
+    for (int r = first; r < last; ++r) {
+      const Rows& rows = rows_[r];
+      const int d = NumRows(rows.cone.kind);
+      for (int i = 0; i < d; ++i) {
+        a[i] = lambda_[rows.first + i] + reach * ds_[rows.first + i];
+        b[i] = lambda_[rows.first + i] + reach * dz_[rows.first + i];
+      }
+      JordanProduct(rows.cone.kind, a, b, a);
+      BandCorrection(rows.cone.kind, kProductLow * aim, kProductHigh * aim, a);
+      JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
+      for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
     }
-    JordanProduct(rows.cone.kind, a, b, a);
-    BandCorrection(rows.cone.kind, kProductLow * aim, kProductHigh * aim, a);
-    JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
-    for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
-  }
+  });
   ComputeDirection(weight, refine_);
   const double longer = std::min(1.0, kStepShare * LongestStep(2));
   if (longer >= *step + kCorrectorGain * (reach - *step)) {

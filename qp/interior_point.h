@@ -5,13 +5,14 @@
 //   second unknown p and a second row per contact appear (kkt.h).
 //
 // Works in units of its own: velocity in settings.velocity_scale, mass in the mean mass. Cold start.
-//   threads: one caller at a time; allocates only while problems grow
+//   threads: one caller at a time, idle workers help with its loops; allocates only while problems grow
 #pragma once
 
 #include <span>
 #include <vector>
 
 #include "qp/cone.h"
+#include "qp/incidence.h"
 #include "qp/kkt.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
@@ -28,9 +29,6 @@ class InteriorPoint {
   // a jam do no harm. The solution's slips are those that its answer satisfies.
   void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution,
              std::span<const Vector3> near = {});
-
-  // The matrix of the last solve, for others to use in between.
-  KktSystem& kkt() { return kkt_; }
 
  private:
   // What one contact contributes: first row in s_ and z_, its cone, and the constant part of its velocity.
@@ -61,7 +59,8 @@ class InteriorPoint {
   void CompleteDirection(double weight);
   double DirectionError(double weight);
   double MassNorm(const std::vector<double>& momentum) const;
-  double LongestStep(double limit) const;
+  double LongestStep(double limit);
+  void AimAt(double goal);
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
@@ -71,6 +70,7 @@ class InteriorPoint {
   Scaling ScalingOf(size_t r) { return {point_.data() + rows_[r].first, lambda_.data() + rows_[r].first, eta_[r]}; }
 
   Problem scaled_;
+  Incidence incidence_;
   KktSystem kkt_;
   std::vector<Rows> rows_;
   int num_rows_ = 0, degree_ = 0;
@@ -83,6 +83,8 @@ class InteriorPoint {
   std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_, best_y_;
   std::vector<double> error_;       // of the direction, in the momentum balance
   std::vector<Vector3> constants_;  // per Rows: part of dj that dy does not change
+  std::vector<Vector3> forces_;     // per field and contact
+  std::vector<double> partial_;     // per range of rows
   bool refine_ = false;
   double refine_to_ = 0;               // error of a direction that is small enough
   std::vector<double> softness_;       // per contact, in the caller's units: what its slip gives way per impulse

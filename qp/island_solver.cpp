@@ -7,21 +7,14 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kFastGain = 0.3;         // of the natural map, for the splitting to trust its velocities more
-constexpr double kLeastDoubt = 1e-3;      // of the velocity scale
 constexpr double kAcceptShare = 0.7;     // of the tolerance: what sweeps must reach to be taken as the answer
 constexpr double kSmallAim = 1e-15;       // of the gap, where iterations cost microseconds
 constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;          // bodies
-constexpr int kSweeps = 100;              // between two interior-point solves
-constexpr int kFirstSplittings = 10;      // big islands, from nothing: with a metric that knows nothing
-constexpr int kSplittings = 20;           // with an adapted metric, per factorisation
-constexpr int kSweepsBetween = 10;        // sweeps before each factorisation of the splitting
-constexpr int kMaxSweepBlocks = 3;
-constexpr int kMaxBlocks = 8;             // of sweeps and splitting, per round
+constexpr int kSweeps = 100;              // a block; on small islands, between two interior-point solves
+constexpr int kMaxBlocks = 10;            // of sweeps
 constexpr double kGuessShare = 0.5;       // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
-constexpr double kRoundGain = 0.3;        // of the natural map, for another round
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
 double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2] * u[2]); }
@@ -228,50 +221,20 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
 }
 
-// Improves swept_impulses_ and swept_velocities_ by sweeps and splitting in turn, as long as that pays. While it goes well
-// the splitting may trust the velocities more and more. Returns the natural map reached, rms.
-double IslandSolver::Search(const Problem& problem, const Settings& settings, bool cold) {
+// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays.
+void IslandSolver::Search(const Problem& problem, const Settings& settings) {
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  double doubt = settings.velocity_scale;
-  splitting_.Start(problem, &interior_point_.kkt());
-  if (cold) {
-    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-    splitting_.Run(kFirstSplittings, Splitting::Metric::kUniform, doubt, &swept_impulses_, &swept_velocities_);
-  }
   NaturalMap best = CoulombMap(problem, swept_velocities_, swept_impulses_);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
-  int wasted = 0;
-  for (int block = 0; block < kMaxBlocks && wasted < 2 && best.max > kAcceptShare * goal; ++block) {
-    gauss_seidel_.Sweep(problem, kSweepsBetween, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-    splitting_.Run(kSplittings, Splitting::Metric::kAdapted, doubt, &swept_impulses_, &swept_velocities_);
+  for (int block = 0, wasted = 0; block < kMaxBlocks && wasted < 2 && best.max > kAcceptShare * goal; ++block) {
+    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
     const NaturalMap now = CoulombMap(problem, swept_velocities_, swept_impulses_);
     wasted = now.rms < kBlockGain * best.rms ? 0 : wasted + 1;
-    if (now.rms < best.rms) {
-      doubt = std::max(now.rms < kFastGain * best.rms ? 0.1 * doubt : doubt, kLeastDoubt * settings.velocity_scale);
-      best = now;
-      best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
-    } else {
-      doubt = std::min(10 * doubt, settings.velocity_scale);
-      swept_impulses_ = best_impulses_, swept_velocities_ = best_velocities_;
-    }
+    if (now.rms >= best.rms) continue;
+    best = now;
+    best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
-  return best.rms;
-}
-
-// Where hardly anything slides the convex problem without slips is all but the answer, and sweeps alone find the rest.
-double IslandSolver::SweepFrom(const Problem& problem, const Settings& settings, const Solution& convex) {
-  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  swept_impulses_ = convex.impulses;
-  swept_velocities_ = convex.velocities;
-  NaturalMap map{INFINITY, INFINITY};
-  for (int block = 0; block < kMaxSweepBlocks && map.max > kAcceptShare * goal; ++block) {
-    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-    const NaturalMap now = CoulombMap(problem, swept_velocities_, swept_impulses_);
-    if (now.rms > kBlockGain * map.rms) break;
-    map = now;
-  }
-  return map.rms;
 }
 
 // Takes over impulses from the caller, or none if those are no better. True if they were.
@@ -290,38 +253,30 @@ bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> st
   return false;
 }
 
-// The convex problem with the slips that the search found is solved to the tolerance, so that all but the slips is exact.
+// Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
+// the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
+// convex problem with the slips found is solved to the tolerance, so that all but those slips is exact.
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
-  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
   gauss_seidel_.Prepare(problem);
-  const bool cold = !StartFrom(problem, start);
-  double best = INFINITY;
+  StartFrom(problem, start);
   int iterations = 0;
-  for (int round = 1; round <= settings.coulomb_rounds; ++round) {
-    double searched = INFINITY;
-    if (round == 1 && settings.expect_rest) {
-      interior_point_.Solve(problem, settings, slips_, &trial_);
-      iterations += trial_.iterations;
-      if (Usable(trial_.status)) searched = SweepFrom(problem, settings, trial_);
-    }
-    if (!std::isfinite(searched)) searched = Search(problem, settings, round == 1 && cold);
-    UpdateSlips(problem, Cone::kCircular);
-    if (AcceptSweeps(problem, settings, solution)) break;
-    interior_point_.Solve(problem, settings, slips_, &trial_, swept_impulses_);
+  if (settings.expect_rest) {
+    interior_point_.Solve(problem, settings, slips_, &trial_);
     iterations += trial_.iterations;
-    trial_.rounds = round;
-    const double map = Usable(trial_.status) ? CoulombMap(problem, trial_.velocities, trial_.impulses).rms : INFINITY;
-    const bool pays = map < kRoundGain * std::min(best, searched);
-    if (map < best || round == 1) *solution = trial_;
-    best = std::min(best, map);
-    if (!pays || best <= goal) break;
-    swept_impulses_ = trial_.impulses;
-    swept_velocities_ = trial_.velocities;
+    if (Usable(trial_.status)) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+  }
+  Search(problem, settings);
+  if (!AcceptSweeps(problem, settings, solution)) {
+    UpdateSlips(problem, Cone::kCircular);
+    interior_point_.Solve(problem, settings, slips_, solution, swept_impulses_);
+    iterations += solution->iterations;
+    solution->rounds = 1;
   }
   solution->iterations = iterations;
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal;
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <=
+                              settings.coulomb_tolerance * settings.velocity_scale;
 }
 
 }  // namespace islet::qp

@@ -2,9 +2,9 @@
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   kinetic, convex       one interior-point solve; coulomb too where no contact has friction
-//   coulomb               rounds of two: a search for the slips s = mu |u_t|, by Gauss-Seidel sweeps and, on big islands,
-//                         operator splitting; then the convex problem with these slips by the interior point, until the
-//                         natural map of exact Coulomb is below the tolerance or no round helps [DS91, ACLM11]
+//   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
+//                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
+//                         point [DS91, ACLM11]
 //
 //   threads: one solver per worker
 #pragma once
@@ -17,7 +17,6 @@
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
-#include "qp/splitting.h"
 
 namespace islet::qp {
 
@@ -33,15 +32,13 @@ class IslandSolver {
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
   bool StartFrom(const Problem& problem, std::span<const Vector3> start);
-  double SweepFrom(const Problem& problem, const Settings& settings, const Solution& convex);
-  double Search(const Problem& problem, const Settings& settings, bool cold);
+  void Search(const Problem& problem, const Settings& settings);
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
   GaussSeidel gauss_seidel_;
-  Splitting splitting_;
   Solution trial_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;

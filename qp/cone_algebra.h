@@ -1,0 +1,106 @@
+// The definitions that the loops over contacts must be able to see through; included by cone.h alone.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "qp/cone.h"
+
+namespace islet::qp {
+
+// Of the octagon, between the facets of [SM04 Eq. 8]: cosine and sine of pi/8 + k pi/4.
+extern const std::array<std::array<double, 2>, 8> kOctagonEdges;
+
+inline double Square(double x) { return x * x; }
+
+inline int NumRows(ConeKind kind) { return kind == ConeKind::kRay ? 1 : kind == ConeKind::kCircular ? 3 : 8; }
+inline int Degree(ConeKind kind) { return kind == ConeKind::kOctagon ? 8 : 1; }
+
+// (x0 - |x1|)(x0 + |x1|), with less cancellation than x0^2 - |x1|^2.
+inline double Determinant(const double* x) {
+  const double tangent = std::sqrt(Square(x[1]) + Square(x[2]));
+  return (x[0] - tangent) * (x[0] + tangent);
+}
+
+// (2 w w^T - J) of a unit hyperbolic w is the square of the arrow-shaped W; W x = [w.x; x1 + w1 (x0 + w1.x1/(1+w0))].
+inline void ApplyArrow(const double* w, double sign, const double* x, double factor, double* out) {
+  const double dot = sign * (w[1] * x[1] + w[2] * x[2]);
+  const double first = w[0] * x[0] + dot;
+  const double share = sign * (x[0] + dot / (1 + w[0]));
+  out[1] = factor * (x[1] + share * w[1]);
+  out[2] = factor * (x[2] + share * w[2]);
+  out[0] = factor * first;
+}
+
+inline void MapToRows(const ContactCone& cone, const Vector3& w, double* s) {
+  s[0] = w[0];
+  if (cone.kind == ConeKind::kCircular) {
+    s[1] = cone.friction * w[1];
+    s[2] = cone.friction * w[2];
+  } else if (cone.kind == ConeKind::kOctagon) {
+    for (int k = 0; k < 8; ++k) s[k] = w[0] + cone.friction * (kOctagonEdges[k][0] * w[1] + kOctagonEdges[k][1] * w[2]);
+  }
+}
+
+inline Vector3 MapFromRows(const ContactCone& cone, const double* z) {
+  if (cone.kind == ConeKind::kRay) return {z[0], 0, 0};
+  if (cone.kind == ConeKind::kCircular) return {z[0], cone.friction * z[1], cone.friction * z[2]};
+  Vector3 j = Vector3::Zero();
+  for (int k = 0; k < 8; ++k)
+    j += Vector3(z[k], cone.friction * kOctagonEdges[k][0] * z[k], cone.friction * kOctagonEdges[k][1] * z[k]);
+  return j;
+}
+
+inline void Identity(ConeKind kind, double* e) {
+  e[0] = 1;
+  for (int i = 1; i < NumRows(kind); ++i) e[i] = kind == ConeKind::kOctagon ? 1 : 0;
+}
+
+inline void ApplyScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out) {
+  if (kind == ConeKind::kCircular) return ApplyArrow(scaling.point, 1, x, scaling.eta, out);
+  for (int i = 0; i < NumRows(kind); ++i) out[i] = scaling.point[i] * x[i];
+}
+
+inline void ApplyInverseScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out) {
+  if (kind == ConeKind::kCircular) return ApplyArrow(scaling.point, -1, x, 1 / scaling.eta, out);
+  for (int i = 0; i < NumRows(kind); ++i) out[i] = x[i] / scaling.point[i];
+}
+
+inline void JordanProduct(ConeKind kind, const double* a, const double* b, double* out) {
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) out[i] = a[i] * b[i];
+    return;
+  }
+  const double first = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const double y = a[0] * b[1] + b[0] * a[1], z = a[0] * b[2] + b[0] * a[2];
+  out[0] = first, out[1] = y, out[2] = z;
+}
+
+inline void JordanDivide(ConeKind kind, const double* lambda, const double* b, double* out) {
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) out[i] = b[i] / lambda[i];
+    return;
+  }
+  const double first = (lambda[0] * b[0] - lambda[1] * b[1] - lambda[2] * b[2]) / Determinant(lambda);
+  const double y = (b[1] - first * lambda[1]) / lambda[0], z = (b[2] - first * lambda[2]) / lambda[0];
+  out[0] = first, out[1] = y, out[2] = z;
+}
+
+inline double MaxStep(ConeKind kind, const double* lambda, const double* direction, double limit) {
+  double inverse = 0;  // 1 / step
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) inverse = std::max(inverse, -direction[i] / lambda[i]);
+  } else {
+    // Transform lambda to the unit element; the step then follows from the smaller spectral value of the direction.
+    const double norm = std::sqrt(Determinant(lambda));
+    const double l[3] = {lambda[0] / norm, lambda[1] / norm, lambda[2] / norm};
+    const double dot = l[0] * direction[0] - l[1] * direction[1] - l[2] * direction[2];
+    const double share = (dot + direction[0]) / (1 + l[0]);
+    const double y = direction[1] - share * l[1], z = direction[2] - share * l[2];
+    inverse = std::max(0.0, (std::sqrt(y * y + z * z) - dot) / norm);
+  }
+  return inverse * limit > 1 ? 1 / inverse : limit;
+}
+
+}  // namespace islet::qp
