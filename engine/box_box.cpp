@@ -45,49 +45,77 @@ struct Pair {
   const double size, reach;
 };
 
-// False if a face's axis already shows that the boxes are out of reach.
-bool BestFace(const Pair& pair, Axis* best) {
+// What one axis says. distance: [m] between the centres along it; its sign is that of the way from a to b.
+struct Separation {
+  double distance, value;  // [m]
+};
+
+Separation AlongFace(const Pair& pair, int k) {
+  const bool of_a = k < 3;
+  const int i = of_a ? k : k - 3;
+  const double distance = of_a ? pair.t[i] : pair.R.col(i).dot(pair.t);
+  const double extent = of_a ? pair.half_a[i] + pair.absolute_R.row(i).dot(pair.half_b)
+                             : pair.half_b[i] + pair.absolute_R.col(i).dot(pair.half_a);
+  return {distance, std::abs(distance) - extent};
+}
+
+// a_i x b_j seen from a has the components 0, -R(i2, j), R(i1, j). length: of that, at least kParallel.
+constexpr double kParallel = 1e-6;
+double EdgeLength(const Pair& pair, int i, int j) {
+  const double p = pair.R((i + 1) % 3, j), q = pair.R((i + 2) % 3, j);
+  return std::sqrt(p * p + q * q);
+}
+
+Separation AlongEdges(const Pair& pair, int i, int j, double length) {
+  const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+  const double distance = pair.t[i2] * pair.R(i1, j) - pair.t[i1] * pair.R(i2, j);
+  const double extent = pair.half_a[i1] * pair.absolute_R(i2, j) + pair.half_a[i2] * pair.absolute_R(i1, j) +
+                        pair.half_b[j1] * pair.absolute_R(i, j2) + pair.half_b[j2] * pair.absolute_R(i, j1);
+  return {distance, (std::abs(distance) - extent) / length};
+}
+
+// Axes by number: faces 0 to 5, edge pairs 6 + 3 i + j. The same arithmetic as the search below, so that a good guess and
+// a bad one give the same answer.
+bool Separates(const Pair& pair, int axis) {
+  if (axis < 6) return AlongFace(pair, axis).value > pair.reach;
+  const int i = (axis - 6) / 3, j = (axis - 6) % 3;
+  const double length = EdgeLength(pair, i, j);
+  return length >= kParallel && AlongEdges(pair, i, j, length).value > pair.reach;
+}
+
+// Both return the axis that shows that the boxes are out of reach, or -1.
+int BestFace(const Pair& pair, Axis* best) {
   for (int k = 0; k < 6; ++k) {
-    const bool of_a = k < 3;
-    const int i = of_a ? k : k - 3;
-    const double distance = of_a ? pair.t[i] : pair.R.col(i).dot(pair.t);
-    const double extent = of_a ? pair.half_a[i] + pair.absolute_R.row(i).dot(pair.half_b)
-                               : pair.half_b[i] + pair.absolute_R.col(i).dot(pair.half_a);
-    const double separation = std::abs(distance) - extent;
-    if (separation > pair.reach) return false;
-    const double sign = distance < 0 ? -1 : 1;
-    const Vector3 column = of_a ? pair.A.col(i) : pair.B.col(i);
-    const AxisScore score = AxisScore::Of(separation, sign * column.dot(pair.travel_W), pair.size);
+    const Separation separation = AlongFace(pair, k);
+    if (separation.value > pair.reach) return k;
+    const double sign = separation.distance < 0 ? -1 : 1;
+    const auto column = k < 3 ? pair.A.col(k) : pair.B.col(k - 3);
+    const AxisScore score = AxisScore::Of(separation.value, sign * column.dot(pair.travel_W), pair.size);
     if (best->index < 0 || score.BetterThan(best->score, FaceSlack(pair.size))) {
-      *best = {score, separation, k, sign * column};
+      *best = {score, separation.value, k, sign * column};
     }
   }
-  return true;
+  return -1;
 }
 
 // The same for the nine edge pairs; best stays empty if all are nearly parallel.
-bool BestEdge(const Pair& pair, Axis* best) {
+int BestEdge(const Pair& pair, Axis* best) {
   for (int i = 0; i < 3; ++i) {
     const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     for (int j = 0; j < 3; ++j) {
-      const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-      // a_i x b_j seen from a has the components 0, -R(i2, j), R(i1, j).
-      const double length = std::sqrt(pair.R(i1, j) * pair.R(i1, j) + pair.R(i2, j) * pair.R(i2, j));
-      if (length < 1e-6) continue;
-      const double distance = pair.t[i2] * pair.R(i1, j) - pair.t[i1] * pair.R(i2, j);
-      const double extent = pair.half_a[i1] * pair.absolute_R(i2, j) + pair.half_a[i2] * pair.absolute_R(i1, j) +
-                            pair.half_b[j1] * pair.absolute_R(i, j2) + pair.half_b[j2] * pair.absolute_R(i, j1);
-      const double separation = (std::abs(distance) - extent) / length;
-      if (separation > pair.reach) return false;
-      const double scale = (distance < 0 ? -1 : 1) / length;
+      const double length = EdgeLength(pair, i, j);
+      if (length < kParallel) continue;
+      const Separation separation = AlongEdges(pair, i, j, length);
+      if (separation.value > pair.reach) return 6 + 3 * i + j;
+      const double scale = (separation.distance < 0 ? -1 : 1) / length;
       const Vector3 normal = scale * (pair.R(i1, j) * pair.A.col(i2) - pair.R(i2, j) * pair.A.col(i1));
-      const AxisScore score = AxisScore::Of(separation, normal.dot(pair.travel_W), pair.size);
+      const AxisScore score = AxisScore::Of(separation.value, normal.dot(pair.travel_W), pair.size);
       if (best->index < 0 || score.BetterThan(best->score, FaceSlack(pair.size))) {
-        *best = {score, separation, 3 * i + j, normal};
+        *best = {score, separation.value, 3 * i + j, normal};
       }
     }
   }
-  return true;
+  return -1;
 }
 
 // Centre of the edge along `axis` that lies farthest in a direction; sets the two bits that name it.
@@ -172,10 +200,14 @@ void AppendFaces(const Pair& pair, const Axis& axis, std::vector<Contact>* conta
 }  // namespace
 
 void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   const Vector3& travel_ba_W, std::vector<Contact>* contacts) {
+                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
   const Pair pair(a, pose_a, b, pose_b, reach, travel_ba_W);
+  if (*separating >= 0 && Separates(pair, *separating)) return;
   Axis face, edge;
-  if (!BestFace(pair, &face) || !BestEdge(pair, &edge)) return;
+  int out_of_reach = BestFace(pair, &face);
+  if (out_of_reach < 0) out_of_reach = BestEdge(pair, &edge);
+  *separating = static_cast<std::int8_t>(out_of_reach);
+  if (out_of_reach >= 0) return;
   if (edge.index >= 0 && edge.score.BetterThan(face.score, EdgeSlack(pair.size))) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {

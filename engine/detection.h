@@ -1,10 +1,12 @@
 // Bodies -> contacts in canonical order. The only room that sees FCL (in detection.cpp): its dynamic AABB tree finds
-// near pairs; narrow_phase.h makes the points.
+// the candidates, pairs whose rooms (boxes with space to move) meet; they stay while their bodies stay in these.
+// pair_contacts.h makes the points, and keeps those of pairs in which neither body has changed since the call before.
 //
 //   in:  bodies, their shapes, how far each may travel      out: contacts with gap up to the reach, sorted
-//   order: by (body_a, body_b, feature, position in the manifold); independent of threads and of the tree's history
-//   threads: boxes, tree queries and narrow phase run on the pool; one Detector serves one caller at a time
-//   allocation: none after warm-up except inside FCL's tree
+//   order: by (body_a, body_b, feature, position in the manifold)
+//   history: what is kept saves time and changes nothing: contacts are, bit for bit, those of a new Detector
+//   threads: bodies, tree queries and pairs are shared by the pool; one Detector serves one caller at a time
+//   allocation: none after warm-up except inside FCL's tree, when bodies come or go and once in 32 calls
 #pragma once
 
 #include <memory>

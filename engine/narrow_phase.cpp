@@ -24,7 +24,7 @@ int Rank(ShapeKind kind) {
 
 // Requires Rank(a) <= Rank(b).
 void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   const Vector3& travel_ba_W, std::vector<Contact>* contacts) {
+                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
   const bool b_is_sphere = b.kind() == ShapeKind::kSphere;
   switch (a.kind()) {
     case ShapeKind::kHalfSpace:
@@ -36,7 +36,7 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
         return CollideBoxSphere(a.half_extents(), pose_a, b.radius(), pose_b.position_W, reach, contacts);
       }
       if (b.kind() == ShapeKind::kBox) {
-        return CollideBoxBox(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+        return CollideBoxBox(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
       }
       return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
     case ShapeKind::kConvexHull:
@@ -50,10 +50,15 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
 }  // namespace
 
 void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   std::vector<Contact>* contacts, const Vector3& travel_ba_W) {
-  if (Rank(a.kind()) <= Rank(b.kind())) return CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+                   std::vector<Contact>* contacts, const Vector3& travel_ba_W, std::int8_t* separating) {
+  std::int8_t none = -1;
+  if (!separating) separating = &none;
+  if (Rank(a.kind()) <= Rank(b.kind())) {
+    CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
+    return;
+  }
   const size_t first = contacts->size();
-  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts);
+  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].normal_W = -(*contacts)[c].normal_W;
 }
 

@@ -13,6 +13,7 @@
 //   threads: pure functions; scratch memory is one per thread
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "engine/contact.h"
@@ -25,9 +26,11 @@ struct Placement {
   Matrix3 rotation_WB = Matrix3::Identity();
 };
 
-// Appends the contacts of shape a at pose_a with shape b at pose_b; fills point, normal, gap, feature only.
+// Appends the contacts of shape a at pose_a with shape b at pose_b; fills point, normal, gap, feature only. separating: the
+// axis that kept this pair out of reach, for a first guess the next time (-1: none known); the result does not depend on it.
 void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   std::vector<Contact>* contacts, const Vector3& travel_ba_W = Vector3::Zero());
+                   std::vector<Contact>* contacts, const Vector3& travel_ba_W = Vector3::Zero(),
+                   std::int8_t* separating = nullptr);
 
 // [m] depth of overlap of two boxes: least over the 15 separating-axis candidates, negative if they are apart. Used to
 // judge the engine, by code that detection does not share.

@@ -9,6 +9,7 @@
 
 #include "engine/narrow_phase.h"
 #include "parallel/worker_pool.h"
+#include "tests/support/no_alloc.h"
 
 namespace islet {
 namespace {
@@ -201,6 +202,87 @@ TEST(Detector, SameBitsForAnyNumberOfWorkersAndAnyHistoryOfTheTree) {
     ASSERT_EQ(contacts.size(), fresh.size());
     for (size_t c = 0; c < fresh.size(); ++c) ASSERT_TRUE(Same(contacts[c], fresh[c]));
   }
+}
+
+// One detector that keeps what it found against one that never saw the world before: bodies that drift, stay, jump, come,
+// go, freeze, wake, change their kind, their shape, their material; half-spaces that come and go.
+TEST(Detector, KeptContactsAreThoseOfAFreshDetection) {
+  for (const int workers : {1, 3}) {
+    std::mt19937 rng(7);
+    auto uniform = [&](double lower, double upper) {
+      return std::uniform_real_distribution<double>(lower, upper)(rng);
+    };
+    auto one_in = [&](int n) { return std::uniform_int_distribution<int>(1, n)(rng) == 1; };
+    auto vector = [&](double size) { return Vector3(uniform(-size, size), uniform(-size, size), uniform(-size, size)); };
+    parallel::WorkerPool pool(workers);
+    Detector detector(&pool);
+    std::vector<Contact> contacts;
+    Scene scene = RandomScene(3, 250);
+    size_t found = 0;
+    for (int call = 0; call < 120; ++call) {
+      const double share = call % 4 == 0 ? 1 : uniform(0, 0.3);  // of the bodies that move in this call
+      const int n = static_cast<int>(scene.bodies.size());
+      for (int i = 2; i < n; ++i) {
+        Body& body = scene.bodies[i];
+        if (uniform(0, 1) < share) {
+          body.position_W += scene.travel_W[i] + vector(1e-3);
+          body.rotation_WB = (body.rotation_WB * Quaternion(Eigen::AngleAxisd(uniform(-0.1, 0.1), Vector3::UnitX())));
+          if (one_in(2)) scene.travel_W[i] = vector(one_in(5) ? 0.5 : 0.05);
+          if (one_in(3)) scene.margins[i] = uniform(0, 0.05);
+        }
+        if (one_in(200)) body.position_W = Vector3(uniform(-4, 4), uniform(-4, 4), uniform(0, 6));
+        if (one_in(100)) body.frozen = body.kind == BodyKind::kDynamic && !body.frozen;
+        if (one_in(300)) body.removed = !body.removed;
+        if (one_in(300)) body.kind = body.kind == BodyKind::kDynamic ? BodyKind::kKinematic : BodyKind::kDynamic;
+        if (body.kind == BodyKind::kKinematic) {
+          body.frozen = false;
+          body.linear_velocity_W.x() = one_in(2) ? 1 : 0;
+        }
+        if (one_in(200)) body.friction = uniform(0, 1);
+        if (one_in(200)) scene.shapes[i] = Shape::Box({uniform(0.2, 0.6), 0.5, 0.4});
+      }
+      if (one_in(8)) scene.Add(Shape::Sphere(0.4), {uniform(-4, 4), uniform(-4, 4), uniform(0, 6)});
+      if (one_in(20)) scene.Add(Shape::HalfSpace(), {0, 0, uniform(-1, 0.5)}, BodyKind::kFixed);
+      if (one_in(20)) scene.bodies[0].removed = !scene.bodies[0].removed;
+      if (one_in(20)) {  // the last ones leave for good, as in another world
+        const size_t left = scene.bodies.size() - 3;
+        scene.bodies.resize(left);
+        scene.shapes.erase(scene.shapes.begin() + static_cast<std::ptrdiff_t>(left), scene.shapes.end());
+        scene.travel_W.resize(left);
+        scene.margins.resize(left);
+      }
+      const bool include_frozen = one_in(3);
+      detector.Detect(scene.bodies, scene.shapes, scene.travel_W, scene.margins, &contacts, include_frozen);
+      const auto fresh = Detect(scene, include_frozen);
+      ASSERT_EQ(contacts.size(), fresh.size()) << "call " << call;
+      for (size_t c = 0; c < fresh.size(); ++c) ASSERT_TRUE(Same(contacts[c], fresh[c])) << "call " << call;
+      found += fresh.size();
+    }
+    EXPECT_GT(found, 20000u);
+  }
+}
+
+// On one worker, whose allocations are seen. Once a motion has been seen, going through it again allocates only where FCL
+// builds its tree anew: once in 32 calls.
+TEST(Detector, AllocatesNothingAfterWarmUp) {
+  const Scene scene = RandomScene(5, 200);
+  parallel::WorkerPool pool(1);
+  Detector detector(&pool);
+  std::vector<Contact> contacts;
+  constexpr int kCalls = 96;
+  int allocating = 0;
+  for (int round = 0; round < 4; ++round) {
+    Scene moving = scene;
+    allocating = 0;
+    for (int call = 0; call < kCalls; ++call) {
+      const double side = call < kCalls / 2 ? 0.02 : -0.02;
+      for (size_t i = 2; i < moving.bodies.size(); i += 1 + call % 3) moving.bodies[i].position_W.x() += side;
+      const testing::AllocationCounter counter;
+      detector.Detect(moving.bodies, moving.shapes, moving.travel_W, moving.margins, &contacts);
+      allocating += counter.count() > 0;
+    }
+  }
+  EXPECT_LE(allocating, kCalls / 32 + 1);
 }
 
 TEST(Detector, OrderOfTheBodiesDoesNotMatter) {
