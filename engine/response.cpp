@@ -43,6 +43,7 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   qp::Settings out;
   out.model = settings.model;
   out.cone = settings.cone;
+  out.tier = settings.tier;
   out.tolerance =
       1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
   out.coulomb_tolerance = settings.tolerance;

@@ -10,6 +10,7 @@ namespace islet {
 
 using qp::Cone;
 using qp::Model;
+using qp::Tier;
 
 enum class BounceLaw {
   kEq5,    // frictionless normal impulse, then friction opposite to the slip                     [SM04 Eq. 2, 5]
@@ -44,6 +45,7 @@ struct Settings {
   std::vector<Region> cold_volumes;  // kPaper: bodies freeze only inside one of these; none: everywhere
 
   // Accuracy
+  Tier tier = Tier::kCertified;       // swept: kCoulomb on the circular cone only
   double tolerance = 1e-6;            // of the QPs: relative duality gap, and natural map over v_ref
   int coulomb_rounds = 3;             // kCoulomb: cap on the re-solves with lagged slip [DS91]
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size

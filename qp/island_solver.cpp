@@ -99,7 +99,8 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     CopyFreeVelocities(problem, &solution->velocities);
     if (!problem.contacts.empty()) SolveOneContact(problem, solution);
   } else if (settings.model == Model::kCoulomb && AnyFriction(problem)) {
-    if (settings.cone == Cone::kCircular && problem.num_bodies() > kSmallIsland) {
+    const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
+    if (settings.cone == Cone::kCircular && (big || swept)) {
       SolveBigCoulomb(problem, settings, start, solution);
     } else {
       SolveCoulomb(problem, settings, solution);
@@ -135,10 +136,10 @@ double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
   return change;
 }
 
-// Takes the answer of the sweeps if it meets the exact law by itself: with its own slips, and with velocities without the
+// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance: with its own slips, and with velocities without the
 // rounding of thousands of increments.
-bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution) {
-  const double scale = settings.velocity_scale, goal = kAcceptShare * settings.coulomb_tolerance;
+bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
+  const double scale = settings.velocity_scale, goal = share * settings.coulomb_tolerance;
   if (CoulombMap(problem, swept_velocities_, swept_impulses_).max > goal * scale) return false;
   CopyFreeVelocities(problem, &swept_velocities_);
   for (int c = 0; c < problem.num_contacts(); ++c)
@@ -200,7 +201,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       if (!std::isfinite(best)) *solution = trial_;
       if (round > 1 || !circular || !AnyBounces(problem)) break;
       FindFirstSlips(problem, goal);
-      if (AcceptSweeps(problem, settings, solution)) break;
+      if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
       continue;
     }
     const double map = CoulombMap(problem, trial_.velocities, trial_.impulses).rms;
@@ -213,7 +214,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     if ((circular && best <= goal) || round >= cap) break;
     if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     const double change = UpdateSlips(problem, settings.cone);
-    if (circular && AcceptSweeps(problem, settings, solution)) break;
+    if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
     if (!circular && change <= goal) break;
     accurate = small;
   }
@@ -262,13 +263,15 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
   int iterations = 0;
-  if (settings.expect_rest) {
+  const bool certified = settings.tier == Tier::kCertified;
+  if (certified && settings.expect_rest) {
     interior_point_.Solve(problem, settings, slips_, &trial_);
     iterations += trial_.iterations;
     if (Usable(trial_.status)) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
   Search(problem, settings);
-  if (!AcceptSweeps(problem, settings, solution)) {
+  const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
+  if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
     interior_point_.Solve(problem, settings, slips_, solution, swept_impulses_);
     iterations += solution->iterations;

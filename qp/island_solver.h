@@ -34,7 +34,7 @@ class IslandSolver {
   bool StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
   double UpdateSlips(const Problem& problem, Cone cone);
-  bool AcceptSweeps(const Problem& problem, const Settings& settings, Solution* solution);
+  bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;

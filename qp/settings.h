@@ -16,9 +16,16 @@ enum class Cone {
   kOctagon,   // the eight-sided pyramid inscribed in it                                 [SM04 Eq. 8]
 };
 
+// How far exact Coulomb friction on the circular cone is driven. The other models have one way only.
+enum class Tier {
+  kCertified,  // sweeps, then the convex problem with their slips to the tolerance: momentum, cone, gap hold to rounding
+  kSwept,      // sweeps alone, as far as they pay: a third of the time, and natural maps that are as good or better
+};
+
 struct Settings {
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
+  Tier tier = Tier::kCertified;
   double tolerance = 1e-8;          // relative duality gap; dual violation over the velocity scale
   double aim = 0;                   // if below the tolerance: iterate on towards it while that makes progress
   int max_iterations = 100;         // of one interior-point solve

@@ -28,7 +28,7 @@ struct RunOptions {
   double dt = 1.0 / 30;           // [s]
 
   std::optional<int> threads;                                            // 0: all cores
-  std::optional<std::string> model, cone, bounce, bounce_limit, freeze;  // as on the command line
+  std::optional<std::string> model, cone, tier, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
   std::optional<int> freeze_count;
   bool paper = false;
@@ -54,6 +54,7 @@ Settings MakeSettings(const RunOptions& options);
 
 const char* NameOf(Model model);
 const char* NameOf(Cone cone);
+const char* NameOf(Tier tier);
 const char* NameOf(BounceLaw law);
 const char* NameOf(Freezing freezing);
 

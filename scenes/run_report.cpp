@@ -155,6 +155,7 @@ std::string RunReport::Json() const {
   json["threads"] = settings_.threads;
   json["model"] = NameOf(settings_.model);
   json["cone"] = NameOf(settings_.cone);
+  json["tier"] = NameOf(settings_.tier);
   json["bounce"] = NameOf(settings_.bounce_law);
   json["tolerance"] = settings_.tolerance;
   json["freeze"] = NameOf(settings_.freezing);
