@@ -215,8 +215,9 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     const double change = UpdateSlips(problem, settings.cone);
     if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
-    if (!circular && change <= goal) break;
-    accurate = small;
+    const bool settled = !circular && change <= goal;
+    if (settled && accurate) break;
+    accurate = small || settled;  // a rough round places the slips, but is no answer
   }
   solution->iterations = iterations;
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
