@@ -59,28 +59,33 @@ Separation AlongFace(const Pair& pair, int k) {
   return {distance, std::abs(distance) - extent};
 }
 
-// a_i x b_j seen from a has the components 0, -R(i2, j), R(i1, j). length: of that, at least kParallel.
-constexpr double kParallel = 1e-6;
-double EdgeLength(const Pair& pair, int i, int j) {
-  const double p = pair.R((i + 1) % 3, j), q = pair.R((i + 2) % 3, j);
-  return std::sqrt(p * p + q * q);
-}
+// The same for the edges a_i and b_j, whose axis a_i x b_j has seen from a the components 0, -R(i2, j), R(i1, j): `distance`
+// and `value` are both larger by its length. Square roots and divisions are left to the few axes that may be chosen.
+struct EdgeSeparation {
+  double distance, value, length_square;
 
-Separation AlongEdges(const Pair& pair, int i, int j, double length) {
+  bool Exceeds(double limit) const {  // value / length > limit
+    const double limit_square = limit * limit * length_square;
+    return value > 0 ? (limit <= 0 || value * value > limit_square) : (limit < 0 && value * value < limit_square);
+  }
+  bool parallel() const { return length_square < 1e-12; }
+};
+
+EdgeSeparation AlongEdges(const Pair& pair, int i, int j) {
   const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-  const double distance = pair.t[i2] * pair.R(i1, j) - pair.t[i1] * pair.R(i2, j);
+  const double p = pair.R(i1, j), q = pair.R(i2, j);
+  const double distance = pair.t[i2] * p - pair.t[i1] * q;
   const double extent = pair.half_a[i1] * pair.absolute_R(i2, j) + pair.half_a[i2] * pair.absolute_R(i1, j) +
                         pair.half_b[j1] * pair.absolute_R(i, j2) + pair.half_b[j2] * pair.absolute_R(i, j1);
-  return {distance, (std::abs(distance) - extent) / length};
+  return {distance, std::abs(distance) - extent, p * p + q * q};
 }
 
 // Axes by number: faces 0 to 5, edge pairs 6 + 3 i + j. The same arithmetic as the search below, so that a good guess and
 // a bad one give the same answer.
 bool Separates(const Pair& pair, int axis) {
   if (axis < 6) return AlongFace(pair, axis).value > pair.reach;
-  const int i = (axis - 6) / 3, j = (axis - 6) % 3;
-  const double length = EdgeLength(pair, i, j);
-  return length >= kParallel && AlongEdges(pair, i, j, length).value > pair.reach;
+  const EdgeSeparation edges = AlongEdges(pair, (axis - 6) / 3, (axis - 6) % 3);
+  return !edges.parallel() && edges.Exceeds(pair.reach);
 }
 
 // Both return the axis that shows that the boxes are out of reach, or -1.
@@ -88,6 +93,8 @@ int BestFace(const Pair& pair, Axis* best) {
   for (int k = 0; k < 6; ++k) {
     const Separation separation = AlongFace(pair, k);
     if (separation.value > pair.reach) return k;
+    const AxisScore most = AxisScore::Of(separation.value, 0, pair.size);  // the travel takes some of it away
+    if (best->index >= 0 && !most.BetterThan(best->score, FaceSlack(pair.size))) continue;
     const double sign = separation.distance < 0 ? -1 : 1;
     const auto column = k < 3 ? pair.A.col(k) : pair.B.col(k - 3);
     const AxisScore score = AxisScore::Of(separation.value, sign * column.dot(pair.travel_W), pair.size);
@@ -98,20 +105,25 @@ int BestFace(const Pair& pair, Axis* best) {
   return -1;
 }
 
-// The same for the nine edge pairs; best stays empty if all are nearly parallel.
-int BestEdge(const Pair& pair, Axis* best) {
+// The same for the nine edge pairs; best stays empty if none is better than the best face.
+int BestEdge(const Pair& pair, const AxisScore& face, Axis* best) {
+  const double least = face.separates ? std::max(face.value + EdgeSlack(pair.size), -TouchSlack(pair.size))
+                                      : std::min(face.value + EdgeSlack(pair.size), -TouchSlack(pair.size));
   for (int i = 0; i < 3; ++i) {
     const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     for (int j = 0; j < 3; ++j) {
-      const double length = EdgeLength(pair, i, j);
-      if (length < kParallel) continue;
-      const Separation separation = AlongEdges(pair, i, j, length);
-      if (separation.value > pair.reach) return 6 + 3 * i + j;
-      const double scale = (separation.distance < 0 ? -1 : 1) / length;
+      const EdgeSeparation edges = AlongEdges(pair, i, j);
+      if (edges.parallel()) continue;
+      if (edges.Exceeds(pair.reach)) return 6 + 3 * i + j;
+      if (!edges.Exceeds(least)) continue;
+      const double length = std::sqrt(edges.length_square);
+      const double separation = edges.value / length;
+      const double scale = (edges.distance < 0 ? -1 : 1) / length;
       const Vector3 normal = scale * (pair.R(i1, j) * pair.A.col(i2) - pair.R(i2, j) * pair.A.col(i1));
-      const AxisScore score = AxisScore::Of(separation.value, normal.dot(pair.travel_W), pair.size);
-      if (best->index < 0 || score.BetterThan(best->score, FaceSlack(pair.size))) {
-        *best = {score, separation.value, 3 * i + j, normal};
+      const AxisScore score = AxisScore::Of(separation, normal.dot(pair.travel_W), pair.size);
+      if (score.BetterThan(best->index < 0 ? face : best->score,
+                           best->index < 0 ? EdgeSlack(pair.size) : FaceSlack(pair.size))) {
+        *best = {score, separation, 3 * i + j, normal};
       }
     }
   }
@@ -205,10 +217,10 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   if (*separating >= 0 && Separates(pair, *separating)) return;
   Axis face, edge;
   int out_of_reach = BestFace(pair, &face);
-  if (out_of_reach < 0) out_of_reach = BestEdge(pair, &edge);
+  if (out_of_reach < 0) out_of_reach = BestEdge(pair, face.score, &edge);
   *separating = static_cast<std::int8_t>(out_of_reach);
   if (out_of_reach >= 0) return;
-  if (edge.index >= 0 && edge.score.BetterThan(face.score, EdgeSlack(pair.size))) {
+  if (edge.index >= 0) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {
       AppendNearestPoints(a, pose_a, b, pose_b, edge.normal, edge.separation, reach, contacts);

@@ -19,18 +19,24 @@ std::uint32_t FaceFeature(const ClipInput& input, int edge_in, int edge_out) {
 // Sutherland-Hodgman: keeps what lies behind the plane. Corners within the slack count as behind, so that faces whose
 // sides coincide keep their own corners, and with them their features.
 void FaceClip::Cut(const Vector3& on_plane, const Vector3& outward, double slack, int side) {
-  scratch_.clear();
   const size_t count = polygon_.size();
+  heights_.clear();
+  bool inside = true;
+  for (const Corner& corner : polygon_) {
+    heights_.push_back(outward.dot(corner.point - on_plane));
+    inside = inside && heights_.back() <= slack;
+  }
+  if (inside) return;
+  scratch_.clear();
   for (size_t k = 0; k < count; ++k) {
+    const size_t after = k + 1 < count ? k + 1 : 0;
     const Corner& here = polygon_[k];
-    const Corner& next = polygon_[k + 1 < count ? k + 1 : 0];
-    const double height = outward.dot(here.point - on_plane);
-    const double next_height = outward.dot(next.point - on_plane);
+    const double height = heights_[k], next_height = heights_[after];
     const bool in = height <= slack, next_in = next_height <= slack;
     if (in) scratch_.push_back(here);
     if (in == next_in) continue;
     const double t = std::clamp(height / (height - next_height), 0.0, 1.0);
-    Corner crossing{here.point + t * (next.point - here.point), here.edge_out, side};
+    Corner crossing{here.point + t * (polygon_[after].point - here.point), here.edge_out, side};
     if (!in) std::swap(crossing.edge_in, crossing.edge_out);
     scratch_.push_back(crossing);
   }

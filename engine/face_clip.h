@@ -49,6 +49,7 @@ class FaceClip {
   void Emit(const ClipInput& input, const Corner& corner, double gap, std::vector<Contact>* contacts) const;
 
   std::vector<Corner> polygon_, scratch_;
+  std::vector<double> heights_;
 };
 
 }  // namespace islet

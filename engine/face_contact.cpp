@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/box_distance.h"
 #include "engine/polytope_distance.h"
 
 namespace islet {
@@ -18,19 +19,22 @@ Contact ToContact(const ClosestPoints& closest, const Placement& pose_a) {
   return contact;
 }
 
+// limit: [m] beyond it the distance may be infinite.
 ClosestPoints Closest(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                      const Vector3& normal_W, double separation) {
+                      const Vector3& normal_W, double separation, double limit) {
   const Matrix3 rotation_ab = pose_a.rotation_WB.transpose() * pose_b.rotation_WB;
   const Vector3 position_ab = pose_a.rotation_WB.transpose() * (pose_b.position_W - pose_a.position_W);
-  return ClosestOfApart(a.polytope(), a.size(), b.polytope(), b.size(), rotation_ab, position_ab,
-                        pose_a.rotation_WB.transpose() * normal_W, separation);
+  const Vector3 normal = pose_a.rotation_WB.transpose() * normal_W;
+  if (a.kind() == ShapeKind::kBox && b.kind() == ShapeKind::kBox)
+    return ClosestOfBoxes(a, b, rotation_ab, position_ab, normal, separation, limit);
+  return ClosestOfApart(a.polytope(), a.size(), b.polytope(), b.size(), rotation_ab, position_ab, normal, separation);
 }
 
 }  // namespace
 
 void AppendNearestPoints(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                          const Vector3& normal_W, double separation, double reach, std::vector<Contact>* contacts) {
-  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, normal_W, separation);
+  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, normal_W, separation, reach);
   if (closest.distance <= reach) contacts->push_back(ToContact(closest, pose_a));
 }
 
@@ -47,7 +51,12 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
     if (least > slack) clip.AppendCorners(input, axis.separation + slack, contacts);
     return;
   }
-  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, axis.normal_W, axis.separation);
+  const double limit = std::max(input.reach, TouchSlack(input.size));
+  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, axis.normal_W, axis.separation, limit);
+  if (closest.distance > limit) {
+    contacts->resize(first);
+    return;
+  }
   Contact contact = ToContact(closest, pose_a);
   if (closest.distance <= TouchSlack(input.size)) {
     // A face that is about to rest keeps its corners; the point that they miss joins them along their normal.

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "engine/box_distance.h"
 #include "engine/narrow_phase.h"
 
 namespace islet {
@@ -17,6 +18,44 @@ Shape BoxAsHull() { return Shape::ConvexHull(kBox.polytope().vertices); }
 
 Placement At(const Vector3& position, const Quaternion& rotation) {
   return {position, rotation.normalized().toRotationMatrix()};
+}
+
+// Boxes that a random direction holds apart: the same distance as by the code for polytopes, and points of both boxes.
+TEST(ClosestOfBoxes, IsThatOfPolytopes) {
+  std::mt19937 rng(11);
+  auto uniform = [&](double lower, double upper) { return std::uniform_real_distribution<double>(lower, upper)(rng); };
+  auto vector = [&](double size) { return Vector3(uniform(-size, size), uniform(-size, size), uniform(-size, size)); };
+  int edges = 0, beyond = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const Shape a = Shape::Box(Vector3(1.1, 1.1, 1.1) + vector(1)), b = Shape::Box(Vector3(1.1, 1.1, 1.1) + vector(1));
+    const Matrix3 rotation = trial % 5 == 0 ? Matrix3::Identity()
+                                            : Matrix3(Quaternion(Eigen::Vector4d::Random().normalized()));
+    const Vector3 n = vector(1).normalized();
+    const double separation = trial % 7 == 0 ? 1e-6 : uniform(0, 0.5);
+    double top = -1e9, bottom = 1e9;
+    for (const Vector3& v : a.polytope().vertices) top = std::max(top, n.dot(v));
+    for (const Vector3& v : b.polytope().vertices) bottom = std::min(bottom, n.dot(rotation * v));
+    Vector3 position = vector(2);
+    position += (top - bottom + separation - n.dot(position)) * n;
+    const ClosestPoints expected =
+        ClosestOfApart(a.polytope(), a.size(), b.polytope(), b.size(), rotation, position, n, separation);
+    const ClosestPoints found = ClosestOfBoxes(a, b, rotation, position, n, separation, 1e3);
+    ASSERT_NEAR(found.distance, expected.distance, 1e-12);
+    EXPECT_NEAR((found.on_b - found.on_a).norm(), found.distance, 1e-12);
+    EXPECT_LE((found.on_a.cwiseAbs() - a.half_extents()).maxCoeff(), 1e-12);
+    EXPECT_LE(((rotation.transpose() * (found.on_b - position)).cwiseAbs() - b.half_extents()).maxCoeff(), 1e-12);
+    edges += found.feature >= 16;
+    const double limit = uniform(0, 1);
+    const ClosestPoints limited = ClosestOfBoxes(a, b, rotation, position, n, separation, limit);
+    if (expected.distance <= limit) {
+      EXPECT_NEAR(limited.distance, expected.distance, 1e-12);
+    } else {
+      EXPECT_GT(limited.distance, limit);
+      ++beyond;
+    }
+  }
+  EXPECT_GT(edges, 200);
+  EXPECT_GT(beyond, 200);
 }
 
 // Two cubes that only one pair of edges separates (by 45 mm), while those edges pass each other by: all faces' axes overlap,
