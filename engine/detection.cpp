@@ -26,7 +26,7 @@ constexpr int kBodiesPerTask = 64;
 constexpr int kRefitsPerRebuild = 32;
 // The room that a body has in the tree is its swept box, longer by another travel and wider by this share of its diameter.
 // While it stays inside, its candidates stay. Measured on cubeglass (1,000 cubes, 5 calls a frame): candidates and contacts
-// that are kept save a third of all detection, most of it in the tree.
+// that are kept save a quarter of all detection, most of it in the tree.
 constexpr double kRoom = 0.03;
 constexpr double kTooMuch = 1.5;  // times what it would be given now
 

@@ -19,7 +19,10 @@ constexpr double kTurnWeight =
 // more passes.
 constexpr double kCloseShare = 0.05;
 constexpr int kMaxSweeps = 150;
-constexpr double kPassTolerance = 1e-3;  // of the deepest overlap that a pass corrects; the next pass sees to the rest
+// Of the deepest overlap that a pass corrects; the next pass sees to the rest. Measured: 1e-2 halves the time of the motion in
+// cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
+// overlaps of up to 0.01 m.
+constexpr double kPassTolerance = 1e-3;
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);

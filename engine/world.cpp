@@ -173,6 +173,10 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
                [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
   MixMaterials(&detected);
+  if (still.empty()) {
+    std::swap(near_contacts, detected);
+    return;
+  }
   near_contacts.clear();
   std::merge(
       still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
