@@ -1,11 +1,15 @@
 // Body of the kernels for one vector width. Included by front_kernels_<isa>.cpp, which define ISLET_LANES (doubles in a
-// vector), ISLET_TILE (vectors in a tile of rows) and ISLET_KERNEL_SET (the name of the set). Nothing but builtins is
-// used here: an inline function of a shared header, compiled with wider vectors, could be chosen by the linker for
+// vector), ISLET_TILE (vectors in a tile of rows) and ISLET_KERNEL_SET (the name of the set). Nothing but builtins and
+// intrinsics is used here: an inline function of a shared header, compiled with wider vectors, could be chosen by the linker for
 // everyone. (Those of front_kernels.h are integer arithmetic on constants, the same for all.)
 //
 // N is the number of columns handled together: the block size, at most 6. Every kernel works on whole vectors: what lies
 // above the diagonal and below the last row is scratch, so there are no remainder loops. Each number is made by the same
 // operations in the same order however the lines are split.
+#if ISLET_LANES > 2
+#include <immintrin.h>
+#endif
+
 #include "qp/front_kernels.h"
 
 namespace islet::qp {
@@ -13,14 +17,28 @@ namespace {
 
 constexpr int kLanes = ISLET_LANES;
 constexpr int kTile = ISLET_TILE;
-typedef double Vec __attribute__((vector_size(ISLET_LANES * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef double Vec __attribute__((vector_size(ISLET_LANES * sizeof(double)), may_alias));
 
-typedef double Pair __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
+// In memory, at any double. Only behind pointers: as the type of a template's argument it would lose its alignment.
+typedef double VecAt __attribute__((vector_size(ISLET_LANES * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef double PairAt __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
 
 #define ISLET_INLINE inline __attribute__((always_inline))
 
-ISLET_INLINE Vec Load(const double* p) { return *reinterpret_cast<const Vec*>(p); }
-ISLET_INLINE void Store(double* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
+ISLET_INLINE Vec Load(const double* p) { return *reinterpret_cast<const VecAt*>(p); }
+ISLET_INLINE void Store(double* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
+
+// a b + c with one rounding where the machine has that: left to the compiler, whether it fuses depends on the size of the
+// tile that it is in, and so would the bits on where lines are split.
+ISLET_INLINE Vec MultiplyAdd(Vec a, double b, Vec c) {
+#if ISLET_LANES == 8
+  return (Vec)_mm512_fmadd_pd((__m512d)a, _mm512_set1_pd(b), (__m512d)c);
+#elif ISLET_LANES == 4
+  return (Vec)_mm256_fmadd_pd((__m256d)a, _mm256_set1_pd(b), (__m256d)c);
+#else
+  return a * b + c;
+#endif
+}
 
 // Where the parts of Front::scratch begin, for the panel block at column j.
 struct Scratch {
@@ -59,7 +77,7 @@ ISLET_INLINE void AddMultiple(int k, const double* a, int lda, const double* b, 
     Vec column[T];
     for (int t = 0; t < T; ++t) column[t] = Load(a + t * kLanes);
     for (int j = 0; j < N; ++j)
-      for (int t = 0; t < T; ++t) sum[t][j] += column[t] * b[j];
+      for (int t = 0; t < T; ++t) sum[t][j] = MultiplyAdd(column[t], b[j], sum[t][j]);
   }
 }
 
@@ -139,7 +157,7 @@ ISLET_INLINE void SolveGroup(const Front& f, const Scratch& s, int j, int i, int
   for (int p = 0; p < N; ++p) {
     for (int t = 0; t < T; ++t) sum[t][p] *= s.inverse[i + p];
     for (int q = p + 1; q < N; ++q)
-      for (int t = 0; t < T; ++t) sum[t][q] += sum[t][p] * b[p * N + q];
+      for (int t = 0; t < T; ++t) sum[t][q] = MultiplyAdd(sum[t][p], b[p * N + q], sum[t][q]);
   }
   StoreTile<T, N>(sum, x, f.panel_stride);
 }
@@ -173,7 +191,7 @@ int Eliminate(const Front& f, int j) {
       AddMultiple<1, N>(i, f.panel + top + v + j * stride, stride, triangle, sum);
       StoreTile<1, N>(sum, diagonal + v, 2 * kVector);
     }
-    double* d = diagonal + line - top;
+    double* d = diagonal + (line - top);
     replaced += FactoriseDiagonal<N>(d, 2 * kVector, f.signs + j + i, f.tiny);
     for (int p = 0; p < N; ++p) {
       s.inverse[i + p] = f.signs[j + i + p] * d[p + p * 2 * kVector];
@@ -268,7 +286,7 @@ void ExtendAdd(const Front& parent, int m, const int* to, const double* child, i
       for (int q = 0; q < block; ++q, a += child_stride, b += stride) {
         int r = 0;
         for (; r + kLanes <= rows; r += kLanes) Store(b + r, Load(b + r) + Load(a + r));
-        for (; r + 2 <= rows; r += 2) *reinterpret_cast<Pair*>(b + r) += *reinterpret_cast<const Pair*>(a + r);
+        for (; r + 2 <= rows; r += 2) *reinterpret_cast<PairAt*>(b + r) += *reinterpret_cast<const PairAt*>(a + r);
         if (r < rows) b[r] += a[r];
       }
       i += run;
@@ -281,7 +299,7 @@ template <int N>
 ISLET_INLINE void SubtractColumns(const double* columns, int stride, const double* value, int from, int to, double* x) {
   for (int line = from; line < to; line += kLanes) {
     Vec sum = Load(x + line);
-    for (int p = 0; p < N; ++p) sum -= Load(columns + line + p * stride) * value[p];
+    for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
     Store(x + line, sum);
   }
 }
