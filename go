@@ -12,7 +12,7 @@ packages=(
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libfcl-dev libsuitesparse-dev
   libbenchmark-dev libgtest-dev libhdf5-dev
-  libcli11-dev nlohmann-json3-dev libspdlog-dev libfmt-dev
+  libcli11-dev nlohmann-json3-dev libfmt-dev
 )
 
 say() { printf '\n== %s\n' "$*"; }
