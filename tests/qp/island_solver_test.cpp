@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "qp/interior_point.h"
 #include "qp/one_contact.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
@@ -273,6 +274,178 @@ TEST(IslandSolver, RepeatedSolveAllocatesNothing) {
       const AllocationCounter counter;
       solver.Solve(problem, settings, &solution);
       EXPECT_EQ(counter.count(), 0) << "model " << static_cast<int>(model) << " cone " << static_cast<int>(cone);
+    }
+  }
+}
+
+// u + (slip - target) n of a contact, compliance included.
+Vector3 ShiftedVelocity(const ContactTerm& contact, const qp::Solution& solution, size_t c, double slip) {
+  Vector3 u = qp::ContactVelocity(contact, solution.velocities.data()) + contact.compliance * solution.impulses[c];
+  u[0] += slip - contact.target;
+  return u;
+}
+
+// Natural map of exact Coulomb, by distances to the cone in place of the solver's projection. [velocity, rms]
+double ExactMap(const Problem& problem, const qp::Solution& solution) {
+  double sum = 0;
+  for (size_t c = 0; c < problem.contacts.size(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const double mu = contact.friction, rho = 3 / qp::DelassusBlock(problem, contact).trace();
+    Vector3 u = ShiftedVelocity(contact, solution, c, 0);
+    u[0] += mu * u.tail<2>().norm();
+    const Vector3 x = solution.impulses[c] - rho * u;
+    const double tangent = x.tail<2>().norm();
+    Vector3 nearest = x;
+    if (tangent > mu * x[0]) {
+      Vector3 edge(1, 0, 0);
+      if (tangent > 0) edge.tail<2>() = mu / tangent * x.tail<2>();
+      edge.normalize();
+      nearest = std::max(0.0, edge.dot(x)) * edge;
+    }
+    sum += (solution.impulses[c] - nearest).squaredNorm() / rho / rho;
+  }
+  return std::sqrt(sum / std::max(1, problem.num_contacts()));
+}
+
+TEST(IslandSolver, SweptAnswersAreWhatTheySay) {
+  int total = 0, reached = 0;
+  for (const bool bounces : {false, true}) {
+    for (const NamedProblem& island : RandomIslands(101 + bounces, 150, 10, bounces)) {
+      SCOPED_TRACE(island.name);
+      qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
+      settings.tier = qp::Tier::kSwept;
+      const qp::Solution solution = Solve(island.problem, settings);
+      const bool rubs = std::any_of(island.problem.contacts.begin(), island.problem.contacts.end(),
+                                    [](const ContactTerm& contact) { return contact.friction > 0; });
+      if (rubs) {  // without friction the problem is convex, and solved as such
+        EXPECT_EQ(solution.iterations, 0);
+      }
+      const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+      const double map = ExactMap(island.problem, solution);
+      EXPECT_NEAR(map, qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms, 1e-3 * map + 1e-12);
+      EXPECT_EQ(solution.coulomb_reached, map <= goal) << map;
+      ++total;
+      if (solution.coulomb_reached) ++reached;
+      EXPECT_LT(MomentumResidual(island.problem, solution.velocities, solution.impulses),
+                1e-11 * settings.velocity_scale);
+      for (int c = 0; c < island.problem.num_contacts(); ++c) {
+        const Vector3& j = solution.impulses[c];
+        EXPECT_GE(j[0], 0);
+        EXPECT_LE(j.tail<2>().norm(), island.problem.contacts[c].friction * j[0] * (1 + 1e-12) + 1e-14);
+      }
+    }
+  }
+  EXPECT_GE(reached, total * 8 / 10) << reached << " of " << total;
+}
+
+TEST(IslandSolver, StartImpulsesDoNotChangeTheAnswer) {
+  Random random(103);
+  int both = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Problem problem = RandomCluster(&random, random.Integer(14, 30), 0.2, 0.8, 10);
+    for (const qp::Tier tier : {qp::Tier::kCertified, qp::Tier::kSwept}) {
+      SCOPED_TRACE(std::to_string(trial) + (tier == qp::Tier::kSwept ? " swept" : " certified"));
+      qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+      settings.tier = tier;
+      const qp::Solution cold = Solve(problem, settings);
+      Problem before = problem;
+      for (qp::BodyTerm& body : before.bodies) body.velocity.head<3>() += random.Vector(0.01);
+      const qp::Solution other = Solve(before, settings);
+      std::vector<Vector3> worse(problem.contacts.size());
+      for (Vector3& j : worse) j = random.Vector(1e3);
+      qp::IslandSolver solver;
+      qp::Solution warm;
+      solver.Solve(problem, settings, &warm, worse);
+      EXPECT_EQ(warm.velocities, cold.velocities) << "a start worse than none is not used";
+      solver.Solve(problem, settings, &warm, std::span(worse).first(1));
+      EXPECT_EQ(warm.velocities, cold.velocities) << "nor is one of another size";
+      solver.Solve(problem, settings, &warm, other.impulses);
+      EXPECT_EQ(warm.status, cold.status);
+      if (!warm.coulomb_reached || !cold.coulomb_reached) continue;
+      ++both;
+      EXPECT_LT(VelocityDistance(problem, warm.velocities, cold.velocities), 1e-4 * settings.velocity_scale);
+    }
+  }
+  EXPECT_GE(both, 40) << both;
+}
+
+// Whatever the slips asked for and the impulses to stay near, the answer solves the convex problem with the slips returned.
+TEST(IslandSolver, ProximalStepSatisfiesTheSlipsItReturns) {
+  Random random(104);
+  for (const NamedProblem& island : RandomIslands(105, 60, 100, true)) {
+    SCOPED_TRACE(island.name);
+    const Problem& problem = island.problem;
+    qp::Settings settings = MakeSettings(problem, Model::kConvex);
+    std::vector<double> slips(problem.contacts.size());
+    std::vector<Vector3> near(problem.contacts.size());
+    for (size_t c = 0; c < slips.size(); ++c) {
+      slips[c] = random.Uniform(0, 0.5) * settings.velocity_scale;
+      near[c] = {random.Uniform(0, 1) / qp::DelassusBlock(problem, problem.contacts[c])(0, 0), 0, 0};
+    }
+    qp::InteriorPoint solver;
+    qp::Solution solution;
+    solver.Solve(problem, settings, slips, &solution, near);
+    EXPECT_EQ(solution.status, qp::Status::kSolved) << qp::ToString(solution.status);
+    double gap = 0, mass = 0, moved = 0;
+    for (const qp::BodyTerm& body : problem.bodies) mass += body.mass;
+    for (size_t c = 0; c < slips.size(); ++c) {
+      const ContactTerm& contact = problem.contacts[c];
+      const Vector3 u = ShiftedVelocity(contact, solution, c, solution.slips[c]);
+      EXPECT_GE(u[0] - contact.friction * u.tail<2>().norm(), -1e-6 * settings.velocity_scale);
+      gap += solution.impulses[c].dot(u);
+      moved = std::max(moved, std::abs(solution.slips[c] - slips[c]));
+    }
+    const double energy = KineticEnergy(problem, FreeVelocities(problem)) +
+                          0.5 * mass * settings.velocity_scale * settings.velocity_scale;
+    EXPECT_LT(std::abs(gap), 1e-7 * energy);
+    EXPECT_GT(moved, 0);  // it does give way
+  }
+}
+
+// Boxes thrown into a shaft with four walls and a floor, packed so closely that hardly any velocities let all of them bounce:
+// every way out is upwards, past neighbours that bounce too.
+Problem FullShaft(Random* random, int width, int layers, double restitution) {
+  ProblemBuilder builder;
+  for (int i = 0; i < width * width * layers; ++i) {
+    const Vector3 at(i % width, i / width % width, i / width / width);
+    builder.AddBox(at + random->Vector(0.2), {0.5, 0.5, 0.5}, 1, Vector3(0, 0, -5) + random->Vector(2));
+  }
+  const auto touch = [&](int a, int b, const Vector3& centre, const Vector3& normal) {
+    for (int k = 0; k < 3; ++k) builder.AddContact(a, b, centre + random->Vector(0.2), normal, 0.4);
+  };
+  for (int b = 0; b < width * width * layers; ++b) {
+    const Vector3& at = builder.positions[b];
+    const int x = b % width, y = b / width % width;
+    if (b < width * width) touch(-1, b, at - 0.5 * Vector3::UnitZ(), Vector3::UnitZ());
+    if (x == 0) touch(-1, b, at - 0.5 * Vector3::UnitX(), Vector3::UnitX());
+    if (x == width - 1) touch(-1, b, at + 0.5 * Vector3::UnitX(), -Vector3::UnitX());
+    if (y == 0) touch(-1, b, at - 0.5 * Vector3::UnitY(), Vector3::UnitY());
+    if (y == width - 1) touch(-1, b, at + 0.5 * Vector3::UnitY(), -Vector3::UnitY());
+    for (int a = 0; a < b; ++a) {
+      const Vector3 gap = at - builder.positions[a];
+      if (gap.norm() < 1.2) touch(a, b, at - 0.5 * gap, gap.normalized());
+    }
+  }
+  SetBounces(restitution, &builder.problem);
+  return builder.problem;
+}
+
+// Most of these have no Coulomb answer near by, and with slips that do not give way the convex problem has none at all:
+// kInfeasible. What comes back has a natural map of a few hundredths.
+TEST(IslandSolver, CollisionsOnTheBrinkOfAJamAreSolved) {
+  Random random(106);
+  for (int trial = 0; trial < 12; ++trial) {
+    SCOPED_TRACE(trial);
+    const Problem problem = FullShaft(&random, 3, 3 + trial / 4, 0.1 + 0.2 * (trial % 4));
+    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    const qp::Solution solution = Solve(problem, settings);
+    EXPECT_EQ(solution.status, qp::Status::kSolved) << qp::ToString(solution.status);
+    EXPECT_EQ(solution.rounds, 1);  // sweeps alone would not do
+    EXPECT_LT(MomentumResidual(problem, solution.velocities, solution.impulses), 1e-9 * settings.velocity_scale);
+    EXPECT_LT(ExactMap(problem, solution), 0.15 * settings.velocity_scale);
+    for (size_t c = 0; c < problem.contacts.size(); ++c) {
+      const Vector3 u = ShiftedVelocity(problem.contacts[c], solution, c, solution.slips[c]);
+      EXPECT_GE(u[0] - problem.contacts[c].friction * u.tail<2>().norm(), -1e-6 * settings.velocity_scale);
     }
   }
 }
