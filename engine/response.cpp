@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kRestShare = 3;      // times the floor of v_ref: nothing approaches faster than a resting load would
+constexpr double kRestShare = 1.5;     // times the floor of v_ref: nothing approaches faster than a resting load would
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
@@ -137,6 +137,9 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
                                                    const Settings& settings, double speed_floor, double threshold,
                                                    std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
+  guess_.clear();
+  for (const int contact : island.contacts)
+    if (contacts.contacts[contact].touches) guess_.push_back(impulses[contact]);
   for (const int contact : island.contacts) impulses[contact].setZero();
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
@@ -155,7 +158,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
       problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
   expect_rest_ = false;
-  Solve(settings, v_ref, {}, &outcome);
+  Solve(settings, v_ref, guess_, &outcome);
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

@@ -39,8 +39,8 @@ struct ResponseOutcome {
 class IslandResponder {
  public:
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
-  // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. The static problem takes those that
-  // it finds there for a guess.
+  // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. What is found there is
+  // taken for a guess.
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                     double speed_floor, double threshold, std::span<Body> bodies,
                                     std::span<Vector3> impulses);

@@ -13,6 +13,9 @@ constexpr int kSmallRounds = 5;           // times the cap on rounds, where they
 constexpr int kSmallIsland = 12;          // bodies
 constexpr int kSweeps = 100;              // a block; on small islands, between two interior-point solves
 constexpr int kMaxBlocks = 10;            // of sweeps
+constexpr double kEnoughRms = 3;          // times the tolerance: natural map at which the search ends
+constexpr double kEnoughMax = 30;
+constexpr int kRestIterations = 14;       // resting islands take 9 to 12
 constexpr double kGuessShare = 0.5;       // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
@@ -61,8 +64,6 @@ bool HasClosedForm(const Problem& problem, const Settings& settings) {
   if (problem.contacts[0].friction == 0) return settings.model != Model::kKinetic || problem.contacts[0].target <= 0;
   return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
 }
-
-bool Usable(Status status) { return status == Status::kSolved || status == Status::kInaccurate; }
 
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
@@ -223,18 +224,24 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
 }
 
-// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays.
-void IslandSolver::Search(const Problem& problem, const Settings& settings) {
+// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. Where all seems to rest it goes for an
+// answer that can be accepted as it is.
+void IslandSolver::Search(const Problem& problem, const Settings& settings, bool resting) {
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   NaturalMap best = CoulombMap(problem, swept_velocities_, swept_impulses_);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
-  for (int block = 0, wasted = 0; block < kMaxBlocks && wasted < 2 && best.max > kAcceptShare * goal; ++block) {
+  const auto enough = [&](const NaturalMap& map) {
+    return map.max <= kAcceptShare * goal || (!resting && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
+  };
+  for (int block = 0; block < kMaxBlocks && !enough(best); ++block) {
     gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
     const NaturalMap now = CoulombMap(problem, swept_velocities_, swept_impulses_);
-    wasted = now.rms < kBlockGain * best.rms ? 0 : wasted + 1;
-    if (now.rms >= best.rms) continue;
-    best = now;
-    best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
+    const bool pays = now.rms < kBlockGain * best.rms;
+    if (now.rms < best.rms) {
+      best = now;
+      best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
+    }
+    if (!pays) break;
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
 }
@@ -265,12 +272,16 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   StartFrom(problem, start);
   int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;
+  bool resting = false;
   if (certified && settings.expect_rest) {
-    interior_point_.Solve(problem, settings, slips_, &trial_);
+    Settings brief = settings;
+    brief.max_iterations = kRestIterations;
+    interior_point_.Solve(problem, brief, slips_, &trial_);
     iterations += trial_.iterations;
-    if (Usable(trial_.status)) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+    resting = trial_.status == Status::kSolved;
+    if (resting) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
-  Search(problem, settings);
+  Search(problem, settings, resting);
   const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
