@@ -165,7 +165,7 @@ constexpr std::array<std::array<int, 3>, 10> kSizes{{{1, 1, 1},
                                                      {6, 6, 5},
                                                      {8, 8, 8},
                                                      {10, 10, 10},
-                                                     {13, 12, 12}}};
+                                                     {14, 13, 12}}};
 
 struct Point {
   double contacts, seconds;
