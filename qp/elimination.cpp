@@ -9,11 +9,6 @@ namespace {
 
 constexpr int kDenseNodes = 6;              // up to 36 unknowns, 72 with two fields
 constexpr double kWorthDissecting = 0.8e6;  // [ns] of a factorisation in the order of minimum degree
-constexpr double kWorthTasks = 100e3;       // [ns] of a factorisation that is cut into tasks
-constexpr double kWorthTask = 20e3;         // [ns] of a task; smaller subtrees share one
-constexpr double kForkedFront = 60e3;       // [ns] from which a front of the top is shared by two threads
-constexpr double kForkedGain = 1.7;         // by how much that shortens it
-constexpr double kCuts[] = {0.35, 0.2, 0.12, 0.08, 0.05};  // largest subtree of a task, share of the whole
 
 }  // namespace
 
@@ -186,90 +181,6 @@ void EliminationAnalysis::FindRows(Elimination* e) {
   }
 }
 
-// Subtrees below a certain time become tasks, those above them the top. Of a few such times the one that promises most
-// for two threads is taken.
-void EliminationAnalysis::CutTasks(Elimination* e) {
-  const int count = e->num_supernodes();
-  const auto parent = [&](int s) { return e->below(s) == 0 ? -1 : e->supernode_of[e->rows[e->row_start[s]]]; };
-  double total = 0;
-  subtree_.assign(count, 0.0);
-  for (int s = 0; s < count; ++s) {
-    const double time = FrontTime(e->columns(s), e->below(s));
-    total += time;
-    subtree_[s] += time;
-    if (parent(s) >= 0) subtree_[parent(s)] += subtree_[s];
-  }
-  double limit = total, best = total;
-  for (const double share : kCuts) {
-    if (total < kWorthTasks) break;
-    double longest = 0, tasks = 0, top = 0;
-    for (int s = 0; s < count; ++s) {
-      const double time = FrontTime(e->columns(s), e->below(s));
-      if (subtree_[s] > share * total) {
-        top += time > kForkedFront ? time / kForkedGain : time;
-      } else {
-        tasks += time;
-        longest = std::max(longest, subtree_[s]);
-      }
-    }
-    const double both = std::max(longest, tasks / 2) + top;
-    if (both < best) best = both, limit = share * total;
-  }
-  e->model_time = (total + best) / 2;
-  // Tasks by their time, longest first; small subtrees share one.
-  const bool cut = limit < total;
-  sequence_.clear();
-  for (int s = 0; s < count; ++s) {
-    if (subtree_[s] <= limit && (parent(s) < 0 || subtree_[parent(s)] > limit)) sequence_.push_back(s);
-  }
-  std::sort(sequence_.begin(), sequence_.end(),
-            [&](int a, int b) { return subtree_[a] != subtree_[b] ? subtree_[a] > subtree_[b] : a < b; });
-  task_of_.assign(count, -1);
-  int num_tasks = 0;
-  double filled = 0;
-  const double worth = std::max(kWorthTask, total / (kMostTasks - 1));  // all but the last take as long
-  for (int root : sequence_) {
-    if (num_tasks == 0 || (cut && filled >= worth)) ++num_tasks, filled = 0;
-    filled += subtree_[root];
-    task_of_[root] = num_tasks - 1;
-  }
-  for (int s = count - 1; s >= 0; --s) {
-    if (task_of_[s] < 0) task_of_[s] = subtree_[s] > limit ? num_tasks : task_of_[parent(s)];
-  }
-  // Renumbered: task by task, then the top; within each as before. Rows stay ascending, for a front's ancestors are in
-  // its own task, in the same order as before, or in the top.
-  e->task_start.assign(num_tasks + 2, 0);
-  for (int s = 0; s < count; ++s) ++e->task_start[task_of_[s] + 1];
-  std::partial_sum(e->task_start.begin(), e->task_start.end(), e->task_start.begin());
-  fill_.assign(e->task_start.begin(), e->task_start.end() - 1);
-  e->task_start.pop_back();
-  rank_.resize(count);
-  for (int s = 0; s < count; ++s) rank_[fill_[task_of_[s]]++] = s;
-  old_first_.swap(e->first);
-  old_row_start_.swap(e->row_start);
-  old_rows_.swap(e->rows);
-  old_order_.assign(e->order.begin(), e->order.end());
-  moved_.resize(e->num_nodes);
-  e->first.assign(1, 0);
-  e->row_start.assign(1, 0);
-  e->rows.clear();
-  for (int s = 0; s < count; ++s) {
-    int to = e->first.back();
-    for (int k = old_first_[rank_[s]]; k < old_first_[rank_[s] + 1]; ++k, ++to) {
-      moved_[k] = to;
-      e->order[to] = old_order_[k];
-      e->position[e->order[to]] = to;
-      e->supernode_of[to] = s;
-    }
-    e->first.push_back(to);
-  }
-  for (int s = 0; s < count; ++s) {
-    for (int r = old_row_start_[rank_[s]]; r < old_row_start_[rank_[s] + 1]; ++r)
-      e->rows.push_back(moved_[old_rows_[r]]);
-    e->row_start.push_back(static_cast<int>(e->rows.size()));
-  }
-}
-
 void EliminationAnalysis::LinkSupernodes(Elimination* e) {
   const int count = e->num_supernodes();
   e->parent.assign(count, -1);
@@ -304,7 +215,7 @@ void EliminationAnalysis::Complete(Elimination* e) {
   Postorder(e);
   FindSupernodes(e);
   FindRows(e);
-  CutTasks(e);
+  tasks_.Cut(e);
 }
 
 void EliminationAnalysis::Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out) {

@@ -18,11 +18,11 @@
 #include <span>
 #include <vector>
 
+#include "qp/elimination_tasks.h"
+#include "qp/nested_dissection.h"
 #include "qp/ordering.h"
 
 namespace islet::qp {
-
-inline constexpr int kMostTasks = 64;
 
 struct Elimination {
   int num_nodes = 0;
@@ -74,7 +74,6 @@ class EliminationAnalysis {
   void Postorder(Elimination* e);
   void FindSupernodes(Elimination* e);
   void FindRows(Elimination* e);
-  void CutTasks(Elimination* e);
   void LinkSupernodes(Elimination* e);
 
   MinimumDegree minimum_degree_;
@@ -84,9 +83,8 @@ class EliminationAnalysis {
   std::vector<int> parent_, count_;            // per position: elimination tree, entries of the column of L
   std::vector<int> mark_, head_, next_, stack_, sequence_;
   std::vector<Run> runs_;
-  std::vector<double> subtree_;  // [ns] per supernode
-  std::vector<int> task_of_, rank_, moved_;
-  std::vector<int> old_first_, old_row_start_, old_rows_, old_order_;
+  std::vector<int> moved_, old_order_;
+  EliminationTasks tasks_;
 };
 
 }  // namespace islet::qp

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "qp/nested_dissection.h"
 #include "qp/ordering.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
