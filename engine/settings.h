@@ -50,7 +50,7 @@ struct Settings {
   int coulomb_rounds = 3;             // kCoulomb: cap on the re-solves with lagged slip [DS91]
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
   double overlap_tolerance = 2.5e-4;  // motion repeats until no pair overlaps by more; per shape size
-  int motion_passes = 8;              // cap on those repeats
+  int motion_passes = 24;             // cap on those repeats; one frame in a hundred of a hard fall wants more than 8
 
   // Performance
   int threads = 0;  // 0: all cores
