@@ -29,7 +29,7 @@ struct Settings {
   double tolerance = 1e-8;          // relative duality gap; dual violation over the velocity scale
   double aim = 0;                   // if below the tolerance: iterate on towards it while that makes progress
   int max_iterations = 100;         // of one interior-point solve
-  int coulomb_rounds = 3;           // cap on re-solves with lagged slip
+  int coulomb_rounds = 3;           // octagon or up to 12 bodies: cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
   bool expect_rest = false;         // hardly anything slides, the caller thinks; decides about speed alone
   double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to
