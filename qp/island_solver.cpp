@@ -224,24 +224,25 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
 }
 
-// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. Where all seems to rest it goes for an
-// answer that can be accepted as it is.
-void IslandSolver::Search(const Problem& problem, const Settings& settings, bool resting) {
+// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on until it can
+// be accepted as it is: that is better than what the interior point makes of it, and cheaper.
+void IslandSolver::Search(const Problem& problem, const Settings& settings) {
+  const bool certified = settings.tier == Tier::kCertified;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   NaturalMap best = CoulombMap(problem, swept_velocities_, swept_impulses_);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
   const auto enough = [&](const NaturalMap& map) {
-    return map.max <= kAcceptShare * goal || (!resting && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
+    return map.max <= kAcceptShare * goal || (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
   };
-  for (int block = 0; block < kMaxBlocks && !enough(best); ++block) {
+  int wasted = 0;
+  for (int block = 0; block < kMaxBlocks && wasted < (certified ? 2 : 1) && !enough(best); ++block) {
     gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
     const NaturalMap now = CoulombMap(problem, swept_velocities_, swept_impulses_);
-    const bool pays = now.rms < kBlockGain * best.rms;
+    wasted = now.rms < kBlockGain * best.rms ? 0 : wasted + 1;
     if (now.rms < best.rms) {
       best = now;
       best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
     }
-    if (!pays) break;
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
 }
@@ -272,16 +273,14 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   StartFrom(problem, start);
   int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;
-  bool resting = false;
   if (certified && settings.expect_rest) {
     Settings brief = settings;
     brief.max_iterations = kRestIterations;
     interior_point_.Solve(problem, brief, slips_, &trial_);
     iterations += trial_.iterations;
-    resting = trial_.status == Status::kSolved;
-    if (resting) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+    if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
-  Search(problem, settings, resting);
+  Search(problem, settings);
   const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
