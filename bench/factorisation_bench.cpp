@@ -13,22 +13,16 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <memory>
-#include <numeric>
 #include <random>
-#include <sstream>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
-#include <Eigen/Geometry>
 #include <Eigen/QR>
 #include <Eigen/SparseCore>
 
+#include "bench/problem_files.h"
 #include "parallel/worker_pool.h"
 #include "qp/kkt.h"
 
@@ -44,27 +38,8 @@ namespace {
 
 using Sparse = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
 
-ContactTerm MakeContact(int a, int b, const Vector3& from_a, const Vector3& from_b, const Vector3& normal) {
-  ContactTerm contact;
-  contact.body_a = a, contact.body_b = b;
-  Matrix3 frame;
-  frame.row(0) = normal.normalized();
-  frame.row(1) = normal.unitOrthogonal();
-  frame.row(2) = normal.normalized().cross(normal.unitOrthogonal());
-  const auto jacobian = [&](double sign, const Vector3& arm) {
-    Matrix3 cross;
-    cross << 0, -arm[2], arm[1], arm[2], 0, -arm[0], -arm[1], arm[0], 0;
-    Jacobian j;
-    j << sign * frame, -sign * frame * cross;
-    return j;
-  };
-  if (a >= 0) contact.jacobian_a = jacobian(-1, from_a);
-  if (b >= 0) contact.jacobian_b = jacobian(1, from_b);
-  return contact;
-}
-
 // Cubes of edge 1 in a jittered lattice between floor and walls; one to four contacts per touching pair.
-Problem MakePile(int nx, int ny, int nz) {
+Problem MakeUnevenPile(int nx, int ny, int nz) {
   std::mt19937 engine(static_cast<unsigned>(nx * 10000 + ny * 100 + nz));
   const auto uniform = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(engine()) / 4294967296.0;
@@ -84,7 +59,7 @@ Problem MakePile(int nx, int ny, int nz) {
     for (int c = 0; c < count; ++c) {
       const Vector3 point = at[b] - 0.5 * normal + jitter();
       pile.contacts.push_back(
-          MakeContact(a, b, a < 0 ? Vector3(0, 0, 0) : Vector3(point - at[a]), point - at[b], normal));
+          MakeContact(a, b, a < 0 ? Vector3(0, 0, 0) : Vector3(point - at[a]), point - at[b], normal, 0));
     }
   };
   for (int b = 0; b < nx * ny * nz; ++b) {
@@ -98,62 +73,6 @@ Problem MakePile(int nx, int ny, int nz) {
     }
   }
   return pile;
-}
-
-// Bodies and contacts of the largest island of a measured frame (text: bodies n, n lines; contacts m, m lines).
-Problem ReadLargestIsland(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  Problem island;
-  std::vector<Vector3> at;
-  std::vector<ContactTerm> contacts;
-  std::vector<BodyTerm> bodies;
-  for (std::string line, word; std::getline(file, line);) {
-    std::istringstream header(line);
-    int count = 0;
-    header >> word >> count;
-    for (int i = 0; word == "bodies" && i < count && std::getline(file, line); ++i) {
-      std::istringstream in(line);
-      int id;
-      Vector3 inertia, position;
-      Eigen::Quaterniond turn;
-      BodyTerm body;
-      in >> id >> body.mass >> inertia[0] >> inertia[1] >> inertia[2] >> position[0] >> position[1] >> position[2] >>
-          turn.w() >> turn.x() >> turn.y() >> turn.z();
-      const Matrix3 rotation = turn.normalized().toRotationMatrix();
-      body.inertia = rotation * inertia.asDiagonal() * rotation.transpose();
-      body.inverse_inertia = rotation * inertia.cwiseInverse().asDiagonal() * rotation.transpose();
-      bodies.push_back(body);
-      at.push_back(position);
-    }
-    for (int i = 0; word == "contacts" && i < count && std::getline(file, line); ++i) {
-      std::istringstream in(line);
-      int a = -1, b = -1;
-      Vector3 point, normal;
-      in >> a >> b >> point[0] >> point[1] >> point[2] >> normal[0] >> normal[1] >> normal[2];
-      if (a < 0 || a >= static_cast<int>(at.size()) || b >= static_cast<int>(at.size()))
-        throw std::runtime_error(path.string() + ": contact of an unknown body");
-      contacts.push_back(MakeContact(a, b, point - at[a], b < 0 ? Vector3(0, 0, 0) : Vector3(point - at[b]), normal));
-    }
-  }
-  std::vector<int> root(bodies.size()), size(bodies.size()), id(bodies.size(), -1);
-  std::iota(root.begin(), root.end(), 0);
-  const std::function<int(int)> find = [&](int i) { return root[i] == i ? i : root[i] = find(root[i]); };
-  for (const ContactTerm& c : contacts)
-    if (c.body_b >= 0) root[find(c.body_a)] = find(c.body_b);
-  for (size_t i = 0; i < bodies.size(); ++i) ++size[find(static_cast<int>(i))];
-  const int largest = static_cast<int>(std::max_element(size.begin(), size.end()) - size.begin());
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    if (find(static_cast<int>(i)) != largest) continue;
-    id[i] = island.num_bodies();
-    island.bodies.push_back(bodies[i]);
-  }
-  for (ContactTerm c : contacts) {
-    if (find(c.body_a) != largest) continue;
-    c.body_a = id[c.body_a];
-    if (c.body_b >= 0) c.body_b = id[c.body_b];
-    island.contacts.push_back(c);
-  }
-  return island;
 }
 
 // As spread out as an interior point's scalings before its end: eigenvalues 1e-4 to 1e4 in any direction.
@@ -292,7 +211,7 @@ class Ours {
       : problem_(problem), d_(d), times_(times), pool_(threads) {
     kkt_.Prepare(problem_, 1);
     KktSystem again;  // a system that has its memory but another graph, as from frame to frame
-    const Problem other = MakePile(10, 10, 10);
+    const Problem other = MakeUnevenPile(10, 10, 10);
     std::vector<double> analyse;
     for (int i = 0; i < 5; ++i) {
       again.Prepare(other, 1);
@@ -387,24 +306,15 @@ void RegisterAll() {
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
   };
-  const char* folder = std::getenv("ISLET_PROBLEMS");
-  std::vector<std::filesystem::path> files;
-  if (folder != nullptr) {
-    for (const auto& entry : std::filesystem::directory_iterator(folder))
-      if (entry.path().extension() == ".txt") files.push_back(entry.path());
-  } else {
-    std::fprintf(stderr, "ISLET_PROBLEMS is not set: no measured frames\n");
-  }
-  std::sort(files.begin(), files.end());
-  for (const auto& file : files)
+  for (const auto& file : MeasuredFrames())
     add(
-        file.stem().string(), [file] { return ReadLargestIsland(file); }, 41);
+        file.stem().string(), [file] { return ReadLargestIsland(file).problem; }, 41);
   constexpr std::array<std::array<int, 3>, 7> kPiles{
       {{2, 1, 1}, {2, 2, 1}, {5, 2, 1}, {3, 2, 2}, {4, 4, 3}, {6, 6, 6}, {10, 10, 10}}};
   for (const std::array<int, 3>& pile : kPiles) {
     add(
-        "pile_" + std::to_string(pile[0] * pile[1] * pile[2]), [pile] { return MakePile(pile[0], pile[1], pile[2]); },
-        41);
+        "pile_" + std::to_string(pile[0] * pile[1] * pile[2]),
+        [pile] { return MakeUnevenPile(pile[0], pile[1], pile[2]); }, 41);
   }
 }
 
