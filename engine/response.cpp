@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kRestShare = 1.5;     // times the floor of v_ref: nothing approaches faster than a resting load would
+constexpr double kRestShare = 1.5;    // times the floor of v_ref: nothing approaches faster than a resting load would
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn

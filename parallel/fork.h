@@ -18,8 +18,8 @@ namespace islet::parallel {
 class PieceRef {
  public:
   template <typename F>
-    requires(!std::is_same_v<std::remove_cvref_t<F>, PieceRef>)
-  PieceRef(const F& function)  // NOLINT: implicit, as a lambda is handed over
+  requires(!std::is_same_v<std::remove_cvref_t<F>, PieceRef>)
+      PieceRef(const F& function)  // NOLINT: implicit, as a lambda is handed over
       : object_(&function), call_([](const void* object, int piece) { (*static_cast<const F*>(object))(piece); }) {}
   void operator()(int piece) const { call_(object_, piece); }
 
@@ -72,9 +72,9 @@ class ForkTeam {
   struct Job {
     PieceRef piece;
     int count;
-    int next;                 // guarded by the mutex
+    int next;  // guarded by the mutex
     std::atomic<int> done{0};
-    Job* before;              // list of the jobs with pieces left, latest first; guarded by the mutex
+    Job* before;  // list of the jobs with pieces left, latest first; guarded by the mutex
   };
   void Run(Job* job);
   bool TakePiece(Job* job, int* piece);

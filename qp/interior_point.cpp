@@ -96,8 +96,7 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0),
-              0.0, 0.0});
+    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1);
   incidence_.Build(scaled_);

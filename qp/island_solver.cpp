@@ -7,13 +7,13 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kAcceptShare = 0.7;     // of the tolerance: what sweeps must reach to be taken as the answer
-constexpr double kSmallAim = 1e-15;       // of the gap, where iterations cost microseconds
-constexpr int kSmallRounds = 5;           // times the cap on rounds, where they cost microseconds
-constexpr int kSmallIsland = 12;          // bodies
-constexpr int kSweeps = 100;              // a block; on small islands, between two interior-point solves
-constexpr int kMaxBlocks = 10;            // of sweeps
-constexpr double kEnoughRms = 3;          // times the tolerance: natural map at which the search ends
+constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
+constexpr double kSmallAim = 1e-15;   // of the gap, where iterations cost microseconds
+constexpr int kSmallRounds = 5;       // times the cap on rounds, where they cost microseconds
+constexpr int kSmallIsland = 12;      // bodies
+constexpr int kSweeps = 100;          // a block; on small islands, between two interior-point solves
+constexpr int kMaxBlocks = 10;        // of sweeps
+constexpr double kEnoughRms = 3;      // times the tolerance: natural map at which the search ends
 constexpr double kEnoughMax = 30;
 constexpr int kRestIterations = 14;       // resting islands take 9 to 12
 constexpr double kGuessShare = 0.5;       // of the natural map of no impulses: what a guess must reach to be of use
@@ -224,15 +224,16 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
 }
 
-// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on until it can
-// be accepted as it is: that is better than what the interior point makes of it, and cheaper.
+// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
+// until it can be accepted as it is: that is better than what the interior point makes of it, and cheaper.
 void IslandSolver::Search(const Problem& problem, const Settings& settings) {
   const bool certified = settings.tier == Tier::kCertified;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   NaturalMap best = CoulombMap(problem, swept_velocities_, swept_impulses_);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
   const auto enough = [&](const NaturalMap& map) {
-    return map.max <= kAcceptShare * goal || (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
+    return map.max <= kAcceptShare * goal ||
+           (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
   };
   int wasted = 0;
   for (int block = 0; block < kMaxBlocks && wasted < (certified ? 2 : 1) && !enough(best); ++block) {
@@ -247,20 +248,19 @@ void IslandSolver::Search(const Problem& problem, const Settings& settings) {
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
 }
 
-// Takes over impulses from the caller, or none if those are no better. True if they were.
-bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
+// Takes over impulses from the caller, or none if those are of no use.
+void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
-  if (start.size() != problem.contacts.size()) return false;
+  if (start.size() != problem.contacts.size()) return;
   const double without = CoulombMap(problem, swept_velocities_, swept_impulses_).rms;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
     ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
   }
-  if (CoulombMap(problem, swept_velocities_, swept_impulses_).rms < kGuessShare * without) return true;
+  if (CoulombMap(problem, swept_velocities_, swept_impulses_).rms < kGuessShare * without) return;
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
-  return false;
 }
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere

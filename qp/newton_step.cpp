@@ -21,7 +21,8 @@ size_t NumPieces(int num_rows) { return (num_rows + kRowsPerPiece - 1) / kRowsPe
 // even where D spans many orders; updating D by a matrix of rank one instead would lose its small part.
 void Soften(double compliance, double softness, Matrix3* d, Matrix3* softening) {
   if (softness > 0) {
-    *softening = (Matrix3::Identity() + *d * Vector3(compliance + softness, compliance, compliance).asDiagonal()).inverse();
+    *softening =
+        (Matrix3::Identity() + *d * Vector3(compliance + softness, compliance, compliance).asDiagonal()).inverse();
     *d = (*softening * *d).eval();
   } else {
     const Eigen::LLT<Matrix3> factors(Matrix3::Identity() + compliance * *d);
@@ -211,8 +212,7 @@ double InteriorPoint::DirectionError(double weight) {
     for (int i = first; i < last; ++i) {
       const BodyTerm& body = scaled_.bodies[i];
       const Vector6 dv = MassTimes(body, At(dy_, stride * i));
-      At(error_, stride * i) =
-          dv + weight * At(dual_, stride * i) - incidence_.Gather(scaled_, i, forces_.data());
+      At(error_, stride * i) = dv + weight * At(dual_, stride * i) - incidence_.Gather(scaled_, i, forces_.data());
       if (fields == 1) continue;
       At(error_, stride * i) -= MassTimes(body, At(dy_, stride * i + 6));
       At(error_, stride * i + 6) =
