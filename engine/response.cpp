@@ -87,17 +87,16 @@ bool IslandResponder::LowerRestitution(int attempt) {
   return true;
 }
 
-void IslandResponder::Solve(const Settings& settings, double v_ref, std::span<const Vector3> guess,
-                            ResponseOutcome* outcome) {
+void IslandResponder::Solve(const Settings& settings, double v_ref, bool expect_rest, ResponseOutcome* outcome) {
   qp::Settings solver_settings = SolverSettings(settings, v_ref);
-  solver_settings.expect_rest = expect_rest_;
+  solver_settings.expect_rest = expect_rest;
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = KineticEnergy(problem_, nullptr);
   const bool bounces =
       std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto solve = [&] {
-    solver_.Solve(problem_, solver_settings, &solution_, guess);
+    solver_.Solve(problem_, solver_settings, &solution_, guess_);
     outcome->iterations += solution_.iterations;
     outcome->rounds = std::max(outcome->rounds, solution_.rounds);
     outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
@@ -137,19 +136,21 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
                                                    const Settings& settings, double speed_floor, double threshold,
                                                    std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
+  touching_.clear();
   guess_.clear();
-  for (const int contact : island.contacts)
-    if (contacts.contacts[contact].touches) guess_.push_back(impulses[contact]);
-  for (const int contact : island.contacts) impulses[contact].setZero();
+  for (const int contact : island.contacts) {
+    if (contacts.contacts[contact].touches) {
+      touching_.push_back(contact);
+      guess_.push_back(impulses[contact]);
+    }
+    impulses[contact].setZero();
+  }
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
-    return c.touches && NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
+    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
   };
-  if (std::none_of(island.contacts.begin(), island.contacts.end(), approaches)) return outcome;
+  if (std::none_of(touching_.begin(), touching_.end(), approaches)) return outcome;
   const Stopwatch watch;
-  touching_.clear();
-  for (const int contact : island.contacts)
-    if (contacts.contacts[contact].touches) touching_.push_back(contact);
   const IslandView touching{island.bodies, touching_};
   gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
   const double v_ref = std::max(speed_floor, ApproachVelocities(problem_, &free_));
@@ -157,8 +158,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (free_[c] < -threshold)
       problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
   }
-  expect_rest_ = false;
-  Solve(settings, v_ref, guess_, &outcome);
+  Solve(settings, v_ref, false, &outcome);
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
@@ -169,8 +169,10 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                                                std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
   guess_.clear();
-  for (const int contact : island.contacts) guess_.push_back(impulses[contact]);
-  for (const int contact : island.contacts) impulses[contact].setZero();
+  for (const int contact : island.contacts) {
+    guess_.push_back(impulses[contact]);
+    impulses[contact].setZero();
+  }
   if (island.contacts.empty()) return outcome;
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
@@ -186,8 +188,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const bool rubs = settings.model != Model::kCoulomb && std::any_of(problem_.contacts.begin(), problem_.contacts.end(),
                                                                      [](const auto& c) { return c.friction > 0; });
   if (fastest <= 1e-12 * v_ref && !rubs) return outcome;
-  expect_rest_ = v_ref <= kRestShare * speed_floor;
-  Solve(settings, v_ref, guess_, &outcome);
+  Solve(settings, v_ref, v_ref <= kRestShare * speed_floor, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

@@ -56,7 +56,7 @@ class IslandResponder {
                                  std::span<Vector3> impulses);
 
  private:
-  void Solve(const Settings& settings, double v_ref, std::span<const Vector3> guess, ResponseOutcome* outcome);
+  void Solve(const Settings& settings, double v_ref, bool expect_rest, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
@@ -66,10 +66,9 @@ class IslandResponder {
   qp::Solution solution_;
   qp::IslandSolver solver_;
   qp::GaussSeidel sweeps_;
-  std::vector<double> free_;   // contact velocities before
-  std::vector<int> touching_;  // contacts of the collision problem
-  std::vector<Vector3> guess_;
-  bool expect_rest_ = false;
+  std::vector<double> free_;    // contact velocities before
+  std::vector<int> touching_;   // contacts of the collision problem
+  std::vector<Vector3> guess_;  // impulses found there, per contact of the problem
 };
 
 }  // namespace islet

@@ -103,4 +103,47 @@ inline double MaxStep(ConeKind kind, const double* lambda, const double* directi
   return inverse * limit > 1 ? 1 / inverse : limit;
 }
 
+// Mehrotra's corrector: the target, in scaled space, that leads to s o z = goal e, with what the direction (ds, dz) leaves of
+// second order taken off.
+inline void AimAtCentre(ConeKind kind, const double* lambda, const double* ds, const double* dz, double goal,
+                        double* target) {
+  double unit[kMaxRows], product[kMaxRows];
+  JordanProduct(kind, ds, dz, product);
+  Identity(kind, unit);
+  for (int i = 0; i < NumRows(kind); ++i) product[i] = goal * unit[i] - product[i];
+  JordanDivide(kind, lambda, product, product);
+  for (int i = 0; i < NumRows(kind); ++i) target[i] = product[i] - lambda[i];
+}
+
+// Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
+inline void BandCorrection(ConeKind kind, double low, double high, double* v) {
+  const auto lack = [&](double value) {
+    return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0;
+  };
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) v[i] = lack(v[i]);
+    return;
+  }
+  const double tangent = std::sqrt(v[1] * v[1] + v[2] * v[2]);
+  const double small = lack(v[0] - tangent), large = lack(v[0] + tangent);
+  const double share = tangent > 0 ? (large - small) / (2 * tangent) : 0;
+  v[0] = (large + small) / 2;
+  v[1] *= share;
+  v[2] *= share;
+}
+
+// Adds to the target what pulls the products at a step of `reach` along (ds, dz) back into the band [low, high].  [Gon96]
+inline void CorrectCentrality(ConeKind kind, const double* lambda, const double* ds, const double* dz, double reach,
+                              double low, double high, double* target) {
+  double a[kMaxRows], b[kMaxRows];
+  for (int i = 0; i < NumRows(kind); ++i) {
+    a[i] = lambda[i] + reach * ds[i];
+    b[i] = lambda[i] + reach * dz[i];
+  }
+  JordanProduct(kind, a, b, a);
+  BandCorrection(kind, low, high, a);
+  JordanDivide(kind, lambda, a, a);
+  for (int i = 0; i < NumRows(kind); ++i) target[i] += a[i];
+}
+
 }  // namespace islet::qp

@@ -19,23 +19,6 @@ constexpr double kCorrectorReach = 0.3;  // by how much a corrector tries to len
 constexpr double kCorrectorGain = 0.1;   // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 
-// Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
-void BandCorrection(ConeKind kind, double low, double high, double* v) {
-  const auto lack = [&](double value) {
-    return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0;
-  };
-  if (kind != ConeKind::kCircular) {
-    for (int i = 0; i < NumRows(kind); ++i) v[i] = lack(v[i]);
-    return;
-  }
-  const double tangent = std::sqrt(v[1] * v[1] + v[2] * v[2]);
-  const double small = lack(v[0] - tangent), large = lack(v[0] + tangent);
-  const double share = tangent > 0 ? (large - small) / (2 * tangent) : 0;
-  v[0] = (large + small) / 2;
-  v[1] *= share;
-  v[2] *= share;
-}
-
 }  // namespace
 
 void InteriorPoint::Solve(const Problem& problem, const Settings& settings, std::span<const double> slips,
@@ -209,18 +192,10 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
   saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
   parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
-    double a[kMaxRows], b[kMaxRows];
     for (int r = first; r < last; ++r) {
-      const Rows& rows = rows_[r];
-      const int d = NumRows(rows.cone.kind);
-      for (int i = 0; i < d; ++i) {
-        a[i] = lambda_[rows.first + i] + reach * ds_[rows.first + i];
-        b[i] = lambda_[rows.first + i] + reach * dz_[rows.first + i];
-      }
-      JordanProduct(rows.cone.kind, a, b, a);
-      BandCorrection(rows.cone.kind, kProductLow * aim, kProductHigh * aim, a);
-      JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
-      for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
+      const int at = rows_[r].first;
+      CorrectCentrality(rows_[r].cone.kind, &lambda_[at], &ds_[at], &dz_[at], reach, kProductLow * aim,
+                        kProductHigh * aim, &target_[at]);
     }
   });
   ComputeDirection(weight, refine_);

@@ -18,23 +18,6 @@ constexpr int kRefinements = 2;
 constexpr double kFirstShift = 1e-15, kLastShift = 1e-12;  // of the diagonal, where the factorisation fails
 constexpr double kAbsurdSpeed = 1e3;                       // times the velocities at hand
 
-// Replaces the spectral values of v by what they lack to lie in [low, high]; no value falls by more than `high`.
-void BandCorrection(ConeKind kind, double low, double high, double* v) {
-  const auto lack = [&](double value) {
-    return value < low ? low - value : value > high ? std::max(high - value, -high) : 0.0;
-  };
-  if (kind != ConeKind::kCircular) {
-    for (int i = 0; i < NumRows(kind); ++i) v[i] = lack(v[i]);
-    return;
-  }
-  const double tangent = std::hypot(v[1], v[2]);
-  const double small = lack(v[0] - tangent), large = lack(v[0] + tangent);
-  const double share = tangent > 0 ? (large - small) / (2 * tangent) : 0;
-  v[0] = (large + small) / 2;
-  v[1] *= share;
-  v[2] *= share;
-}
-
 }  // namespace
 
 // s pushed inside its cones by one unit, z the unit elements: both are of order one in scaled units, or of that of the
@@ -178,34 +161,17 @@ void LocalInteriorPoint::ComputeDirection(double weight) {
   complete();
 }
 
-// Second-order term of the predictor, which stands in ds and dz, and the goal for the products.
 void LocalInteriorPoint::AimAt(double goal) {
-  double unit[kMaxRows], product[kMaxRows];
-  for (const Rows& rows : rows_) {
-    const int d = NumRows(rows.cone.kind);
-    JordanProduct(rows.cone.kind, &ds_[rows.first], &dz_[rows.first], product);
-    Identity(rows.cone.kind, unit);
-    for (int i = 0; i < d; ++i) product[i] = goal * unit[i] - product[i];
-    JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
-    for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
-  }
+  for (const auto& [first, cone] : rows_)
+    AimAtCentre(cone.kind, &lambda_[first], &ds_[first], &dz_[first], goal, &target_[first]);
 }
 
 bool LocalInteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
   const Eigen::VectorXd target = target_, dv = dv_, ds = ds_, dz = dz_;
-  double a[kMaxRows], b[kMaxRows];
-  for (const Rows& rows : rows_) {
-    const int d = NumRows(rows.cone.kind);
-    for (int i = 0; i < d; ++i) {
-      a[i] = lambda_[rows.first + i] + reach * ds_[rows.first + i];
-      b[i] = lambda_[rows.first + i] + reach * dz_[rows.first + i];
-    }
-    JordanProduct(rows.cone.kind, a, b, a);
-    BandCorrection(rows.cone.kind, kProductLow * aim, kProductHigh * aim, a);
-    JordanDivide(rows.cone.kind, &lambda_[rows.first], a, a);
-    for (int i = 0; i < d; ++i) target_[rows.first + i] += a[i];
-  }
+  for (const auto& [first, cone] : rows_)
+    CorrectCentrality(cone.kind, &lambda_[first], &ds_[first], &dz_[first], reach, kProductLow * aim,
+                      kProductHigh * aim, &target_[first]);
   ComputeDirection(weight);
   const double longer = std::min(1.0, kStepShare * LongestStep(2));
   if (longer >= *step + kCorrectorGain * (reach - *step)) {

@@ -121,18 +121,11 @@ void InteriorPoint::FactoriseNewton() {
   kkt_.Factorise(scaled_, blocks_, normal_blocks_);
 }
 
-// Complementarity s o z = goal e, with what the last direction leaves of second order taken off: Mehrotra's corrector.
 void InteriorPoint::AimAt(double goal) {
   parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
-    double unit[kMaxRows], product[kMaxRows];
     for (int r = first; r < last; ++r) {
-      const Rows& rows = rows_[r];
-      const int d = NumRows(rows.cone.kind);
-      JordanProduct(rows.cone.kind, &ds_[rows.first], &dz_[rows.first], product);
-      Identity(rows.cone.kind, unit);
-      for (int i = 0; i < d; ++i) product[i] = goal * unit[i] - product[i];
-      JordanDivide(rows.cone.kind, &lambda_[rows.first], product, product);
-      for (int i = 0; i < d; ++i) target_[rows.first + i] = product[i] - lambda_[rows.first + i];
+      const int at = rows_[r].first;
+      AimAtCentre(rows_[r].cone.kind, &lambda_[at], &ds_[at], &dz_[at], goal, &target_[at]);
     }
   });
 }
