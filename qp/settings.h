@@ -16,10 +16,11 @@ enum class Cone {
   kOctagon,   // the eight-sided pyramid inscribed in it                                 [SM04 Eq. 8]
 };
 
-// How far exact Coulomb friction on the circular cone is driven. The other models have one way only.
+// How far exact Coulomb friction on the circular cone is driven. The other models have one way only. Momentum and cones hold to
+// rounding in both.
 enum class Tier {
-  kCertified,  // sweeps, then the convex problem with their slips to the tolerance: momentum, cone, gap hold to rounding
-  kSwept,      // sweeps alone, as far as they pay: a third of the time, and natural maps that are as good or better
+  kCertified,  // sweeps, then the convex problem with their slips; its gap holds to the tolerance
+  kSwept,      // sweeps alone, as far as they pay: about a third of the time, no bound on the gap
 };
 
 struct Settings {
