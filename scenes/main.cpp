@@ -3,9 +3,11 @@
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
+//   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
-// written or a problem not be read, 2 a bad argument: the message names the field and the value, and no file has been touched.
+// written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
+// value, and no file has been touched.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -17,6 +19,7 @@
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
+#include "scenes/verify/verify.h"
 
 namespace {
 
@@ -45,12 +48,16 @@ int Run(int argc, char** argv) {
   islet::SolveOptions solve_options;
   islet::AddSolveOptions(solve, &solve_options);
 
+  CLI::App* const verify = app.add_subcommand("verify", "Run scenes whose answer is known, and tell how far off it is");
+  islet::VerifyOptions verify_options;
+  islet::AddVerifyOptions(verify, &verify_options);
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
     const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run and solve; got {}", argv[1])
+                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
                                     : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
@@ -58,6 +65,7 @@ int Run(int argc, char** argv) {
   if (scenes->parsed()) ListScenes(with_expectations);
   if (run->parsed()) islet::RunScene(options);
   if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
+  if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
   return 0;
 }
 

@@ -1,0 +1,96 @@
+#include "scenes/verify/verify.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <stdexcept>
+
+#include "scenes/output_file.h"
+#include "scenes/verify/verify_report.h"
+#include "scenes/verify/verify_run.h"
+
+namespace islet {
+namespace {
+
+VerifyBase CheckOptions(const VerifyOptions& o) {
+  const auto require = [](bool good, const char* option, const auto& value, const char* rule) {
+    if (!good) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
+  };
+  require(o.tier == "certified" || o.tier == "swept", "--tier", o.tier, "one of certified, swept");
+  require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
+  if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
+  if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
+  return {o.tolerance, o.tier == "swept" ? Tier::kSwept : Tier::kCertified, o.threads.value_or(0), o.quick};
+}
+
+void ListChecks(std::span<const Check* const> checks) {
+  for (const Check* const check : checks)
+    fmt::print("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
+}
+
+void ShowProgress(const Check& check, const Setting& setting, int done, int total) {
+  fmt::print(stderr, "\r{} of {}: {} {}, dt {}, {}, freezing {}\033[K", done, total, check.id, check.name,
+             setting.dt.name, setting.model, setting.freeze);
+  std::fflush(stderr);
+}
+
+void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_checks) {
+  int coulomb = 0, passed = 0;
+  for (const VerifyRow& row : rows) {
+    const bool counts = row.setting->settings.engine.model == Model::kCoulomb;
+    coulomb += counts;
+    passed += counts && row.Pass();
+  }
+  if (coulomb == 0) {
+    fmt::print(out, "{} checks; no gates: these hold for the model coulomb alone\n", num_checks);
+    return;
+  }
+  const int failed = CountFailedGates(rows);
+  fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds; {}\n", num_checks,
+             passed, coulomb, failed == 0 ? "no gate failed" : fmt::format("{} gates FAILED", failed));
+}
+
+}  // namespace
+
+void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
+  command->add_option("checks", o->ids, "which, as T1 T14 (default: all)")->type_name("T");
+  const auto add = [&](const char* name, auto& target, const char* type, const char* help) {
+    command->add_option(name, target, help)->type_name(type);
+  };
+  add("--dt", o->dt, "LIST", "time steps [s], numbers or fractions (default 1/60,1/240)");
+  add("--model", o->model, "LIST",
+      "of coulomb (default), convex, kinetic, paper: all as in the paper, its freezing too");
+  add("--freeze", o->freeze, "LIST", "of off, certified (default: both)");
+  add("--tolerance", o->tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
+  add("--tier", o->tier, "NAME", "of coulomb: certified or swept (default certified)");
+  add("--threads", o->threads, "N", "0: all cores (default)");
+  add("--gate", o->gate, "LIST", "only checks of G1, G2 (must hold) or G3 (statistics)");
+  command->add_flag("--quick", o->quick, "leave out the largest sizes and the longest times");
+  command->add_flag("--all", o->all_settings, "a row for every setting, not only for the worst one");
+  command->add_flag("--list", o->list, "tell the checks and where their references come from, and run none");
+  add("--report", o->report, "FILE|-", "write all measurements as a JSON list; - is the standard output");
+}
+
+bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
+  const VerifyBase base = CheckOptions(options);
+  const std::vector<Setting> settings = CrossSettings(options.dt, options.model, options.freeze, base);
+  const std::vector<const Check*> selected = SelectChecks(checks, options.ids, options.gate);
+  if (options.list) {
+    ListChecks(selected);
+    return true;
+  }
+  const bool terminal = ::isatty(STDERR_FILENO) != 0;
+  const std::vector<VerifyRow> rows = RunChecks(selected, settings, terminal ? ShowProgress : VerifyProgress());
+  if (terminal) fmt::print(stderr, "\r\033[K");
+  std::FILE* const table = options.report == "-" ? stderr : stdout;
+  fmt::print(table, "{}", VerifyTable(rows, options.all_settings));
+  PrintSummary(table, rows, selected.size());
+  if (options.report == "-") fmt::print(stdout, "{}", VerifyJson(rows, options.tolerance));
+  if (!options.report.empty() && options.report != "-") WriteWhole(options.report, VerifyJson(rows, options.tolerance));
+  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  return CountFailedGates(rows) == 0;
+}
+
+}  // namespace islet
