@@ -1,7 +1,20 @@
 #include "scenes/verify/check.h"
+#include "scenes/verify/load_measures.h"
 
 namespace islet {
+namespace {
 
-std::span<const Check> LoadChecks() { return {}; }
+constexpr Check kChecks[] = {
+    {"T14", "column of cubes", Gate::kGate, "contact k carries all that is above it, (N - k + 1) m g; nothing moves",
+     verify::MeasureColumn},
+    {"T15", "heavy on light", Gate::kGate, "contact k carries all that is above it, up to 1 : 1e6; nothing moves",
+     verify::MeasureHeavyOnLight},
+    {"T28", "table on 3 to 100 legs", Gate::kGate,
+     "sum of loads m g, sum of moments 0; three loads follow from statics; by symmetry m g / n", verify::MeasureTables},
+};
+
+}  // namespace
+
+std::span<const Check> LoadChecks() { return kChecks; }
 
 }  // namespace islet
