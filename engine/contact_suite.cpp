@@ -48,6 +48,8 @@ void ContactSuite::SetGravity(const Vector3& gravity_W) {
   impl_->settings.gravity = gravity_W;
 }
 void ContactSuite::SetProblemObserver(ProblemObserver observer) { impl_->observer = std::move(observer); }
+const SuiteMemory& ContactSuite::memory() const { return *impl_; }
+void ContactSuite::SetMemory(const SuiteMemory& memory) { static_cast<SuiteMemory&>(*impl_) = memory; }
 std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
 std::span<const double> ContactSuite::support() const { return impl_->support; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }

@@ -25,6 +25,8 @@ namespace parallel {
 class WorkerPool;
 }
 
+struct SuiteMemory;  // engine/suite_memory.h
+
 struct Twist {
   Vector3 linear_W = Vector3::Zero();   // [m/s]
   Vector3 angular_W = Vector3::Zero();  // [rad/s]
@@ -43,6 +45,10 @@ class ContactSuite {
 
   // Throws std::invalid_argument if a contact names no body, its numbers are not ordered, or a value is not finite.
   void Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report);
+
+  // What it remembers from frame to frame; to be given to a suite with the same bodies. See World::Save().
+  const SuiteMemory& memory() const;
+  void SetMemory(const SuiteMemory& memory);
 
   // [N s] on body_b of each contact of the last Resolve, W: bounces, collision and static impulses together. The contacts of
   // a frozen body carry the impulses that hold it.

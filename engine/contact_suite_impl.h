@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include "engine/certified_freezing.h"
 #include "engine/contact_suite.h"
 #include "engine/response.h"
 #include "engine/sequential.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
+#include "engine/suite_memory.h"
 #include "islands/partition.h"
 #include "parallel/schedule.h"
 #include "parallel/worker_pool.h"
@@ -21,17 +21,10 @@ namespace islet {
 
 inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 
-struct ContactSuite::Impl {
+struct ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
-  CertifiedFreezing certified;
-  std::vector<int> freeze_counters;  // kPaper
-
-  std::vector<Contact> previous_contacts;
-  std::vector<Vector3> previous_holding, impulses_W;
-  double previous_dt = 0;
-  std::vector<double> support;  // [N s] per body
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;

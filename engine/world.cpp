@@ -13,11 +13,34 @@
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
+#include "engine/suite_memory.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
 
-struct World::Impl {
+// All that one step leaves for the next, but for what the suite remembers.
+struct WorldState {
+  std::vector<Body> bodies;
+  std::vector<Shape> shapes;
+  std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
+  std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
+  std::vector<Contact> touching;       // of these, those that touch
+  std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
+  std::vector<Vector3> travel;         // [m] that the last detection expected of each body
+  std::vector<double> margins;         // [m] and how far it may stray from that
+  bool stale = true;                   // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;           // those before it were checked for initial overlap
+  double time = 0;                     // [s]
+  double dt_hint = 1.0 / 30;           // [s] of the last step
+};
+
+struct WorldSnapshot::Data {
+  WorldState world;
+  SuiteMemory suite;
+  Vector3 gravity;
+};
+
+struct World::Impl : WorldState {
   Settings settings;
   std::unique_ptr<parallel::WorkerPool> own_pool;
   parallel::WorkerPool* pool;
@@ -25,19 +48,7 @@ struct World::Impl {
   Detector detector;
   Mover mover;
   MaterialCallback material;
-
-  std::vector<Body> bodies;
-  std::vector<Shape> shapes;
-  std::vector<double> tolerances;        // [m] per body: overlap allowed by the motion
-  std::vector<Contact> near_contacts;    // at the current poses, up to the reach of the last detection
-  std::vector<Contact> touching;         // of these, those that touch
-  std::vector<Contact> resolved;         // touching ones at the start of the last step, whose impulses the suite holds
   std::vector<Contact> detected, still;  // scratch
-  std::vector<Vector3> travel;           // [m] that the last detection expected of each body
-  std::vector<double> margins;           // [m] and how far it may stray from that
-  bool stale = true;                     // near_contacts do not belong to the current poses
-  size_t checked_bodies = 0;             // those before it were checked for initial overlap
-  double time = 0;
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -57,7 +68,6 @@ struct World::Impl {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  double dt_hint = 1.0 / 30;
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -305,6 +315,17 @@ StepReport World::Step(double dt) {
   report.motion_failures = moved.reached ? 0 : 1;
   w.time += dt;
   return report;
+}
+
+WorldSnapshot World::Save() const {
+  return WorldSnapshot(std::make_shared<const WorldSnapshot::Data>(
+      WorldSnapshot::Data{*impl_, impl_->suite.memory(), impl_->settings.gravity}));
+}
+
+void World::Restore(const WorldSnapshot& snapshot) {
+  static_cast<WorldState&>(*impl_) = snapshot.data_->world;
+  impl_->suite.SetMemory(snapshot.data_->suite);
+  SetGravity(snapshot.data_->gravity);
 }
 
 std::span<const Body> World::bodies() const { return impl_->bodies; }

@@ -25,6 +25,7 @@
 #include "engine/settings.h"
 #include "engine/shape.h"
 #include "engine/step_report.h"
+#include "engine/world_snapshot.h"
 
 namespace islet {
 
@@ -76,6 +77,10 @@ class World {
 
   // Advances by dt > 0 [s].                                                                       [SM04 Fig. 1]
   StepReport Step(double dt);
+
+  // Everything that later steps depend on, and back; see engine/world_snapshot.h.
+  WorldSnapshot Save() const;
+  void Restore(const WorldSnapshot& snapshot);
 
   std::span<const Body> bodies() const;  // including removed ones
   const Body& body(int number) const;

@@ -1,0 +1,23 @@
+// A world at one moment, kept: World::Save() makes it, World::Restore() goes back to it.
+//
+//   holds     bodies, shapes, gravity, time, contacts, the impulses that contacts remember, the watch on what stands still
+//   lacks     settings other than gravity, callbacks: those of the world that restores stay, so a run can be continued on
+//             another number of threads, or with another tolerance
+//   promise   with equal settings and callbacks the continued run is the uninterrupted one, bit for bit
+//   threads: immutable; copies share their data, and any number of worlds may restore from one at a time
+#pragma once
+
+#include <memory>
+#include <utility>
+
+namespace islet {
+
+class WorldSnapshot {
+ private:
+  friend class World;
+  struct Data;
+  explicit WorldSnapshot(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
+  std::shared_ptr<const Data> data_;
+};
+
+}  // namespace islet
