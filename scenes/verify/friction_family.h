@@ -1,0 +1,38 @@
+// What the files of the friction family share: the measurements behind T1 to T6, T18, T19 and T23, and
+// a search for thresholds.
+#pragma once
+
+#include "engine/world.h"
+#include "scenes/verify/check.h"
+
+namespace islet::verify {
+
+void MeasureCreep(const CheckSettings& settings, Measurements* out);          // T1
+void MeasureInclineSlide(const CheckSettings& settings, Measurements* out);   // T2
+void MeasureThreshold(const CheckSettings& settings, Measurements* out);      // T3
+void MeasureStop(const CheckSettings& settings, Measurements* out);           // T4
+void MeasureLiftOff(const CheckSettings& settings, Measurements* out);        // T5
+void MeasureObliqueBounce(const CheckSettings& settings, Measurements* out);  // T6
+void MeasureLeaningCards(const CheckSettings& settings, Measurements* out);   // T18
+void MeasureTipping(const CheckSettings& settings, Measurements* out);        // T19
+void MeasureWedge(const CheckSettings& settings, Measurements* out);          // T23
+
+// Where in [lower, upper] `before` changes from true to false, to 1e-8 of it; an end of the range if it does not change there.
+template <typename Before>
+double Boundary(double lower, double upper, Before before) {
+  if (!before(lower)) return lower;
+  if (before(upper)) return upper;
+  while (upper - lower > 1e-8 * upper) {
+    const double middle = 0.5 * (lower + upper);
+    (before(middle) ? lower : upper) = middle;
+  }
+  return 0.5 * (lower + upper);
+}
+
+// A box of 1 kg that lies on Floor(.., incline), its centre above the origin.
+BodyDefinition BoxOnIncline(const Vector3& half_extents, double incline, double friction);
+
+// What the longest runs of a probe for a threshold take: no freezing, whatever its rule, has set in.
+inline constexpr int kProbeFrames = 3;
+
+}  // namespace islet::verify
