@@ -1,4 +1,7 @@
 // The impulse of one colliding contact, by the law of the settings.                         [SM04 Eq. 2, 5, 6, 11, 12]
+//
+// kExact is Newton's law with Coulomb friction. Where that would raise the kinetic energy (Kane's paradox: friction reverses the
+// slip and does work) the rebound stays Newton's, and a small QP in the friction finds the least energy after the bounce.
 //   threads: pure functions
 #pragma once
 
@@ -16,11 +19,15 @@ struct BounceBody {
   Vector3 linear_velocity_W = Vector3::Zero();   // [m/s]
   Vector3 angular_velocity_W = Vector3::Zero();  // [rad/s]
 
+  bool moves() const { return inverse_mass > 0; }
   Vector3 VelocityAt(const Vector3& point_W) const {
     return linear_velocity_W + angular_velocity_W.cross(point_W - position_W);
   }
   void ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W);
 };
+
+// [1/kg] contact velocity per impulse, in `frame`: W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies.
+Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame);
 
 // [N s] on body b, components (n, t1, t2) of `frame`. Zero if the bodies do not approach.
 Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,

@@ -4,6 +4,7 @@
 // -impulse on body_a; the contact velocity is that of b relative to a.                       [SM04 Sec. 3.1, Eq. 3, 10]
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "engine/body.h"
@@ -22,8 +23,14 @@ struct Contact {
   bool touches = true;
   double friction = 0;        // mu of the pair
   double restitution = 0;     // epsilon of the pair
+  double fading = 0;          // [m/s] that it rebounds slower than by Newton's law, see rebound.h
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
+
+// [m/s] with which the contact separates after it was approached at the given speed: Newton's law.
+inline double ReboundSpeed(const Contact& contact, double approach) {
+  return std::max(0.0, contact.restitution * approach - contact.fading);
+}
 
 // How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).
 double MixFriction(double friction_a, double friction_b);

@@ -24,6 +24,10 @@ constexpr int kMaxSweeps = 150;
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
 
+constexpr int kFlightPasses = 8;  // later ones correct flying bodies like others
+constexpr int kPolishingPasses =
+    4;  // that find the moments of impacts more closely than the overlap tolerance asks for
+
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
 }
@@ -34,24 +38,23 @@ Mover::Mover(const Settings& settings, parallel::WorkerPool* pool) : settings_(s
   workers_.resize(pool->num_workers());
 }
 
-void Mover::PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies) {
+void Mover::PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies) {
   planned_.assign(bodies.size(), {});
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
     if (body.removed) continue;
     if (body.kind == BodyKind::kKinematic) {
-      planned_[i] = {dt * body.linear_velocity_W, dt * body.angular_velocity_W};
+      planned_[i] = {plan.dt * body.linear_velocity_W, plan.dt * body.angular_velocity_W};
     } else if (body.Moves()) {
-      planned_[i].linear = 0.5 * dt * (before_gravity[i].linear_W + body.linear_velocity_W);
+      planned_[i].linear = 0.5 * plan.durations[i] * (plan.before[i].linear_W + body.linear_velocity_W);
       planned_[i].angular = FreeRotation(body.inertia_B, body.rotation_WB,
-                                         0.5 * (before_gravity[i].angular_W + body.angular_velocity_W), dt);
+                                         0.5 * (plan.before[i].angular_W + body.angular_velocity_W), plan.durations[i]);
     }
   }
 }
 
-std::span<const Vector3> Mover::PlanTravel(double dt, std::span<const Twist> before_gravity,
-                                           std::span<const Body> bodies) {
-  PlanFreeMotion(dt, before_gravity, bodies);
+std::span<const Vector3> Mover::PlanTravel(const MotionPlan& plan, std::span<const Body> bodies) {
+  PlanFreeMotion(plan, bodies);
   travel_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) travel_[i] = planned_[i].linear;
   return travel_;
@@ -67,9 +70,48 @@ double Mover::PredictedGap(const Contact& c, std::span<const Body> bodies) const
   return c.gap + c.normal_W.dot(at_point(c.body_b) - at_point(c.body_a));
 }
 
-MotionOutcome Mover::Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
-                          const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts) {
-  PlanFreeMotion(dt, before_gravity, bodies);
+// Moves the flying bodies to the moments at which they meet something: planned_ takes them there from where they are now.
+void Mover::PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
+                        const std::vector<Contact>& contacts) {
+  gaps_.resize(contacts.size());
+  for (size_t c = 0; c < contacts.size(); ++c) gaps_[c] = PredictedGap(contacts[c], bodies);
+  flights_move_ = flights_.FindMoments(pass, contacts, gaps_, tolerances, bodies, &handled_) || pass == 0;
+  flown_.resize(bodies.size());
+  if (!flights_move_) return;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!flights_.flies(static_cast<int>(i))) continue;
+    Body there = bodies[i];
+    flights_.Place(static_cast<int>(i), &there);
+    planned_[i].linear = there.position_W - bodies[i].position_W;
+    planned_[i].angular = Log(there.rotation_WB * bodies[i].rotation_WB.conjugate());
+    flown_[i] = planned_[i];
+  }
+}
+
+// Puts the flying bodies where their flights take them. What a correction moves besides is no flight any more: planned_ keeps
+// that correction for Apply. True if any body moved.
+bool Mover::GroundFlights(bool all, std::span<Body> bodies) {
+  bool moved = false;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const int number = static_cast<int>(i);
+    if (!flights_.flies(number)) continue;
+    if (flights_move_) {
+      flights_.Place(number, &bodies[i]);
+      aim_[i] = bodies[i].position_W;
+      planned_[i].linear -= flown_[i].linear;
+      planned_[i].angular -= flown_[i].angular;
+      moved = true;
+    }
+    free_turns_[i].setZero();
+    if (all || !planned_[i].linear.isZero(0) || !planned_[i].angular.isZero(0)) flights_.Ground(number);
+  }
+  return moved;
+}
+
+MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
+                          std::span<Body> bodies, std::vector<Contact>* contacts) {
+  PlanFreeMotion(plan, bodies);
+  flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   aim_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) aim_[i] = bodies[i].position_W + planned_[i].linear;
   allowed_lift_.assign(tolerances.begin(), tolerances.end());
@@ -78,20 +120,24 @@ MotionOutcome Mover::Move(double dt, std::span<const Twist> before_gravity, std:
   free_turns_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
   MotionOutcome outcome;
+  outcome.reached = false;
   for (outcome.passes = 0;; ++outcome.passes) {
-    const bool corrected = Correct(tolerances, bodies, *contacts);
-    if (outcome.passes > 0 && !corrected) break;
+    PlanFlights(outcome.passes, tolerances, bodies, *contacts);
+    const bool corrected = !outcome.reached && Correct(tolerances, bodies, *contacts);
+    if (outcome.passes > 0 && !corrected && !flights_move_) break;
+    GroundFlights(outcome.passes >= kFlightPasses, bodies);
     Apply(bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
-                       ? Vector3(dt * bodies[i].linear_velocity_W)
+                       ? Vector3(plan.dt * bodies[i].linear_velocity_W)
                        : Vector3::Zero();
     }
     detect(travel_, contacts);
     planned_.assign(bodies.size(), {});
     Judge(tolerances, *contacts, &outcome);
-    if (outcome.reached || outcome.passes >= settings_.motion_passes) break;
+    if (outcome.passes >= settings_.motion_passes) break;
+    if (outcome.reached && outcome.passes >= kPolishingPasses) break;
   }
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
   TakeBackWork(bodies);
@@ -151,10 +197,10 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
 // Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would.
 bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
                     const std::vector<Contact>& contacts) {
-  gaps_.resize(contacts.size());
   double deepest = 0;
   for (size_t c = 0; c < contacts.size(); ++c) {
     gaps_[c] = PredictedGap(contacts[c], bodies);
+    if (handled_[c]) continue;
     if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
   }
   if (deepest == 0) return false;
@@ -164,7 +210,7 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
   linked_.clear();
   frames_.resize(contacts.size());
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (gaps_[c] > kCloseShare * deepest) continue;
+    if (gaps_[c] > kCloseShare * deepest || handled_[c]) continue;
     pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
     linked_.push_back(static_cast<int>(c));
     frames_[c] = ContactFrame(contacts[c].normal_W);
@@ -217,8 +263,8 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   worker->sweeps.Prepare(problem);
-  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities, qp::Pace::kMomentum) <
-      kMaxSweeps)
+  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities,
+                           qp::Pace::kMomentum) < kMaxSweeps)
     return true;
   qp::Settings settings;
   settings.model = Model::kConvex;

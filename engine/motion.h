@@ -3,6 +3,7 @@
 //
 //   free motion      x += dt (v0 + v1) / 2, v0 after the collisions, v1 after the static contacts: exact for free flight and
 //                    for sliding under constant friction; rotation by rotation.h
+//   flights          a body that no contact pushes stops at the moment at which it meets something, see flight.h
 //   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "engine/contact_suite.h"
+#include "engine/flight.h"
 #include "engine/island_problem.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
@@ -27,6 +29,14 @@ namespace islet {
 
 // Detects the contacts at the bodies' present poses, for bodies about to travel as given [m].
 using DetectContacts = std::function<void(std::span<const Vector3> travel_W, std::vector<Contact>* contacts)>;
+
+// How the bodies are to move: per body, for how long [s], whether free of contacts, and from which velocities.
+struct MotionPlan {
+  double dt = 0;  // [s] of the step
+  std::span<const double> durations;
+  std::span<const std::uint8_t> flies;
+  std::span<const Twist> before;  // with the bodies' velocities the two ends of the trapezoidal rule
+};
 
 struct MotionOutcome {
   int passes = 0;              // position problems solved one after the other
@@ -40,13 +50,16 @@ class Mover {
 
   // contacts: near contacts at the poses before the move, on return those after it. tolerances: [m] per body; a pair's is the
   // smaller one. detect is called after each pass.
-  MotionOutcome Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
-                     const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts);
+  MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
+                     std::span<Body> bodies, std::vector<Contact>* contacts);
+
+  // [s] per body: what it did not fly in the last move, since it met something.
+  std::span<const double> left() const { return flights_.left(); }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // [m] where free motion would take each body; zero for those that stand still.
-  std::span<const Vector3> PlanTravel(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
+  std::span<const Vector3> PlanTravel(const MotionPlan& plan, std::span<const Body> bodies);
 
  private:
   struct Pose {
@@ -64,7 +77,10 @@ class Mover {
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
   };
-  void PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
+  void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
+  void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
+                   const std::vector<Contact>& contacts);
+  bool GroundFlights(bool all, std::span<Body> bodies);
   double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
@@ -78,11 +94,14 @@ class Mover {
 
   Settings settings_;
   parallel::WorkerPool* pool_;
-  std::vector<Displacement> planned_;  // of this pass
-  std::vector<double> allowed_lift_;   // [m] per body
-  std::vector<Vector3> free_turns_;    // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
-  std::vector<Pose> start_, end_;      // per body, of this step
+  Flights flights_;
+  bool flights_move_ = false;                  // in this pass
+  std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
+  std::vector<std::uint8_t> handled_;          // per contact: left to the flights
+  std::vector<double> allowed_lift_;           // [m] per body
+  std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
+  std::vector<Vector3> travel_, aim_;          // [m] per body; aim: where free motion ends
+  std::vector<Pose> start_, end_;              // per body, of this step
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/rebound.h"
 #include "engine/stopwatch.h"
 
 namespace islet {
@@ -156,7 +157,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   const double v_ref = std::max(speed_floor, ApproachVelocities(problem_, &free_));
   for (size_t c = 0; c < touching.contacts.size(); ++c) {
     if (free_[c] < -threshold)
-      problem_.contacts[c].target = -contacts.contacts[touching.contacts[c]].restitution * free_[c];
+      problem_.contacts[c].target = ReboundSpeed(contacts.contacts[touching.contacts[c]], -free_[c]);
   }
   Solve(settings, v_ref, false, &outcome);
   outcome.seconds = watch.seconds();
@@ -180,7 +181,12 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   double fastest = 0;
   for (size_t c = 0; c < island.contacts.size(); ++c) {
     const Contact& contact = contacts.contacts[island.contacts[c]];
-    if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
+    if (!contact.touches) {
+      problem_.contacts[c].target = -contact.gap / dt;
+    } else if (contact.restitution > 0 && settings.bounce_law == BounceLaw::kExact) {
+      const double rebound = SpeedBeforeForces(contact, settings.gravity, dt, bodies);
+      if (rebound > 10 * settings.tolerance * speed_floor) problem_.contacts[c].target = -rebound;
+    }
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)

@@ -1,9 +1,17 @@
 #include "engine/sequential.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace islet {
 namespace {
+
+constexpr double kTie = 1e-9;     // of the fastest approach: contacts that differ by less bounce at once
+constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
+constexpr int kMostSweeps = 400;
+constexpr double kSettled = 1e-14;      // of the fastest approach: sweeps stop when impulses change velocities by less
+constexpr double kEnergySlack = 1e-13;  // of the work: rounding
 
 BounceBody MakeBounceBody(const Body& body) {
   BounceBody out;
@@ -22,6 +30,10 @@ BounceBody MakeBounceBody(const Body& body) {
 int BounceLimit(int setting, int num_bodies, int num_contacts) {
   if (setting != kAutoBounceLimit) return setting;
   return num_bodies < 50 ? num_bodies : num_contacts / 10;
+}
+
+double BounceCost(double restitution, int num_bodies) {
+  return std::min(1.0, 1 - restitution + 4 * restitution / num_bodies);
 }
 
 void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
@@ -62,32 +74,120 @@ double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
 }
 
+void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
+  const auto [a, b] = sides_[c];
+  locals_[a].ApplyImpulse(-impulse_W, contact.point_W);
+  locals_[b].ApplyImpulse(impulse_W, contact.point_W);
+}
+
+// The fastest contact and those as fast that chains of bodies between such contacts join to it.
+void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  tied_.assign(1, queue_.top());
+  tied_bodies_.clear();
+  const double slowest = (1 - kTie) * queue_.top_key();
+  for (size_t k = 0; k < tied_.size() && tied_.size() <= kMostTied; ++k) {
+    for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
+      if (!locals_[side].moves() || std::find(tied_bodies_.begin(), tied_bodies_.end(), side) != tied_bodies_.end())
+        continue;
+      tied_bodies_.push_back(side);
+      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {
+        const int c = touches_[t];
+        if (NormalVelocityOf(c, contacts[group_contacts[c]]) <= slowest &&
+            std::find(tied_.begin(), tied_.end(), c) == tied_.end())
+          tied_.push_back(c);
+      }
+    }
+  }
+}
+
+// Coulomb contacts with Newton's rebounds, all at once, by sweeps. False, and nothing has changed, if these do not settle or
+// if the answer would hold more energy.
+bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
+                                        std::span<Vector3> impulses) {
+  tied_before_.clear();
+  for (const int side : tied_bodies_) tied_before_.push_back(locals_[side]);
+  const auto velocity = [&](int c) -> Vector3 {
+    const int number = group_contacts[c];
+    const Vector3& point = contacts.contacts[number].point_W;
+    const auto [a, b] = sides_[c];
+    return contacts.frames[number].transpose() * (locals_[b].VelocityAt(point) - locals_[a].VelocityAt(point));
+  };
+  tied_problems_.clear();
+  for (const int c : tied_) {
+    const int number = group_contacts[c];
+    const auto [a, b] = sides_[c];
+    tied_problems_.push_back(
+        {qp::OneContact(ContactResponse(locals_[a], locals_[b], contacts.contacts[number], contacts.frames[number])),
+         velocity(c), Vector3::Zero()});
+  }
+  const double settled = kSettled * -queue_.top_key();
+  bool moves = true;
+  for (int sweep = 0; moves && sweep < kMostSweeps; ++sweep) {
+    moves = false;
+    for (size_t k = 0; k < tied_.size(); ++k) {
+      Tied& tied = tied_problems_[k];
+      const int number = group_contacts[tied_[k]];
+      const Contact& contact = contacts.contacts[number];
+      Vector3 q = velocity(tied_[k]) - tied.problem.w() * tied.impulse;
+      q[0] -= ReboundSpeed(contact, -tied.velocity[0]);
+      const Vector3 impulse = tied.problem.SolveCoulomb(q, contact.friction), change = impulse - tied.impulse;
+      tied.impulse = impulse;
+      ApplyAt(tied_[k], contact, contacts.frames[number] * change);
+      moves = moves || (tied.problem.w() * change).norm() > settled;
+    }
+  }
+  double gain = 0, work = 0;  // [J]
+  for (size_t k = 0; k < tied_.size(); ++k) {
+    const Tied& tied = tied_problems_[k];
+    gain += 0.5 * tied.impulse.dot(tied.velocity + velocity(tied_[k]));
+    work += std::abs(tied.impulse.dot(tied.velocity));
+  }
+  if (moves || !(gain <= kEnergySlack * work)) {
+    for (size_t k = 0; k < tied_bodies_.size(); ++k) locals_[tied_bodies_[k]] = tied_before_[k];
+    return false;
+  }
+  for (size_t k = 0; k < tied_.size(); ++k) impulses[group_contacts[tied_[k]]] += tied_problems_[k].impulse;
+  return true;
+}
+
+// After a bounce: all contacts of the bodies that it moved.
+void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  for (const int side : tied_bodies_)
+    for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
+      queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+}
+
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
                                 const ContactFrames& contacts, const Settings& settings, double threshold,
                                 std::span<Body> bodies, std::span<Vector3> impulses) {
-  const int limit = BounceLimit(settings.bounce_limit, static_cast<int>(group_bodies.size()),
-                                static_cast<int>(group_contacts.size()));
+  const int num_bodies = static_cast<int>(group_bodies.size());
+  const double limit = BounceLimit(settings.bounce_limit, num_bodies, static_cast<int>(group_contacts.size()));
   if (limit == 0 || group_contacts.empty()) return 0;
+  const bool exact = settings.bounce_law == BounceLaw::kExact;
+  const bool by_cost = exact && settings.bounce_limit == kAutoBounceLimit;
   Load(group_bodies, group_contacts, contacts, bodies);
   keys_.resize(group_contacts.size());
   for (size_t c = 0; c < keys_.size(); ++c)
     keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
-  for (; bounces < limit && queue_.top_key() < -threshold; ++bounces) {
+  for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -threshold;) {
+    FindTies(group_contacts, contacts.contacts);
     const int c = queue_.top(), number = group_contacts[c];
     const Contact& contact = contacts.contacts[number];
-    const Matrix3& frame = contacts.frames[number];
-    const auto [a, b] = sides_[c];
-    const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], contact, frame, settings.bounce_law);
-    impulses[number] += impulse;
-    locals_[a].ApplyImpulse(-(frame * impulse), contact.point_W);
-    locals_[b].ApplyImpulse(frame * impulse, contact.point_W);
-    for (const int side : {a, b}) {
-      if (locals_[side].inverse_mass == 0) continue;
-      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
-        queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts.contacts[group_contacts[touches_[t]]]));
+    const bool together =
+        exact && tied_.size() > 1 && tied_.size() <= kMostTied && BounceTogether(group_contacts, contacts, impulses);
+    if (!together) {
+      const auto [a, b] = sides_[c];
+      const Vector3 impulse =
+          BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], settings.bounce_law);
+      impulses[number] += impulse;
+      ApplyAt(c, contact, contacts.frames[number] * impulse);
     }
+    const int count = together ? static_cast<int>(tied_.size()) : 1;
+    bounces += count;
+    spent += count * (by_cost ? BounceCost(contact.restitution, num_bodies) : 1.0);
+    Requeue(group_contacts, contacts.contacts);
   }
   for (size_t i = 0; i < group_bodies.size() && bounces > 0; ++i) {
     bodies[group_bodies[i]].linear_velocity_W = locals_[i].linear_velocity_W;

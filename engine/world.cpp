@@ -10,6 +10,7 @@
 #include "engine/contact_suite.h"
 #include "engine/detection.h"
 #include "engine/motion.h"
+#include "engine/rebound.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
@@ -17,6 +18,11 @@
 #include "parallel/worker_pool.h"
 
 namespace islet {
+namespace {
+
+constexpr double kMeets = 1e-2;  // of the overlap tolerance: contacts that are open by less have met
+
+}  // namespace
 
 // All that one step leaves for the next, but for what the suite remembers.
 struct WorldState {
@@ -28,10 +34,12 @@ struct WorldState {
   std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
-  bool stale = true;                   // near_contacts do not belong to the current poses
-  size_t checked_bodies = 0;           // those before it were checked for initial overlap
-  double time = 0;                     // [s]
-  double dt_hint = 1.0 / 30;           // [s] of the last step
+  std::vector<double> unflown;     // [s] per body: what its last flight, cut short by an impact, left to the next one
+  std::vector<std::uint8_t> flew;  // per body: no contact pushed it in the last step, and it met nothing
+  bool stale = true;               // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;       // those before it were checked for initial overlap
+  double time = 0;                 // [s]
+  double dt_hint = 1.0 / 30;       // [s] of the last step
 };
 
 struct WorldSnapshot::Data {
@@ -49,6 +57,14 @@ struct World::Impl : WorldState {
   Mover mover;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
+  std::vector<double> durations;         // [s] per body: of its motion in this step
+  std::vector<std::uint8_t> flies;       // per body: no contact pushes it in this step
+  struct Load {
+    int body;
+    Vector3 force_W, torque_W;
+  };
+  std::vector<Load> loaded;   // what the user wants of bodies whose forces stand in for a longer step
+  std::vector<Twist> before;  // per body: velocities that its motion begins with
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -68,6 +84,10 @@ struct World::Impl : WorldState {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
+  void ChooseDurations(double dt);
+  void LoadUnflown(double dt);
+  MotionPlan PlanMotion(double dt);
+  void RememberFlights(double dt);
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -91,6 +111,8 @@ int World::Add(const BodyDefinition& definition) {
   w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
   w.shapes.push_back(definition.shape);
   w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
+  w.unflown.push_back(0);
+  w.flew.push_back(1);
   w.stale = true;
   return number;
 }
@@ -110,6 +132,7 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
   b.position_W = position_W;
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;
+  impl_->unflown[body] = 0;
   impl_->stale = true;
 }
 
@@ -121,6 +144,7 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
   if (b.kind == BodyKind::kFixed) Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
+  impl_->unflown[body] = 0;
   impl_->stale = true;
 }
 
@@ -236,7 +260,7 @@ bool World::Impl::IsSupported(int body, double dt) const {
          support[body] > 0;
 }
 
-// What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
+// What the step resolves: the contacts that touch, but not those of a body in flight that will meet within the step, and open ones that two supported bodies would close within the step. Left
 // to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
 // before they hit, so their bounce is that of the full speed.
 void World::Impl::SelectResolved(double dt) {
@@ -244,13 +268,65 @@ void World::Impl::SelectResolved(double dt) {
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     if (c.gap <= settings.touch_gap * size) {
-      resolved.push_back(c);
+      const bool flies_on = c.gap > kMeets * settings.overlap_tolerance * size && (flew[c.body_a] || flew[c.body_b]) &&
+                            NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) * dt < -c.gap;
+      if (!flies_on) resolved.push_back(c);
       continue;
     }
     const double approach = -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) + settings.gravity.norm() * dt;
     if (c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
     resolved.push_back(c);
     resolved.back().touches = false;
+  }
+}
+
+// What a flight left of its step is added to the next one if the body then leaves all that it touches.
+void World::Impl::ChooseDurations(double dt) {
+  durations.assign(bodies.size(), dt);
+  for (size_t i = 0; i < bodies.size(); ++i) durations[i] += bodies[i].Moves() ? unflown[i] : 0;
+  for (const Contact& c : resolved) {
+    if (!c.touches || (durations[c.body_a] == dt && durations[c.body_b] == dt)) continue;
+    const double speed = NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
+    if (speed > 0 || (speed < 0 && c.restitution > 0)) continue;
+    durations[c.body_a] = durations[c.body_b] = dt;
+  }
+}
+
+// The suite knows one time step: forces make up for it where a body moves for longer.
+void World::Impl::LoadUnflown(double dt) {
+  loaded.clear();
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (durations[i] == dt) continue;
+    Body& body = bodies[i];
+    loaded.push_back({static_cast<int>(i), body.force_W, body.torque_W});
+    const double share = durations[i] / dt;
+    body.force_W = share * body.force_W + (share - 1) * body.mass * settings.gravity;
+    body.torque_W *= share;
+  }
+}
+
+// After the suite, before the move.
+MotionPlan World::Impl::PlanMotion(double dt) {
+  const SuiteMemory& memory = suite.memory();
+  flies.assign(bodies.size(), 1);
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    if (memory.previous_holding[c].isZero(0)) continue;
+    flies[resolved[c].body_a] = flies[resolved[c].body_b] = 0;
+  }
+  before.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
+  RestoreBounced(dt, settings.gravity, bodies, resolved, memory.previous_holding, &before);
+  for (const Load& load : loaded) {
+    bodies[load.body].force_W = load.force_W;
+    bodies[load.body].torque_W = load.torque_W;
+  }
+  return {dt, durations, flies, before};
+}
+
+void World::Impl::RememberFlights(double dt) {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const double left = bodies[i].Moves() ? mover.left()[i] : 0;
+    unflown[i] = std::min(left, dt);
+    flew[i] = flies[i] && left == 0;
   }
 }
 
@@ -287,13 +363,17 @@ StepReport World::Step(double dt) {
   CheckInitialOverlap();  // detection, if anything changed
   w.WakeBeforeMovers(dt);
   w.SelectResolved(dt);
+  if (w.settings.bounce_law == BounceLaw::kExact)
+    SetFading(w.bodies, w.suite.memory().previous_contacts, w.suite.memory().previous_holding, w.resolved);
+  w.ChooseDurations(dt);
+  w.LoadUnflown(dt);
   finish(&report.seconds.detect);
 
   w.suite.Resolve(dt, w.bodies, w.resolved, &report);  // steps 1 to 4
   lap = Seconds();
 
-  const std::span<const Twist> before = w.suite.velocities_before_gravity();
-  const std::span<const Vector3> planned = w.mover.PlanTravel(dt, before, w.bodies);
+  const MotionPlan plan = w.PlanMotion(dt);
+  const std::span<const Vector3> planned = w.mover.PlanTravel(plan, w.bodies);
   if (!w.StaysInReach(planned)) {
     w.DetectMoving(planned);
     finish(&report.seconds.detect);
@@ -304,7 +384,8 @@ StepReport World::Step(double dt) {
     w.DetectMoving(travel);
     detect_seconds += Seconds() - start;
   };
-  const MotionOutcome moved = w.mover.Move(dt, before, w.tolerances, detect, w.bodies, &w.near_contacts);
+  const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
+  w.RememberFlights(dt);
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;

@@ -1,0 +1,108 @@
+#include "engine/rebound.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace islet {
+namespace {
+
+constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
+
+auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
+
+// [1/kg] normal velocity per normal impulse.
+double NormalResponse(const Contact& contact, std::span<const Body> bodies) {
+  double response = 0;
+  for (const int i : {contact.body_a, contact.body_b}) {
+    const Body& body = bodies[i];
+    if (!body.Moves()) continue;
+    const Vector3 lever = (contact.point_W - body.position_W).cross(contact.normal_W);
+    response += 1 / body.mass + lever.dot(body.InverseInertiaW() * lever);
+  }
+  return response;
+}
+
+Twist ForcesOver(double dt, const Vector3& gravity_W, const Body& body) {
+  if (!body.Moves()) return {};
+  Twist change{dt * (gravity_W + body.force_W / body.mass), Vector3::Zero()};
+  if (!body.torque_W.isZero(0)) change.angular_W = dt * (body.InverseInertiaW() * body.torque_W);
+  return change;
+}
+
+}  // namespace
+
+void SetFading(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+               std::span<const Vector3> last_holding, std::span<Contact> contacts) {
+  size_t p = 0;
+  for (Contact& contact : contacts) {
+    contact.fading = 0;
+    while (p < last_contacts.size() && Key(last_contacts[p]) < Key(contact)) ++p;
+    if (p == last_contacts.size()) return;
+    if (Key(last_contacts[p]) != Key(contact) || contact.restitution == 0 || !(last_holding[p][0] > 0)) continue;
+    if (NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) >= 0) continue;
+    contact.fading = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
+  }
+}
+
+double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies) {
+  const auto velocity = [&](int i) -> Vector3 {
+    const Twist forces = ForcesOver(dt, gravity_W, bodies[i]);
+    return bodies[i].VelocityAt(contact.point_W) - forces.linear_W -
+           forces.angular_W.cross(contact.point_W - bodies[i].position_W);
+  };
+  return contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a));
+}
+
+void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
+                    std::span<const Contact> contacts, std::span<const Vector3> holding, std::vector<Twist>* before) {
+  const double trembling = kTrembling * gravity_W.norm() * dt;
+  const auto held = [&](size_t c) { return contacts[c].touches && holding[c][0] > 0; };
+  std::vector<int> bounced;
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    if (!held(c) || contacts[c].restitution == 0) continue;
+    const int a = contacts[c].body_a, b = contacts[c].body_b;
+    if (NormalVelocity(contacts[c], bodies[a], bodies[b]) >= -trembling) continue;
+    for (const int i : {a, b})
+      if (bodies[i].Moves()) bounced.push_back(i);
+  }
+  if (bounced.empty()) return;
+  std::sort(bounced.begin(), bounced.end());
+  bounced.erase(std::unique(bounced.begin(), bounced.end()), bounced.end());
+  const auto place = [&](int body) {
+    const auto found = std::lower_bound(bounced.begin(), bounced.end(), body);
+    return found != bounced.end() && *found == body ? static_cast<int>(found - bounced.begin()) : -1;
+  };
+  std::vector<Body> earlier;
+  for (const int i : bounced) {
+    earlier.push_back(bodies[i]);
+    const Twist forces = ForcesOver(dt, gravity_W, bodies[i]);
+    earlier.back().linear_velocity_W -= forces.linear_W;
+    earlier.back().angular_velocity_W -= forces.angular_W;
+  }
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    if (holding[c].isZero(0)) continue;
+    const int a = place(contacts[c].body_a), b = place(contacts[c].body_b);
+    if (a < 0 && b < 0) continue;
+    const Vector3 impulse_W = ContactFrame(contacts[c].normal_W) * holding[c];
+    if (a >= 0) earlier[a].ApplyImpulse(impulse_W, contacts[c].point_W);
+    if (b >= 0) earlier[b].ApplyImpulse(-impulse_W, contacts[c].point_W);
+  }
+  // Where a contact of theirs would do work all the same, they keep their final velocities.
+  std::vector<std::uint8_t> gains(bounced.size(), 0);
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    if (!held(c)) continue;
+    const int a = place(contacts[c].body_a), b = place(contacts[c].body_b);
+    if (a < 0 && b < 0) continue;
+    const Body& before_a = a >= 0 ? earlier[a] : bodies[contacts[c].body_a];
+    const Body& before_b = b >= 0 ? earlier[b] : bodies[contacts[c].body_b];
+    const double mean = NormalVelocity(contacts[c], before_a, before_b) +
+                        NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]);
+    if (mean <= trembling) continue;
+    if (a >= 0) gains[a] = 1;
+    if (b >= 0) gains[b] = 1;
+  }
+  for (size_t k = 0; k < bounced.size(); ++k)
+    if (!gains[k]) (*before)[bounced[k]] = {earlier[k].linear_velocity_W, earlier[k].angular_velocity_W};
+}
+
+}  // namespace islet

@@ -1,0 +1,38 @@
+// Rebounds that come back within the step: a ball that bounces lower and lower (Zeno's ball), with no speed below which it
+// is stopped.
+//
+// A body that leaves a contact at u0 and that its load a would bring back before the step of length h ends (2 u0 < a h) makes
+// N = a h / (2 u0) bounces in it. The step keeps it where it is, and its energy: the static problem lets it end with the
+// approach -u0, so that the trapezoidal rule moves it by (u0 - u0) h / 2 = 0 and its contact does no work. The collision of
+// the next step pays for all N bounces. Between bounces the speed falls by (1 - e) u in the time 2 u / a, on a straight line
+// in time, so
+//   u1 = u0 - (1 - e) a h / 2 = e u0 - (1 - e) (a h - 2 u0) / 2 = e u0 - (1 - e) W j / 2
+// where W j = a h - 2 u0 is what the contact's static impulse j changed: Newton's law less Contact::fading = (1 - e) W j / 2.
+// It ends after 2 v / ((1 - e) a), which is the sum of the times of all bounces; with e = 1 it never ends.
+//   threads: pure functions
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/contact.h"
+#include "engine/contact_suite.h"
+
+namespace islet {
+
+// Sets the fading of contacts, given those of the last step and the static impulses [N s] (n, t1, t2) that acted there, both
+// in canonical order.
+void SetFading(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+               std::span<const Vector3> last_holding, std::span<Contact> contacts);
+
+// [m/s] normal velocity of the contact before gravity and external force acted on its bodies for dt.
+double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies);
+
+// Velocities before gravity of the bodies that end the step approaching on a contact which holds them: where these bounce
+// within the step. `before` comes from the suite, which gives caught bodies their final velocities instead.
+void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
+                    std::span<const Contact> contacts, std::span<const Vector3> holding, std::vector<Twist>* before);
+
+}  // namespace islet
