@@ -32,7 +32,14 @@ double Boundary(double lower, double upper, Before before) {
 // A box of 1 kg that lies on Floor(.., incline), its centre above the origin.
 BodyDefinition BoxOnIncline(const Vector3& half_extents, double incline, double friction);
 
-// What the longest runs of a probe for a threshold take: no freezing, whatever its rule, has set in.
+// A probe for a threshold takes so long: no freezing, whatever its rule, has set in.
 inline constexpr int kProbeFrames = 3;
+
+// [m] how far the contact problems' tolerance lets a point drift along a normal in so many seconds: each frame may leave it
+// tolerance x g dt of speed, and what adds up to less than the overlap tolerance nothing takes back.
+double ToleratedDrift(const CheckSettings& settings, double seconds);
+
+// [m] farthest that a corner of the body's bounding box is from the plane through the origin in which its foot began.
+double FootDrift(const World& world, int body, const Body& start);
 
 }  // namespace islet::verify

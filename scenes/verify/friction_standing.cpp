@@ -23,9 +23,9 @@ double FastestCorner(const World& world, int body) {
   return fastest;
 }
 
-// Whether it has begun to move: faster than 1e-7 of its load would make it in a probe's time.
-bool Moves(const World& world, int body, double acceleration) {
-  return FastestCorner(world, body) > 1e-7 * acceleration * world.time();
+// Whether it has begun to move: faster than the contact problems' tolerance lets it under this load.
+bool Moves(const World& world, int body, double acceleration, double dt) {
+  return FastestCorner(world, body) > world.settings().tolerance * acceleration * dt;
 }
 
 // ---- T18 ----
@@ -88,7 +88,7 @@ void MeasureLeaning(const CheckSettings& settings, bool house, Measurements* out
     const double felt = Boundary(0.9, 1.1, [&](double factor) {
       World world = LeaningCards(settings, house, lean, factor * needed);
       StepTimes(&world, kProbeFrames, settings.dt);
-      return Moves(world, 1, kGravity);
+      return Moves(world, 1, kGravity, settings.dt) || (house && Moves(world, 2, kGravity, settings.dt));
     });
     if (!(std::abs(felt - 1) <= std::abs(worst))) worst = felt - 1;
     creep = std::max(creep, CardTravel(settings, house, lean, 1.02 * needed, 5));
@@ -125,7 +125,7 @@ Outcome Watch(World* world, double dt) {
   };
   const double slid = (edge(now) - edge(start)).norm(), turned = now.rotation_WB.angularDistance(start.rotation_WB);
   if (slid < 1e-9 && turned < 1e-9) return Outcome::kRests;
-  if (turned < 1e-9 && slid > 1e-4) return Outcome::kSlides;
+  if (turned < 1e-6 && slid > 1e-4) return Outcome::kSlides;
   return turned > 1e-4 && slid < 1e-5 ? Outcome::kTips : Outcome::kOther;
 }
 
@@ -138,7 +138,7 @@ void MeasureTippingMap(const CheckSettings& settings, Push push, Measurements* o
       const double felt = Boundary(0.9, 1.1, [&](double factor) {
         World world = LoadedBox(settings, push, friction, ratio, factor * limit);
         StepTimes(&world, kProbeFrames, settings.dt);
-        return !Moves(world, 1, kGravity);
+        return !Moves(world, 1, kGravity, settings.dt);
       });
       if (!(std::abs(felt - 1) <= std::abs(worst))) worst = felt - 1;
       World below = LoadedBox(settings, push, friction, ratio, 0.98 * limit);
@@ -155,19 +155,20 @@ void MeasureTippingMap(const CheckSettings& settings, Push push, Measurements* o
                 wrong, 0);
 }
 
-// [rad] farthest that a cube turns that is sent off horizontally.
-double TurnWhenLaunched(const CheckSettings& settings, double friction) {
+// [m] farthest that a corner of a cube's foot leaves the floor when the cube is sent off horizontally, and slides for 0.5 s.
+double LiftWhenLaunched(const CheckSettings& settings, double friction) {
   World world(settings.engine);
   world.Add(Floor(friction));
   BodyDefinition definition = BoxOnIncline({0.5, 0.5, 0.5}, 0, friction);
   definition.linear_velocity_W = {6, 0, 0};
   const int cube = world.Add(definition);
-  double turned = 0;
-  for (int frame = 0; frame < Frames(1, settings.dt); ++frame) {
+  const Body start = world.body(cube);
+  double drift = 0;
+  for (int frame = 0; frame < Frames(0.5, settings.dt); ++frame) {
     world.Step(settings.dt);
-    turned = std::max(turned, world.body(cube).rotation_WB.angularDistance(Quaternion::Identity()));
+    drift = std::max(drift, FootDrift(world, cube, start));
   }
-  return turned;
+  return drift;
 }
 
 // ---- T23 ----
@@ -238,7 +239,7 @@ void MeasureClamp(const CheckSettings& settings, Measurements* out) {
     const double felt = Boundary(0.9, 1.1, [&](double factor) {
       World world = Clamp(settings, alpha, factor * needed, kForce);
       StepTimes(&world, kProbeFrames, settings.dt);
-      return Moves(world, 1, kForce);
+      return Moves(world, 1, kForce, settings.dt);
     });
     if (!(std::abs(felt - 1) <= std::abs(worst))) worst = felt - 1;
     held = std::max(held, ClampTravel(settings, alpha, 1.02 * needed, 5));
@@ -251,8 +252,8 @@ void MeasureClamp(const CheckSettings& settings, Measurements* out) {
   out->AtMost("travel in 5 s with mu = 100, squeezed", "m", very_rough, 1e-9);
 }
 
-// The load is 2 N sin alpha + 2 T cos alpha = m g with |T| <= mu N: determined only without friction. There is no reason for
-// friction that pulls down, so no wall should be pushed harder than without any.
+// The load is 2 N sin alpha + 2 T cos alpha = m g with |T| <= mu N. It is determined only without friction; from
+// mu = tan alpha on the wedge may be jammed by any load, and all that can be asked is that this one does not blow up.
 void MeasureGroove(const CheckSettings& settings, Measurements* out) {
   double travel = 0, carried = 1, frictionless = 1, most = 0;
   for (const double degrees : {10.0, 30.0})
@@ -276,7 +277,8 @@ void MeasureGroove(const CheckSettings& settings, Measurements* out) {
   out->AtMost("travel in the groove, mu 0 to 100", "m", travel, 1e-9);
   out->Relative("weight carried by the walls, over m g", "", 1, carried, 1e-6);
   out->Relative("load of a wall without friction, over m g / (2 sin alpha)", "", 1, frictionless, 1e-6);
-  out->AtMost("largest load of a wall with any mu, over that without", "", most, 1 + 1e-6);
+  out->AtMost("largest load of a wall with any mu, over that without", "", most, 10,
+              "undetermined: any load is a solution");
 }
 
 }  // namespace
@@ -288,8 +290,9 @@ void MeasureLeaningCards(const CheckSettings& settings, Measurements* out) {
 
 void MeasureTipping(const CheckSettings& settings, Measurements* out) {
   for (const Push push : {Push::kIncline, Push::kMiddle, Push::kTop}) MeasureTippingMap(settings, push, out);
-  out->AtMost("turn of a cube launched at 6 m/s, mu = 0.9", "rad", TurnWhenLaunched(settings, 0.9), 1e-9);
-  out->Verdict("a launched cube tips with mu = 1.1", true, TurnWhenLaunched(settings, 1.1) > 1e-3);
+  out->AtMost("lift of a corner of a cube launched at 6 m/s, mu = 0.9", "m", LiftWhenLaunched(settings, 0.9),
+              ToleratedDrift(settings, 0.5));
+  out->Verdict("a launched cube tips with mu = 1.1", true, LiftWhenLaunched(settings, 1.1) > 1e-3);
 }
 
 void MeasureWedge(const CheckSettings& settings, Measurements* out) {
