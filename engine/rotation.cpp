@@ -8,8 +8,12 @@
 namespace islet {
 namespace {
 
-constexpr double kLargestTurn = 0.5;  // [rad] in one midpoint step
+constexpr double kLargestTurn = 0.5;  // [rad] in one part of a step
 constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
+constexpr double kSmallTurn = 1e-3;   // [rad] up to it one midpoint step is right to 1e-7 of the turn
+// Five midpoint steps of these shares of the time, the third one backwards, are right to fourth order.      [Suz90]
+constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
+constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
 
 Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;
@@ -50,16 +54,18 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
   const double turn = dt * angular_velocity_W.norm();
-  if (turn <= kLargestTurn) return MidpointRotation(inertia_B, rotation_WB, angular_velocity_W, dt);
+  if (turn <= kSmallTurn) return MidpointRotation(inertia_B, rotation_WB, angular_velocity_W, dt);
   // Newton's steps need a turn of about a radian at most.
   const int parts = static_cast<int>(std::min(std::ceil(turn / kLargestTurn), kMostParts));
   Quaternion rotation = rotation_WB;
   Vector3 velocity = angular_velocity_W;
   for (int i = 0; i < parts; ++i) {
-    const Quaternion turned =
-        Quaternion(Exp(MidpointRotation(inertia_B, rotation, velocity, dt / parts)) * rotation).normalized();
-    velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
-    rotation = turned;
+    for (const double share : kShares) {
+      const Vector3 step = MidpointRotation(inertia_B, rotation, velocity, share * dt / parts);
+      const Quaternion turned = Quaternion(Exp(step) * rotation).normalized();
+      velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
+      rotation = turned;
+    }
   }
   return Log(Quaternion(rotation * rotation_WB.conjugate()));
 }
