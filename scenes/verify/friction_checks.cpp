@@ -49,6 +49,10 @@ double ToleratedDrift(const CheckSettings& settings, double seconds) {
   return settings.engine.tolerance * kGravity * settings.dt * seconds;
 }
 
+double ToleratedThreshold(const CheckSettings& settings) {
+  return 10 * settings.engine.tolerance / (kProbeFrames / 6.0);
+}
+
 double FootDrift(const World& world, int body, const Body& start) {
   const Body& b = world.body(body);
   const Vector3& half = world.shape(body).half_extents();

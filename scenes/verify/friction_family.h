@@ -39,7 +39,11 @@ inline constexpr int kProbeFrames = 3;
 // tolerance x g dt of speed, and what adds up to less than the overlap tolerance nothing takes back.
 double ToleratedDrift(const CheckSettings& settings, double seconds);
 
-// [m] farthest that a corner of the body's bounding box is from the plane through the origin in which its foot began.
+// How far off a threshold a probe may find it: it calls moving what is ten times faster than the tolerance lets a point at
+// rest be, after kProbeFrames of the part of the excess that moves the body, in these scenes a sixth of g or more.
+double ToleratedThreshold(const CheckSettings& settings);
+
+// [m] farthest that a lower corner of the body's bounding box is from the plane in which its foot began.
 double FootDrift(const World& world, int body, const Body& start);
 
 }  // namespace islet::verify

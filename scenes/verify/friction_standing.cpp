@@ -23,9 +23,10 @@ double FastestCorner(const World& world, int body) {
   return fastest;
 }
 
-// Whether it has begun to move: faster than the contact problems' tolerance lets it under this load.
+// Whether it has begun to move: faster than what the contact problems' tolerance lets pass under this load, with room for
+// what is far from its contacts. See ToleratedThreshold.
 bool Moves(const World& world, int body, double acceleration, double dt) {
-  return FastestCorner(world, body) > world.settings().tolerance * acceleration * dt;
+  return FastestCorner(world, body) > 10 * world.settings().tolerance * acceleration * dt;
 }
 
 // ---- T18 ----
@@ -79,6 +80,18 @@ double CardTravel(const CheckSettings& settings, bool house, double lean, double
   return Travel(world.shape(1), start, world.body(1));
 }
 
+// [m] by how much the two cards of a falling house are off each other's mirror image, worst over its first tenth of a second.
+double FallAsymmetry(const CheckSettings& settings, double lean) {
+  World world = LeaningCards(settings, true, lean, 0.9 * FrictionToLean(lean));
+  double worst = 0;
+  for (int frame = 0; frame < Frames(0.1, settings.dt); ++frame) {
+    world.Step(settings.dt);
+    const Vector3 left = world.body(1).position_W, right = world.body(2).position_W;
+    worst = std::max(worst, (left - Vector3(-right.x(), right.y(), right.z())).norm());
+  }
+  return worst;
+}
+
 void MeasureLeaning(const CheckSettings& settings, bool house, Measurements* out) {
   const std::string what = house ? ", house of cards" : ", ladder";
   double worst = 0, creep = 0;
@@ -94,9 +107,16 @@ void MeasureLeaning(const CheckSettings& settings, bool house, Measurements* out
     creep = std::max(creep, CardTravel(settings, house, lean, 1.02 * needed, 5));
     slides = slides && CardTravel(settings, house, lean, 0.98 * needed, 2) > 0.1 * kLength;
   }
-  out->Absolute("friction needed, over (tan th - t/L) / 2" + what, "", 1, 1 + worst, 1e-6);
+  out->Absolute("friction needed, over (tan th - t/L) / 2" + what, "", 1, 1 + worst, ToleratedThreshold(settings));
   out->AtMost("travel in 5 s with 2 % more" + what, "m", creep, 1e-9);
   out->Verdict("falls with 2 % less" + what, true, slides);
+  if (!house) return;
+  double asymmetry = 0;
+  for (const double degrees : {15.0, 30.0, 45.0})
+    asymmetry = std::max(asymmetry, FallAsymmetry(settings, Radians(degrees)));
+  out->AtMost(
+      "asymmetry of its fall in 0.1 s, house of cards", "m", asymmetry, ToleratedDrift(settings, 0.1),
+      "where two edges that are parallel but for round-off meet, detection may give one contact instead of two");
 }
 
 // ---- T19 ----
@@ -133,7 +153,7 @@ void MeasureTippingMap(const CheckSettings& settings, Push push, Measurements* o
   double worst = 0;
   int wrong = 0, maps = 0;
   for (const double friction : {0.2, 0.4, 0.7, 1.1})
-    for (const double ratio : {0.25, 0.5, 0.8, 1.2}) {
+    for (const double ratio : {0.25, 0.5, 0.9, 1.2}) {
       const double tips_at = push == Push::kTop ? ratio / 2 : ratio, limit = std::min(friction, tips_at);
       const double felt = Boundary(0.9, 1.1, [&](double factor) {
         World world = LoadedBox(settings, push, friction, ratio, factor * limit);
@@ -150,7 +170,8 @@ void MeasureTippingMap(const CheckSettings& settings, Push push, Measurements* o
   const char* const name = push == Push::kIncline  ? "on an incline"
                            : push == Push::kMiddle ? "pushed at mid-height"
                                                    : "pushed at the top";
-  out->Absolute(std::string("load at which it moves, over min(mu, tipping), ") + name, "", 1, 1 + worst, 1e-6);
+  out->Absolute(std::string("load at which it moves, over min(mu, tipping), ") + name, "", 1, 1 + worst,
+                ToleratedThreshold(settings));
   out->Absolute(std::string("wrong verdicts of ") + std::to_string(maps) + ": rests, slides, tips, " + name, "", 0,
                 wrong, 0);
 }
@@ -174,6 +195,7 @@ double LiftWhenLaunched(const CheckSettings& settings, double friction) {
 // ---- T23 ----
 
 constexpr double kHalfWidth = 1;  // [m] of the wedge at mid-height
+constexpr double kSqueeze = 10;   // [N] on the jaw, and [m/s^2], since all weigh 1 kg
 
 // Points of a slice -depth <= y <= depth, -height <= z <= height between x = left + z slope_left and right + z slope_right.
 Shape Slice(double left, double slope_left, double right, double slope_right, double depth, double height) {
@@ -223,33 +245,52 @@ World Clamp(const CheckSettings& settings, double alpha, double friction, double
 }
 
 double ClampTravel(const CheckSettings& settings, double alpha, double friction, double seconds) {
-  World world = Clamp(settings, alpha, friction, 100);
+  World world = Clamp(settings, alpha, friction, kSqueeze);
   const Body start = world.body(1);
   StepTimes(&world, Frames(seconds, settings.dt), settings.dt);
   return Travel(world.shape(1), start, world.body(1));
 }
 
+// Of the force on the jaw: what its guides get, and the speed that it has one frame after it is turned round.
+void MeasureJaw(const CheckSettings& settings, double alpha, double friction, double* guides, double* speed) {
+  World world = Clamp(settings, alpha, friction, kSqueeze);
+  StepTimes(&world, Frames(1, settings.dt), settings.dt);
+  const int jaw = 2;
+  for (size_t c = 0; c < world.resolved_contacts().size(); ++c)
+    if (world.resolved_contacts()[c].body_a == jaw)
+      *guides = std::max(*guides, world.impulses()[c].norm() / (kSqueeze * settings.dt));
+  world.SetForce(jaw, {kSqueeze, 0, 0}, Vector3::Zero());
+  world.Step(settings.dt);
+  const double share = world.body(jaw).linear_velocity_W.x() / (kSqueeze * settings.dt);
+  if (!(std::abs(share - 1) <= std::abs(*speed - 1))) *speed = share;
+}
+
 // Force on the jaw F, at the wedge's two faces: both reactions are in line, so each is off its face's normal by alpha.
 void MeasureClamp(const CheckSettings& settings, Measurements* out) {
-  constexpr double kForce = 100;  // [N]
-  double worst = 0, held = 0, very_rough = 0;
+  double worst = 0, held = 0, very_rough = 0, guides = 0, pulled = 1;
   bool slips = true;
   for (const double degrees : {10.0, 20.0, 35.0}) {
     const double alpha = Radians(degrees), needed = std::tan(alpha);
     const double felt = Boundary(0.9, 1.1, [&](double factor) {
-      World world = Clamp(settings, alpha, factor * needed, kForce);
+      World world = Clamp(settings, alpha, factor * needed, kSqueeze);
       StepTimes(&world, kProbeFrames, settings.dt);
-      return Moves(world, 1, kForce, settings.dt);
+      return Moves(world, 1, kSqueeze, settings.dt);
     });
     if (!(std::abs(felt - 1) <= std::abs(worst))) worst = felt - 1;
     held = std::max(held, ClampTravel(settings, alpha, 1.02 * needed, 5));
     very_rough = std::max(very_rough, ClampTravel(settings, alpha, 100, 5));
-    slips = slips && ClampTravel(settings, alpha, 0.98 * needed, 0.5) > 0.05;
+    slips = slips && ClampTravel(settings, alpha, 0.98 * needed, 1) > 0.01;
+    MeasureJaw(settings, alpha, 1.02 * needed, &guides, &pulled);
   }
-  out->Absolute("friction needed when squeezed, over tan alpha", "", 1, 1 + worst, 1e-6);
-  out->AtMost("travel in 5 s with 2 % more", "m", held, 1e-9);
+  const double drift = settings.engine.tolerance * kSqueeze * settings.dt * 5;  // as in ToleratedDrift
+  out->Absolute("friction needed when squeezed, over tan alpha", "", 1, 1 + worst, ToleratedThreshold(settings));
+  out->AtMost("travel in 5 s with 2 % more", "m", held, drift);
   out->Verdict("squeezed out with 2 % less", true, slips);
-  out->AtMost("travel in 5 s with mu = 100, squeezed", "m", very_rough, 1e-9);
+  out->AtMost("travel in 5 s with mu = 100, squeezed", "m", very_rough, drift);
+  out->AtMost("largest load of the jaw's guides, over the force that they need not carry", "", guides, 10,
+              "undetermined, as they may jam each other: only a blow-up is ruled out");
+  out->Relative("speed of the jaw one frame after the force on it turns round, over F dt / m", "", 1, pulled, 1e-6,
+                "a frozen body that lies about its load");
 }
 
 // The load is 2 N sin alpha + 2 T cos alpha = m g with |T| <= mu N. It is determined only without friction; from
