@@ -125,7 +125,7 @@ void MeasureLiftOff(const CheckSettings& settings, Measurements* out) {
             const double error = std::abs(ball.linear_velocity_W.z() - restitution * approach) / approach;
             if (!(error <= worst)) worst = error;
           }
-    out->AtMost(std::string("bounce speed off e |u_n-|, over |u_n-|, ") + path.name, "", worst, 1e-9);
+    out->AtMost(std::string("rebound off e |u_n-|, over |u_n-|, ") + path.name, "", worst, 1e-9);
   }
 }
 
@@ -147,8 +147,8 @@ void MeasureObliqueBounce(const CheckSettings& settings, Measurements* out) {
                                  (velocity.norm() + kRadius * spin.norm());
             if (!(error <= worst[grips])) worst[grips] = error;
           }
-    out->AtMost(std::string("velocity and spin where it slides, over the speed, ") + path.name, "", worst[0], 1e-9);
-    out->AtMost(std::string("velocity and spin where it grips, over the speed, ") + path.name, "", worst[1], 1e-9);
+    out->AtMost(std::string("where it slides: velocity and spin, over speed, ") + path.name, "", worst[0], 1e-9);
+    out->AtMost(std::string("where it grips: velocity and spin, over speed, ") + path.name, "", worst[1], 1e-9);
   }
 }
 

@@ -170,9 +170,9 @@ void MeasureTippingMap(const CheckSettings& settings, Push push, Measurements* o
   const char* const name = push == Push::kIncline  ? "on an incline"
                            : push == Push::kMiddle ? "pushed at mid-height"
                                                    : "pushed at the top";
-  out->Absolute(std::string("load at which it moves, over min(mu, tipping), ") + name, "", 1, 1 + worst,
+  out->Absolute(std::string("load that moves it, over min(mu, tipping), ") + name, "", 1, 1 + worst,
                 ToleratedThreshold(settings));
-  out->Absolute(std::string("wrong verdicts of ") + std::to_string(maps) + ": rests, slides, tips, " + name, "", 0,
+  out->Absolute(std::string("wrong verdicts of ") + std::to_string(maps) + " (rests, slides, tips), " + name, "", 0,
                 wrong, 0);
 }
 
@@ -287,9 +287,9 @@ void MeasureClamp(const CheckSettings& settings, Measurements* out) {
   out->AtMost("travel in 5 s with 2 % more", "m", held, drift);
   out->Verdict("squeezed out with 2 % less", true, slips);
   out->AtMost("travel in 5 s with mu = 100, squeezed", "m", very_rough, drift);
-  out->AtMost("largest load of the jaw's guides, over the force that they need not carry", "", guides, 10,
+  out->AtMost("load of the jaw's guides, over the squeeze", "", guides, 10,
               "undetermined, as they may jam each other: only a blow-up is ruled out");
-  out->Relative("speed of the jaw one frame after the force on it turns round, over F dt / m", "", 1, pulled, 1e-6,
+  out->Relative("jaw pulled back: its speed after one frame, over F dt / m", "", 1, pulled, 1e-6,
                 "a frozen body that lies about its load");
 }
 
@@ -317,9 +317,8 @@ void MeasureGroove(const CheckSettings& settings, Measurements* out) {
     }
   out->AtMost("travel in the groove, mu 0 to 100", "m", travel, 1e-9);
   out->Relative("weight carried by the walls, over m g", "", 1, carried, 1e-6);
-  out->Relative("load of a wall without friction, over m g / (2 sin alpha)", "", 1, frictionless, 1e-6);
-  out->AtMost("largest load of a wall with any mu, over that without", "", most, 10,
-              "undetermined: any load is a solution");
+  out->Relative("wall load, no friction, over m g / (2 sin alpha)", "", 1, frictionless, 1e-6);
+  out->AtMost("largest wall load with any mu, over that without", "", most, 10, "undetermined: any load is a solution");
 }
 
 }  // namespace
@@ -331,7 +330,7 @@ void MeasureLeaningCards(const CheckSettings& settings, Measurements* out) {
 
 void MeasureTipping(const CheckSettings& settings, Measurements* out) {
   for (const Push push : {Push::kIncline, Push::kMiddle, Push::kTop}) MeasureTippingMap(settings, push, out);
-  out->AtMost("lift of a corner of a cube launched at 6 m/s, mu = 0.9", "m", LiftWhenLaunched(settings, 0.9),
+  out->AtMost("corner lift of a cube launched at 6 m/s, mu = 0.9", "m", LiftWhenLaunched(settings, 0.9),
               ToleratedDrift(settings, 0.5));
   out->Verdict("a launched cube tips with mu = 1.1", true, LiftWhenLaunched(settings, 1.1) > 1e-3);
 }
