@@ -27,9 +27,8 @@ bool IsIsotropic(const Matrix3& inertia) {
 }
 
 // The midpoint angular velocity w solves I w + dt/2 w x I w = L, everything in B.
-Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity, double dt) {
-  const Vector3 momentum = inertia * angular_velocity;
-  Vector3 w = angular_velocity;
+Vector3 MidpointVelocity(const Matrix3& inertia, const Matrix3& inverse, const Vector3& momentum, double dt) {
+  Vector3 w = inverse * momentum;
   for (int i = 0; i < 20; ++i) {
     const Vector3 p = inertia * w;
     const Vector3 residual = p + 0.5 * dt * w.cross(p) - momentum;
@@ -40,11 +39,11 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity
   return w;
 }
 
-Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
-                         double dt) {
-  const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
+// [rad] rotation vector in B, which the rotation leaves as it is.
+Vector3 MidpointRotation(const Matrix3& inertia, const Matrix3& inverse, const Vector3& momentum_B, double dt) {
+  const Vector3 w = MidpointVelocity(inertia, inverse, momentum_B, dt);
   const double speed = w.norm();
-  return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
+  return 2 * std::atan(0.5 * dt * speed) / speed * w;
 }
 
 }  // namespace
@@ -53,21 +52,20 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
                      double dt) {
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
+  const Matrix3 inverse = inertia_B.inverse();
+  const Vector3 momentum_B = inertia_B * (rotation_WB.conjugate() * angular_velocity_W);
   const double turn = dt * angular_velocity_W.norm();
-  if (turn <= kSmallTurn) return MidpointRotation(inertia_B, rotation_WB, angular_velocity_W, dt);
+  if (turn <= kSmallTurn) return rotation_WB * MidpointRotation(inertia_B, inverse, momentum_B, dt);
   // Newton's steps need a turn of about a radian at most.
   const int parts = static_cast<int>(std::min(std::ceil(turn / kLargestTurn), kMostParts));
-  Quaternion rotation = rotation_WB;
-  Vector3 velocity = angular_velocity_W;
+  Quaternion turned_B = Quaternion::Identity();  // what the body has turned by so far, seen from where it began
   for (int i = 0; i < parts; ++i) {
     for (const double share : kShares) {
-      const Vector3 step = MidpointRotation(inertia_B, rotation, velocity, share * dt / parts);
-      const Quaternion turned = Quaternion(Exp(step) * rotation).normalized();
-      velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
-      rotation = turned;
+      const Vector3 momentum = turned_B.conjugate() * momentum_B;
+      turned_B = (turned_B * Exp(MidpointRotation(inertia_B, inverse, momentum, share * dt / parts))).normalized();
     }
   }
-  return Log(Quaternion(rotation * rotation_WB.conjugate()));
+  return rotation_WB * Log(turned_B);
 }
 
 Quaternion Exp(const Vector3& v) {

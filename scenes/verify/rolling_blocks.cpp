@@ -247,7 +247,7 @@ Stop WatchSlab(const CheckSettings& settings, double heading, double turn, doubl
     if (stop.spin_end == 0 && std::abs(b.angular_velocity_W.z()) * reach <= still) stop.spin_end = i * h;
   }
   stop.time = std::max(stop.translation_end, stop.spin_end);
-  stop.place = aim.conjugate() * b.position_W;
+  stop.place = aim.conjugate() * (b.position_W - Vector3(0, 0, kThickness / 2));
   return stop;
 }
 
@@ -280,6 +280,8 @@ void MeasureSpinningBlock(const CheckSettings& settings, Measurements* out) {
                 h);
     out->Absolute("stops after" + of, "s", expected.time, stop.time, h + open_time,
                   "a step, and what the shares of the corners leave open");
+    out->AtMost("place where it stops, off that of equal shares" + of, "m", (stop.place - expected.place).norm(),
+                open_place + speed * h, "what the shares of the corners leave open, and a step");
     double spread = 0;
     for (const double heading : {0.5, 1.0, 2.3, 4.0})
       spread = std::max(spread, (WatchSlab(settings, heading, 0.3, speed, spin0).place - stop.place).norm());
