@@ -22,6 +22,18 @@ double CreepOf(const CheckSettings& settings, const Vector3& half_extents, doubl
   return Travel(world.shape(box), start, world.body(box));
 }
 
+// [m/s] of the fastest corner of the body's bounding box.
+double FastestCorner(const World& world, int body) {
+  const Body& b = world.body(body);
+  const Vector3& half = world.shape(body).half_extents();
+  double fastest = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vector3 sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+    fastest = std::max(fastest, b.VelocityAt(b.position_W + b.rotation_WB * half.cwiseProduct(sign)).norm());
+  }
+  return fastest;
+}
+
 // Whether a slab on a floor slides under this horizontal force.
 bool SlabSlides(const CheckSettings& settings, double friction, const Vector3& force) {
   World world(settings.engine);
@@ -47,6 +59,10 @@ BodyDefinition BoxOnIncline(const Vector3& half_extents, double incline, double 
 
 double ToleratedDrift(const CheckSettings& settings, double seconds) {
   return settings.engine.tolerance * kGravity * settings.dt * seconds;
+}
+
+bool Moves(const World& world, int body, double acceleration, double dt) {
+  return FastestCorner(world, body) > 10 * world.settings().tolerance * acceleration * dt;
 }
 
 double ToleratedThreshold(const CheckSettings& settings) {

@@ -92,7 +92,7 @@ void MeasureStop(const CheckSettings& settings, Measurements* out) {
   Stop worst;
   double worst_way = way, worst_time = time;
   for (const double degrees : {0.0, 10.0, 22.5, 33.0, 45.0}) {
-    const Stop stop = SlideToStop(settings, kSpeed, kFriction, degrees * std::numbers::pi / 180, 3 * time);
+    const Stop stop = SlideToStop(settings, kSpeed, kFriction, Radians(degrees), 3 * time);
     if (!(std::abs(stop.way - way) <= std::abs(worst_way - way))) worst_way = stop.way;
     if (!(std::abs(stop.time - time) <= std::abs(worst_time - time))) worst_time = stop.time;
     worst.heading = std::max(worst.heading, std::abs(stop.heading));
