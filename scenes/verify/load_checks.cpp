@@ -13,6 +13,8 @@ constexpr Check kChecks[] = {
      "the floor carries the weight; nothing overlaps, nothing moves", verify::MeasureHeavyInPile},
     {"T28", "table on 3 to 100 legs", Gate::kGate,
      "sum of loads m g, sum of moments 0; three loads follow from statics; by symmetry m g / n", verify::MeasureTables},
+    {"T40", "silo", Gate::kStatistics,
+     "base + walls carry the weight; the base alone carries what Janssen's law leaves it", verify::MeasureSilo},
     {"T41", "hourglass on a scale", Gate::kGate,
      "mean force on the container = weight of the pieces, over a time from rest to rest (momentum balance)",
      verify::MeasureWeighedGlass},

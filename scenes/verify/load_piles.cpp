@@ -60,6 +60,9 @@ void MeasureHeavyInPile(const CheckSettings& settings, Measurements* out) {
   }
   const std::string name =
       ", " + std::to_string(pyramid.cubes.size()) + " cubes, " + std::to_string(frames) + " frames";
+  const bool frozen =
+      std::all_of(pyramid.cubes.begin(), pyramid.cubes.end(), [&](int cube) { return world.body(cube).frozen; });
+  if (settings.engine.freezing == Freezing::kCertified) out->Verdict("all frozen at the end" + name, true, frozen);
   out->AtMost("load on the floor" + name, "of the weight", load, 1e-6);
   out->AtMost("momentum that no impulse explains" + name, "weight x dt", balance,
               settings.engine.freezing == Freezing::kOff ? 1e-12 : 1e-6);

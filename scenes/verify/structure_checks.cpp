@@ -13,6 +13,11 @@ constexpr Check kChecks[] = {
      verify::MeasureRod},
     {"T24", "walls that close on a cube", Gate::kGate,
      "no solution: reported in every step, state finite, usable after", verify::MeasureSqueeze},
+    {"T37", "row of dominoes", Gate::kStatistics,
+     "steady speed from energy between hits and angular momentum in them (van Leeuwen 2010, smooth faces, rough feet)",
+     verify::MeasureDominoes},
+    {"T39", "heap of cubes", Gate::kStatistics, "the slope does not depend on the time step; the heap does not creep",
+     verify::MeasureHeap},
 };
 
 }  // namespace
