@@ -5,11 +5,21 @@
 namespace islet {
 namespace {
 
-// Imbalance that counts as none, relative to the impulses that act on the body: impulses of a pile that moves next to a
-// frozen one vary by solver tolerance from frame to frame.
-constexpr double kBalanceTolerance = 1e-3;
+// Imbalance that counts as none, relative to the impulses that act on the body. Stored impulses do not change by themselves:
+// what they lack is what gravity, force or friction has changed by. Those of a pile that moves next to a frozen one vary by
+// solver tolerance, and by more than that while it settles.
+constexpr double kStoredTolerance = 1e-5;
+constexpr double kMovingTolerance = 1e-3;
 // A body freezes only if the static solution leaves it slower than this share of |g| dt.
 constexpr double kRestShare = 1e-4;
+// An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
+// ball has that stands 1e-8 rad off the top of another.
+constexpr double kSteadyShare = 1e-9;
+
+// [m^2/s^2] inner product in which a twist's square is about that of the fastest point's speed.
+double Dot(const Twist& p, const Twist& q, double radius) {
+  return p.linear_W.dot(q.linear_W) + radius * radius * p.angular_W.dot(q.angular_W);
+}
 
 }  // namespace
 
@@ -18,6 +28,9 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
     reference_position_.push_back(bodies[i].position_W);
     reference_rotation_.push_back(bodies[i].rotation_WB);
     still_seconds_.push_back(0);
+    last_twist_.push_back(TwistOf(bodies[i]));
+    last_gain_.emplace_back();
+    steady_.push_back(0);
   }
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
@@ -46,7 +59,7 @@ void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
   const Vector3 local = frame.collisions[number] + frame.holding[number];
   const Vector3 impulse = frame.frames[number] * local;
   // Stored impulses can leave the cone: a material callback may have lowered the friction since.
-  const bool slips = stored && local.tail<2>().norm() > contact.friction * local[0] + kBalanceTolerance * local.norm();
+  const bool slips = stored && local.tail<2>().norm() > contact.friction * local[0] + kStoredTolerance * local.norm();
   const auto add = [&](const Body& body, Load& load, double sign) {
     if (!body.frozen) return;
     const Vector3 turn = sign * (contact.point_W - body.position_W).cross(impulse);
@@ -57,6 +70,7 @@ void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
     if (stored) return;
     load.moving_linear += sign * impulse;
     load.moving_angular += turn;
+    load.moving_size += impulse.norm();
   };
   add(a, loads_[contact.body_a], -1);
   add(b, loads_[contact.body_b], 1);
@@ -73,14 +87,20 @@ void CertifiedFreezing::SumLoads(const SuiteFrame& frame) {
     load.moving_linear = load.linear;
     load.moving_angular = load.angular;
     load.size = load.linear.norm() + load.angular.norm() / body.radius;
+    load.moving_size = 0;
     load.slips = false;
   }
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) AddContact(frame, c);
 }
 
-double CertifiedFreezing::Imbalance(const Body& body, const Load& load) const {
+double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
   const double sum = load.linear.norm() + load.angular.norm() / body.radius;
   return load.size > 0 ? sum / load.size : sum;
+}
+
+double CertifiedFreezing::Tolerance(const Load& load) {
+  if (!(load.size > 0)) return kStoredTolerance;
+  return kStoredTolerance + (kMovingTolerance - kStoredTolerance) * std::min(1.0, load.moving_size / load.size);
 }
 
 void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced) {
@@ -88,7 +108,7 @@ void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>
   unbalanced->clear();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     if (!frame.bodies[i].frozen) continue;
-    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > kBalanceTolerance)
+    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > Tolerance(loads_[i]))
       unbalanced->push_back(static_cast<int>(i));
   }
 }
@@ -110,11 +130,26 @@ double CertifiedFreezing::StillSpeed(const Body& body, const Settings& settings)
   return settings.freeze_travel * body.radius / settings.freeze_seconds;
 }
 
-double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, const Body& body, const Settings& settings) const {
-  return kBalanceTolerance * std::max(frame.rest_speed, StillSpeed(body, settings));
+double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, int number, const Settings& settings) const {
+  const Body& body = frame.bodies[number];
+  return Tolerance(loads_[number]) * std::max(frame.rest_speed, StillSpeed(body, settings));
+}
+
+// Two gains of velocity in a row that point the same way are an acceleration; what solver tolerance leaves points anywhere.
+void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    const Body& body = frame.bodies[i];
+    const Twist twist = TwistOf(body);
+    const Twist gain{twist.linear_W - last_twist_[i].linear_W, twist.angular_W - last_twist_[i].angular_W};
+    const double floor = kSteadyShare * frame.rest_speed;
+    steady_[i] = Dot(gain, last_gain_[i], body.radius) > floor * floor;
+    last_twist_[i] = twist;
+    last_gain_[i] = gain;
+  }
 }
 
 void CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings) {
+  TrackGain(frame);
   touched_.assign(frame.bodies.size(), 0);
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
     if (frame.holding[c][0] <= 0) continue;
@@ -123,12 +158,17 @@ void CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings
   }
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    if (!body.Moves() || !touched_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
+    if (!body.Moves() || !touched_[i] || steady_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
     const double limit = std::max(kRestShare * frame.rest_speed, 1e-3 * kRestShare * StillSpeed(body, settings));
-    if (FastestPoint(TwistOf(body), body.radius) > limit) continue;
-    body.frozen = true;
-    SetTwist({}, &body);
+    body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit;
   }
+  FindUnbalanced(frame, &unbalanced_);  // by what the last round changed, or by what the velocity still tells
+  for (const int i : unbalanced_) {
+    frame.bodies[i].frozen = false;
+    Disturb(i);
+  }
+  for (Body& body : frame.bodies)
+    if (body.frozen) SetTwist({}, &body);
 }
 
 }  // namespace islet

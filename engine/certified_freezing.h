@@ -1,8 +1,9 @@
 // Freezing that never lies: a frozen body carries the impulses that hold it, and stays frozen only while they balance what
 // acts on it.
 //
-//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, and
-//            which the static-contact solution of this very frame leaves at rest
+//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, which
+//            the static-contact solution of this very frame leaves at rest, and which does not accelerate: however slow,
+//            what gains velocity in the same direction frame by frame stands on an edge or a top, and will fall
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
 //            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their
 //            cones. A support that is gone, a load that changed, gravity that turned, friction that was lowered, a wall
@@ -11,6 +12,8 @@
 //   threads: one caller at a time
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/settings.h"
@@ -33,33 +36,38 @@ class CertifiedFreezing {
   // force and the impulses of its contacts with bodies that move. Valid after FindUnbalanced.
   Twist LoadedVelocity(const SuiteFrame& frame, int body) const;
 
-  // Above this a body wakes: [m/s] of its farthest point.
-  double WakeSpeed(const SuiteFrame& frame, const Body& body, const Settings& settings) const;
+  // Above this a body wakes: [m/s] of its farthest point. Valid after FindUnbalanced.
+  double WakeSpeed(const SuiteFrame& frame, int body, const Settings& settings) const;
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
   double StillSpeed(const Body& body, const Settings& settings) const;
 
   // The body has to stand still anew before it may freeze.
   void Disturb(int body) { still_seconds_[body] = 0; }
 
-  // End of a frame: freezes what may freeze, sets its velocity to zero.
+  // End of a frame: freezes what may freeze and is balanced, sets its velocity to zero.
   void Freeze(const SuiteFrame& frame, const Settings& settings);
 
  private:
   struct Load {
     Vector3 linear, angular;                // [N s], [N m s] of everything
     Vector3 moving_linear, moving_angular;  // without the stored impulses
-    double size;                            // [N s] sum of magnitudes: what "zero" is relative to
+    double size, moving_size;               // [N s] sums of magnitudes: what "zero" is relative to
     bool slips;                             // a stored impulse lies outside its friction cone
   };
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
-  double Imbalance(const Body& body, const Load& load) const;
+  void TrackGain(const SuiteFrame& frame);
+  static double Imbalance(const Body& body, const Load& load);
+  static double Tolerance(const Load& load);  // imbalance that counts as none
 
   std::vector<Vector3> reference_position_;
   std::vector<Quaternion> reference_rotation_;
   std::vector<double> still_seconds_;
+  std::vector<Twist> last_twist_, last_gain_;  // at the end of the last frame, and by how much it had changed
+  std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
+  std::vector<int> unbalanced_;
 };
 
 }  // namespace islet

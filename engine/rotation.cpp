@@ -8,8 +8,12 @@
 namespace islet {
 namespace {
 
-constexpr double kLargestTurn = 0.5;  // [rad] in one midpoint step
+constexpr double kLargestTurn = 0.5;  // [rad] in one part of a step
 constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
+constexpr double kSmallTurn = 1e-3;   // [rad] up to it one midpoint step is right to 1e-7 of the turn
+// Five midpoint steps of these shares of the time, the third one backwards, are right to fourth order.      [Suz90]
+constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
+constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
 
 Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;
@@ -23,9 +27,8 @@ bool IsIsotropic(const Matrix3& inertia) {
 }
 
 // The midpoint angular velocity w solves I w + dt/2 w x I w = L, everything in B.
-Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity, double dt) {
-  const Vector3 momentum = inertia * angular_velocity;
-  Vector3 w = angular_velocity;
+Vector3 MidpointVelocity(const Matrix3& inertia, const Matrix3& inverse, const Vector3& momentum, double dt) {
+  Vector3 w = inverse * momentum;
   for (int i = 0; i < 20; ++i) {
     const Vector3 p = inertia * w;
     const Vector3 residual = p + 0.5 * dt * w.cross(p) - momentum;
@@ -36,11 +39,11 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Vector3& angular_velocity
   return w;
 }
 
-Vector3 MidpointRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
-                         double dt) {
-  const Vector3 w = MidpointVelocity(inertia_B, rotation_WB.conjugate() * angular_velocity_W, dt);
+// [rad] rotation vector in B, which the rotation leaves as it is.
+Vector3 MidpointRotation(const Matrix3& inertia, const Matrix3& inverse, const Vector3& momentum_B, double dt) {
+  const Vector3 w = MidpointVelocity(inertia, inverse, momentum_B, dt);
   const double speed = w.norm();
-  return rotation_WB * Vector3(2 * std::atan(0.5 * dt * speed) / speed * w);
+  return 2 * std::atan(0.5 * dt * speed) / speed * w;
 }
 
 }  // namespace
@@ -49,19 +52,20 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
                      double dt) {
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
+  const Matrix3 inverse = inertia_B.inverse();
+  const Vector3 momentum_B = inertia_B * (rotation_WB.conjugate() * angular_velocity_W);
   const double turn = dt * angular_velocity_W.norm();
-  if (turn <= kLargestTurn) return MidpointRotation(inertia_B, rotation_WB, angular_velocity_W, dt);
+  if (turn <= kSmallTurn) return rotation_WB * MidpointRotation(inertia_B, inverse, momentum_B, dt);
   // Newton's steps need a turn of about a radian at most.
   const int parts = static_cast<int>(std::min(std::ceil(turn / kLargestTurn), kMostParts));
-  Quaternion rotation = rotation_WB;
-  Vector3 velocity = angular_velocity_W;
+  Quaternion turned_B = Quaternion::Identity();  // what the body has turned by so far, seen from where it began
   for (int i = 0; i < parts; ++i) {
-    const Quaternion turned =
-        Quaternion(Exp(MidpointRotation(inertia_B, rotation, velocity, dt / parts)) * rotation).normalized();
-    velocity = AngularVelocityAfter(inertia_B, rotation, velocity, turned);
-    rotation = turned;
+    for (const double share : kShares) {
+      const Vector3 momentum = turned_B.conjugate() * momentum_B;
+      turned_B = (turned_B * Exp(MidpointRotation(inertia_B, inverse, momentum, share * dt / parts))).normalized();
+    }
   }
-  return Log(Quaternion(rotation * rotation_WB.conjugate()));
+  return rotation_WB * Log(turned_B);
 }
 
 Quaternion Exp(const Vector3& v) {

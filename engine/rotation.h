@@ -1,8 +1,8 @@
 // Free rotation of a rigid body through one step, and rotation vectors.
 //
 // Implicit midpoint rule on the body-frame Euler equations with the Cayley map: keeps |L| and the kinetic energy exactly
-// (to rounding), for any inertia and any step; a step of more than half a radian is divided. A constant angular velocity
-// turns by 2 atan(|w| dt / 2) in each part.                                                              [Aus93, SW91]
+// (to rounding), for any inertia and any step; a step of more than half a radian is divided. Alone it is right to second
+// order; five of them, one backwards, to fourth: 1e-7 of the turn at 5 rad/s and 1/60 s.          [Aus93, SW91, Suz90]
 //   threads: pure functions
 #pragma once
 

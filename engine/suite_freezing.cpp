@@ -76,7 +76,7 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   ForEachIsland([&](int island, Worker* worker) {
     const IslandView view = View(island);
     double limit = INFINITY;
-    for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, frame.bodies[i], settings));
+    for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, i, settings));
     outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor,
                                                                 0.1 * limit, frame.dt, frame.bodies, frame.holding);
   });
@@ -84,7 +84,7 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
     const double speed = FastestPoint(TwistOf(body), body.radius);
-    if (speed > certified.WakeSpeed(frame, body, settings)) woken.push_back(i);
+    if (speed > certified.WakeSpeed(frame, i, settings)) woken.push_back(i);
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
@@ -92,14 +92,7 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
 }
 
 void ContactSuite::Impl::Freeze(StepReport* report) {
-  if (settings.freezing == Freezing::kCertified) {
-    certified.Freeze(frame, settings);
-    certified.FindUnbalanced(frame, &unbalanced);  // by what the last round changed
-    for (const int i : unbalanced) {
-      frame.bodies[i].frozen = false;
-      certified.Disturb(i);
-    }
-  }
+  if (settings.freezing == Freezing::kCertified) certified.Freeze(frame, settings);
   if (settings.freezing == Freezing::kPaper) FreezeLikePaper();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];

@@ -10,6 +10,7 @@
 #include "engine/contact_suite.h"
 #include "engine/detection.h"
 #include "engine/motion.h"
+#include "engine/passing.h"
 #include "engine/rebound.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
@@ -63,8 +64,9 @@ struct World::Impl : WorldState {
     int body;
     Vector3 force_W, torque_W;
   };
-  std::vector<Load> loaded;   // what the user wants of bodies whose forces stand in for a longer step
-  std::vector<Twist> before;  // per body: velocities that its motion begins with
+  std::vector<Load> loaded;    // what the user wants of bodies whose forces stand in for a longer step
+  std::vector<Twist> before;   // per body: velocities that its motion begins with
+  std::vector<double> depths;  // [m] per body: how deep it overlaps anything
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -88,6 +90,8 @@ struct World::Impl : WorldState {
   void LoadUnflown(double dt);
   MotionPlan PlanMotion(double dt);
   void RememberFlights(double dt);
+  void FindDepths();
+  bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -260,23 +264,27 @@ bool World::Impl::IsSupported(int body, double dt) const {
          support[body] > 0;
 }
 
-// What the step resolves: the contacts that touch, but not those of a body in flight that will meet within the step, and open ones that two supported bodies would close within the step. Left
+// What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
 // to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
-// before they hit, so their bounce is that of the full speed.
+// before they hit, so their bounce is that of the full speed; and those that touch in no more than name, but will meet within
+// the step, fly on until they do.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
+  FindDepths();
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
-    if (c.gap <= settings.touch_gap * size) {
-      const bool flies_on = c.gap > kMeets * settings.overlap_tolerance * size && (flew[c.body_a] || flew[c.body_b]) &&
-                            NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) * dt < -c.gap;
-      if (!flies_on) resolved.push_back(c);
-      continue;
+    const bool touches = c.gap <= settings.touch_gap * size;
+    const double speed = NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
+    if (touches) {
+      const bool flies = flew[c.body_a] || flew[c.body_b];
+      if (flies && c.gap > kMeets * settings.overlap_tolerance * size && speed * dt < -c.gap) continue;
+    } else {
+      const double approach = -speed + settings.gravity.norm() * dt;
+      if (c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
     }
-    const double approach = -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) + settings.gravity.norm() * dt;
-    if (c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
     resolved.push_back(c);
-    resolved.back().touches = false;
+    const bool passes = Passes(dt, {}, &resolved.back());
+    resolved.back().touches = touches && !passes;
   }
 }
 
@@ -330,6 +338,27 @@ void World::Impl::RememberFlights(double dt) {
   }
 }
 
+void World::Impl::FindDepths() {
+  depths.assign(bodies.size(), 0.0);
+  for (const Contact& c : near_contacts)
+    for (const int i : {c.body_a, c.body_b}) depths[i] = std::max(depths[i], -c.gap);
+}
+
+// linear: [m] where each body goes; empty: on at its present velocity. A sphere that rests deeper than it should may pass as
+// deep as that.
+bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* contact) const {
+  constexpr double kDepth = 1e-6;  // [sphere radii]
+  const auto traveller = [&](int i) -> Traveller {
+    if (StandsStill(bodies[i])) return {bodies[i], shapes[i], Vector3::Zero(), Vector3::Zero()};
+    return {bodies[i], shapes[i], linear.empty() ? Vector3(dt * bodies[i].linear_velocity_W) : linear[i],
+            dt * bodies[i].angular_velocity_W};
+  };
+  const int a = contact->body_a, b = contact->body_b;
+  const int sphere = shapes[b].kind() == ShapeKind::kSphere ? b : a;
+  if (shapes[sphere].kind() != ShapeKind::kSphere) return false;
+  return PassesBy(traveller(a), traveller(b), depths[sphere] + kDepth * shapes[sphere].radius(), contact);
+}
+
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) {
@@ -378,6 +407,8 @@ StepReport World::Step(double dt) {
     w.DetectMoving(planned);
     finish(&report.seconds.detect);
   }
+  w.FindDepths();
+  for (Contact& c : w.near_contacts) w.Passes(dt, planned, &c);
   double detect_seconds = 0;
   const DetectContacts detect = [&](std::span<const Vector3> travel, std::vector<Contact>*) {
     const double start = Seconds();

@@ -2,6 +2,8 @@
 // a search for thresholds.
 #pragma once
 
+#include <numbers>
+
 #include "engine/world.h"
 #include "scenes/verify/check.h"
 
@@ -32,7 +34,24 @@ double Boundary(double lower, double upper, Before before) {
 // A box of 1 kg that lies on Floor(.., incline), its centre above the origin.
 BodyDefinition BoxOnIncline(const Vector3& half_extents, double incline, double friction);
 
-// What the longest runs of a probe for a threshold take: no freezing, whatever its rule, has set in.
+// A probe for a threshold takes so long: no freezing, whatever its rule, has set in.
 inline constexpr int kProbeFrames = 3;
+
+// [m] how far the contact problems' tolerance lets a point drift along a normal in so many seconds: each frame may leave it
+// tolerance x g dt of speed, and what adds up to less than the overlap tolerance nothing takes back.
+double ToleratedDrift(const CheckSettings& settings, double seconds);
+
+// How far off a threshold a probe may find it: it calls moving what is ten times faster than the tolerance lets a point at
+// rest be, after kProbeFrames of the part of the excess that moves the body, in these scenes a sixth of g or more.
+double ToleratedThreshold(const CheckSettings& settings);
+
+// Whether it has begun to move: faster than what the contact problems' tolerance lets pass under this load [m/s^2], with room
+// for what is far from its contacts. See ToleratedThreshold.
+bool Moves(const World& world, int body, double acceleration, double dt);
+
+inline double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
+
+// [m] farthest that a lower corner of the body's bounding box is from the plane in which its foot began.
+double FootDrift(const World& world, int body, const Body& start);
 
 }  // namespace islet::verify

@@ -1,7 +1,235 @@
+// Invariance: what must not change the answer. Threads, the numbers of the bodies, the units, a stop in between.
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "engine/contact_suite.h"
+#include "scenes/random.h"
+#include "scenes/scene.h"
+#include "scenes/verify/builders.h"
 #include "scenes/verify/check.h"
 
 namespace islet {
+namespace {
 
-std::span<const Check> InvarianceChecks() { return {}; }
+using namespace verify;
+
+// What a unit of length, mass and time is worth: definitions and settings in other units are the same physics.
+struct Units {
+  double length = 1, mass = 1, time = 1;
+
+  BodyDefinition Convert(BodyDefinition d) const {
+    const Vector3 half = d.shape.half_extents();
+    if (d.shape.kind() == ShapeKind::kBox) d.shape = Shape::Box(length * half);
+    if (d.shape.kind() == ShapeKind::kSphere) d.shape = Shape::Sphere(length * half.x());
+    if (d.mass) *d.mass *= mass;
+    d.position_W *= length;
+    d.linear_velocity_W *= length / time;
+    d.angular_velocity_W /= time;
+    return d;
+  }
+  Settings Convert(Settings s) const {
+    s.gravity *= length / (time * time);
+    s.freeze_seconds *= time;
+    return s;
+  }
+};
+
+World Build(const std::vector<BodyDefinition>& definitions, const Settings& settings, const Units& units = {}) {
+  World world(units.Convert(settings));
+  for (const BodyDefinition& d : definitions) world.Add(units.Convert(d));
+  return world;
+}
+
+BodyDefinition Wall(const Vector3& half, const Vector3& position) {
+  return {.shape = Shape::Box(half), .kind = BodyKind::kFixed, .position_W = position, .friction = 0.5};
+}
+
+// Cubes, slabs and balls of masses from 0.2 to 5 kg that fall into an open box, turned at random: everything that an engine
+// does happens within two seconds.
+std::vector<BodyDefinition> FallingHeap(int count) {
+  std::vector<BodyDefinition> heap{Wall({2.5, 2.5, 0.5}, {0, 0, -0.5}), Wall({0.5, 2.5, 3}, {2.5, 0, 3}),
+                                   Wall({0.5, 2.5, 3}, {-2.5, 0, 3}), Wall({1.99, 0.5, 3}, {0, 2.5, 3}),
+                                   Wall({1.99, 0.5, 3}, {0, -2.5, 3})};
+  SplitMix64 random(43);
+  for (int i = 0; i < count; ++i) {
+    const Vector3 place(1.25 * (i % 3 - 1), 1.25 * (i / 3 % 3 - 1), 0.9 + 1.25 * (i / 9));
+    BodyDefinition d = i % 3 == 0 ? Ball(place, random.Uniform(0.2, 0.5)) : Cube(place);
+    if (i % 3 == 1)
+      d.shape = Shape::Box({random.Uniform(0.2, 0.35), random.Uniform(0.2, 0.35), random.Uniform(0.1, 0.35)});
+    if (i % 3 == 2) d.shape = Shape::Box({0.3, 0.3, 0.3});
+    d.mass = std::exp(random.Uniform(std::log(0.2), std::log(5)));
+    d.restitution = 0.3;
+    d.rotation_WB = random.Rotation(3);
+    d.linear_velocity_W = {random.Uniform(-1, 1), random.Uniform(-1, 1), -2};
+    d.angular_velocity_W = 2 * random.Direction();
+    heap.push_back(d);
+  }
+  return heap;
+}
+
+std::vector<std::uint64_t> Hashes(World* world, int frames, double dt) {
+  std::vector<std::uint64_t> hashes;
+  for (int i = 0; i < frames; ++i) {
+    world->Step(dt);
+    hashes.push_back(world->StateHash());
+  }
+  return hashes;
+}
+
+int CountDifferent(const std::vector<std::uint64_t>& a, const std::vector<std::uint64_t>& b) {
+  int different = 0;
+  for (size_t i = 0; i < a.size(); ++i) different += i >= b.size() || a[i] != b[i];
+  return different;
+}
+
+// ---- T42
+
+void ThreadsDoNotMatter(const CheckSettings& s, Measurements* out) {
+  const int frames = Frames(s.quick ? 1 : 2, s.dt);
+  const auto run = [&](int threads) {
+    Settings settings = s.engine;
+    settings.threads = threads;
+    BuiltScene built = BuildScene(*FindScene("cubeglass"), {.count = 60}, settings);
+    return Hashes(&built.world, frames, s.dt);
+  };
+  const std::vector<std::uint64_t> one = run(1);
+  for (const int threads : {2, 3, 8})
+    out->Absolute("hourglass of 60 cubes, frames that differ on " + std::to_string(threads) + " threads", "", 0,
+                  CountDifferent(one, run(threads)), 0);
+}
+
+// One step of the same bodies, added in another order. In the order of `definitions`.
+std::vector<Twist> StepPermuted(const std::vector<BodyDefinition>& definitions, std::uint64_t seed,
+                                const CheckSettings& s, double* scale) {
+  std::vector<size_t> order(definitions.size());
+  std::iota(order.begin(), order.end(), 0);
+  SplitMix64 random(seed);
+  for (size_t i = order.size(); seed > 0 && i > 1; --i) std::swap(order[i - 1], order[random.Next() % i]);
+  std::vector<BodyDefinition> shuffled;
+  for (const size_t i : order) shuffled.push_back(definitions[i]);
+  World world = Build(shuffled, s.engine);
+  world.Step(s.dt);
+  std::vector<Twist> velocities(definitions.size());
+  for (size_t place = 0; place < order.size(); ++place) {
+    const Body& b = world.bodies()[place];
+    velocities[order[place]] = {b.linear_velocity_W, b.angular_velocity_W};
+  }
+  for (const BodyDefinition& d : definitions) *scale = std::max(*scale, d.linear_velocity_W.norm());
+  return velocities;
+}
+
+double LargestChange(const std::vector<BodyDefinition>& definitions, const CheckSettings& s) {
+  double scale = s.engine.gravity.norm() * s.dt;  // v_ref: what tolerances are relative to
+  double worst = 0;
+  const std::vector<Twist> first = StepPermuted(definitions, 0, s, &scale);
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const std::vector<Twist> other = StepPermuted(definitions, seed, s, &scale);
+    for (size_t i = 0; i < first.size(); ++i) {
+      const double size = definitions[i].shape.kind() == ShapeKind::kHalfSpace ? 0 : definitions[i].shape.radius();
+      worst = std::max(worst, (first[i].linear_W - other[i].linear_W).norm() +
+                                  size * (first[i].angular_W - other[i].angular_W).norm());
+    }
+  }
+  return worst / scale;
+}
+
+// The bodies as they are at some moment of a run.
+std::vector<BodyDefinition> DefinitionsAt(std::vector<BodyDefinition> definitions, int frames, const CheckSettings& s) {
+  World world = Build(definitions, s.engine);
+  StepTimes(&world, frames, s.dt);
+  for (size_t i = 0; i < definitions.size(); ++i) {
+    const Body& b = world.bodies()[i];
+    definitions[i].position_W = b.position_W;
+    definitions[i].rotation_WB = b.rotation_WB;
+    definitions[i].linear_velocity_W = b.linear_velocity_W;
+    definitions[i].angular_velocity_W = b.angular_velocity_W;
+  }
+  return definitions;
+}
+
+void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
+  std::vector<BodyDefinition> pyramid{Floor()};
+  SplitMix64 random(42);
+  for (int row = 0; row < 6; ++row)
+    for (int i = 0; i < 6 - row; ++i)
+      pyramid.push_back(Cube({1.02 * i + 0.51 * row, 0.03 * i, row + 0.5}, 0.5, 0, random.Uniform(0.2, 5)));
+  out->AtMost("pyramid of 21 cubes, change of a velocity / v_ref", "", LargestChange(pyramid, s), s.engine.tolerance);
+  std::vector<BodyDefinition> heap = FallingHeap(27);
+  for (BodyDefinition& d : heap) d.friction = 0;
+  for (const double t : {0.2, 0.5, 1.0})
+    out->AtMost("heap without friction after " + std::to_string(t) + " s", "",
+                LargestChange(DefinitionsAt(heap, Frames(t, s.dt), s), s), s.engine.tolerance);
+  heap = FallingHeap(27);
+  for (const double t : {0.2, 0.5, 1.0, 3.0})
+    out->AtMost("heap with friction after " + std::to_string(t) + " s", "",
+                LargestChange(DefinitionsAt(heap, Frames(t, s.dt), s), s), s.engine.tolerance);
+}
+
+void MeasureOrder(const CheckSettings& s, Measurements* out) {
+  ThreadsDoNotMatter(s, out);
+  NumbersDoNotMatter(s, out);
+}
+
+// ---- T43
+
+// [lengths] farthest that a body of b is from where a has it, over a run in steps of dt of each one's units.
+double Deviation(World* a, const Units& ua, World* b, const Units& ub, int frames, double dt) {
+  double worst = 0;
+  for (int frame = 0; frame < frames; ++frame) {
+    a->Step(ua.time * dt);
+    b->Step(ub.time * dt);
+    for (size_t i = 0; i < a->bodies().size(); ++i) {
+      const Body &p = a->bodies()[i], &q = b->bodies()[i];
+      worst = std::max(worst, (p.position_W / ua.length - q.position_W / ub.length).norm());
+      worst = std::max(worst, (p.rotation_WB.coeffs() - q.rotation_WB.coeffs()).norm());
+    }
+  }
+  return worst;
+}
+
+void MeasureScale(const CheckSettings& s, Measurements* out) {
+  const std::vector<BodyDefinition> heap = FallingHeap(27);
+  const int frames = Frames(s.quick ? 1.5 : 3, s.dt);
+  for (const Units& u : {Units{1024, 1, 1}, Units{1.0 / 1024, 1, 1}, Units{1, 0x1p20, 1}, Units{1, 0x1p-20, 1},
+                         Units{1, 1, 0x1p-3}, Units{1024, 1, 32}, Units{1.0 / 1024, 0x1p-20, 0x1p-5}}) {
+    World one = Build(heap, s.engine), other = Build(heap, s.engine, u);
+    out->Absolute("heap, length x " + std::to_string(u.length) + ", mass x " + std::to_string(u.mass) + ", time x " +
+                      std::to_string(u.time),
+                  "", 0, Deviation(&one, {}, &other, u, frames, s.dt), 0);
+  }
+}
+
+// ---- T45
+
+void MeasureRestart(const CheckSettings& s, Measurements* out) {
+  const std::vector<BodyDefinition> heap = FallingHeap(27);
+  for (const double t : {0.25, 0.6, 2.0}) {
+    const int before = Frames(t, s.dt), after = Frames(1, s.dt);
+    World world = Build(heap, s.engine);
+    StepTimes(&world, before, s.dt);
+    const WorldSnapshot snapshot = world.Save();
+    const std::vector<std::uint64_t> whole = Hashes(&world, after, s.dt);
+    World other(s.engine);
+    other.Restore(snapshot);
+    out->Absolute("into a new world", "", 0, CountDifferent(whole, Hashes(&other, after, s.dt)), 0);
+    world.Restore(snapshot);
+    out->Absolute("back in the same world", "", 0, CountDifferent(whole, Hashes(&world, after, s.dt)), 0);
+  }
+}
+
+constexpr Check kChecks[] = {
+    {"T42", "order of work and numbers of bodies", Gate::kGate,
+     "equal bits on any number of threads; velocities equal to the tolerance under any numbering", MeasureOrder},
+    {"T43", "units", Gate::kGate, "equal motion in units of length, mass and time", MeasureScale},
+    {"T45", "restart from a snapshot", Gate::kGate, "equal bits", MeasureRestart},
+};
+
+}  // namespace
+
+std::span<const Check> InvarianceChecks() { return kChecks; }
 
 }  // namespace islet

@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kQuantityWidth = 56;
+constexpr size_t kWidestQuantity = 80;  // characters; a longer one shifts its own line
 
 double InBounds(const VerifyRow& row) {  // how many bounds the error is; infinity if there is no telling
   const double infinity = std::numeric_limits<double>::infinity();
@@ -45,6 +45,12 @@ std::string Error(const Measurement& m) {
 std::string Quantity(const Measurement& m) {
   std::string text = "  " + m.quantity + (m.unit.empty() || m.unit == "yes/no" ? "" : " [" + m.unit + "]");
   return text;
+}
+
+size_t WidthOf(std::span<const VerifyRow> rows) {
+  size_t width = 30;
+  for (const VerifyRow& row : rows) width = std::max(width, Quantity(row.measurement).size());
+  return std::min(width, kWidestQuantity);
 }
 
 std::string CheckLine(const Check& check) {
@@ -94,33 +100,32 @@ const VerifyRow* Worst(const std::vector<const VerifyRow*>& rows) {
 
 constexpr const char* kRow = "{:<{}} {:<7} {:>6} {:<9} {:>12} {:>12} {:>12} {:>8}  {}\n";
 
-std::string RowLine(const VerifyRow& row) {
+std::string RowLine(const VerifyRow& row, size_t width) {
   const Measurement& m = row.measurement;
-  return fmt::format(kRow, Quantity(m), kQuantityWidth, row.setting->model, row.setting->dt.name, row.setting->freeze,
+  return fmt::format(kRow, Quantity(m), width, row.setting->model, row.setting->dt.name, row.setting->freeze,
                      Short(m.reference), Short(m.measured), Error(m), fmt::format("{:.1e}", m.bound), Verdict(row));
 }
 
-std::string OneModelTable(const std::vector<Group>& groups, bool all_settings) {
-  std::string table = fmt::format(kRow, "check and quantity", kQuantityWidth, "model", "dt", "freezing", "reference",
-                                  "measured", "error", "bound", "verdict");
+std::string OneModelTable(const std::vector<Group>& groups, size_t width, bool all_settings) {
+  std::string table = fmt::format(kRow, "check and quantity", width, "model", "dt", "freezing", "reference", "measured",
+                                  "error", "bound", "verdict");
   const Check* check = nullptr;
   for (const Group& group : groups) {
     for (const std::vector<const VerifyRow*>& rows : group.by_model) {
       if (rows.empty()) continue;
       if (check != rows[0]->check) table += CheckLine(*(check = rows[0]->check));
       if (all_settings) {
-        for (const VerifyRow* const row : rows) table += RowLine(*row) + NoteLine(*row);
+        for (const VerifyRow* const row : rows) table += RowLine(*row, width) + NoteLine(*row);
       } else {
-        table += RowLine(*Worst(rows)) + NoteLine(*Worst(rows));
+        table += RowLine(*Worst(rows), width) + NoteLine(*Worst(rows));
       }
     }
   }
   return table;
 }
 
-std::string SideBySideTable(const std::vector<Group>& groups, const std::vector<std::string>& models) {
-  std::string table =
-      fmt::format("{:<{}} {:>12} {:>8}", "check and quantity: errors", kQuantityWidth, "reference", "bound");
+std::string SideBySideTable(const std::vector<Group>& groups, size_t width, const std::vector<std::string>& models) {
+  std::string table = fmt::format("{:<{}} {:>12} {:>8}", "check and quantity: errors", width, "reference", "bound");
   for (const std::string& model : models) table += fmt::format("  {:>12}        ", model);
   table += '\n';
   const Check* check = nullptr;
@@ -134,7 +139,7 @@ std::string SideBySideTable(const std::vector<Group>& groups, const std::vector<
       if (worst && (worst->broken || worst->GateFailed())) notes += NoteLine(*worst);
     }
     if (check != first->check) table += CheckLine(*(check = first->check));
-    table += fmt::format("{:<{}} {:>12} {:>8}{}\n", Quantity(first->measurement), kQuantityWidth,
+    table += fmt::format("{:<{}} {:>12} {:>8}{}\n", Quantity(first->measurement), width,
                          Short(first->measurement.reference), fmt::format("{:.1e}", first->measurement.bound), cells);
     table += notes;
   }
@@ -151,7 +156,9 @@ bool Worse(const VerifyRow& a, const VerifyRow& b) {
 std::string VerifyTable(std::span<const VerifyRow> rows, bool all_settings) {
   const std::vector<std::string> models = ModelsOf(rows);
   const std::vector<Group> groups = GroupRows(rows, models);
-  return models.size() == 1 || all_settings ? OneModelTable(groups, all_settings) : SideBySideTable(groups, models);
+  const size_t width = WidthOf(rows);
+  return models.size() == 1 || all_settings ? OneModelTable(groups, width, all_settings)
+                                            : SideBySideTable(groups, width, models);
 }
 
 std::string VerifyJson(std::span<const VerifyRow> rows, double tolerance) {

@@ -1,0 +1,73 @@
+#include "engine/passing.h"
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "engine/narrow_phase.h"
+#include "engine/rotation.h"
+
+namespace islet {
+namespace {
+
+constexpr double kSmallestApproach = 1e-9;  // [sphere radii] in the step
+constexpr double kTurnedShare = 0.1;        // of the plane's approach: less is a hit as the plane has it
+constexpr int kSearchSteps = 24;            // of the least gap on the way: to 1e-5 of it
+
+Placement At(const Traveller& t, double share) {
+  return {t.body.position_W + share * t.linear,
+          Quaternion(Exp(share * t.angular) * t.body.rotation_WB).toRotationMatrix()};
+}
+
+// A sphere has one contact with anything.
+Contact ContactAt(const Traveller& a, const Traveller& b, double share) {
+  thread_local std::vector<Contact> found;
+  found.clear();
+  CollideShapes(a.shape, At(a, share), b.shape, At(b, share), std::numeric_limits<double>::infinity(), &found);
+  return found.front();
+}
+
+// The distance of two convex bodies along straight ways has no minimum but the least one.
+double LeastGap(const Traveller& a, const Traveller& b) {
+  constexpr double kGolden = 0.6180339887498949;
+  double low = 0, high = 1, left = 1 - kGolden, right = kGolden;
+  double at_left = ContactAt(a, b, left).gap, at_right = ContactAt(a, b, right).gap;
+  for (int i = 0; i < kSearchSteps; ++i) {
+    if (at_left < at_right) {
+      high = right, right = left, at_right = at_left;
+      left = high - kGolden * (high - low);
+      at_left = ContactAt(a, b, left).gap;
+    } else {
+      low = left, left = right, at_left = at_right;
+      right = low + kGolden * (high - low);
+      at_right = ContactAt(a, b, right).gap;
+    }
+  }
+  return std::min(at_left, at_right);
+}
+
+}  // namespace
+
+bool PassesBy(const Traveller& a, const Traveller& b, double allowed_depth, Contact* contact) {
+  const bool a_is_sphere = a.shape.kind() == ShapeKind::kSphere, b_is_sphere = b.shape.kind() == ShapeKind::kSphere;
+  if (!a_is_sphere && !b_is_sphere) return false;
+  if (a.shape.kind() == ShapeKind::kHalfSpace || b.shape.kind() == ShapeKind::kHalfSpace) return false;
+  const Traveller& sphere = b_is_sphere ? b : a;
+  const auto travel = [&](const Traveller& t, const Vector3& point) -> Vector3 {
+    return t.linear + t.angular.cross(point - t.body.position_W);
+  };
+  const double approach = -contact->normal_W.dot(travel(b, contact->point_W) - travel(a, contact->point_W));
+  if (approach <= kSmallestApproach * sphere.shape.radius()) return false;
+  // Slow ones are judged by the way that the plane would let them go: a step alone shows hardly any turning.
+  const double horizon = std::max(1.0, contact->gap / approach);
+  const double turned = ContactAt(a, b, horizon).gap - (contact->gap - horizon * approach);
+  if (turned < kTurnedShare * horizon * approach) return false;
+  const Contact end = ContactAt(a, b, 1);
+  if (std::min(end.gap, LeastGap(a, b)) < -allowed_depth) return false;
+  contact->normal_W = end.normal_W;
+  contact->point_W = end.point_W - sphere.linear;
+  contact->gap = end.gap - end.normal_W.dot(travel(b, contact->point_W) - travel(a, contact->point_W));
+  return true;
+}
+
+}  // namespace islet
