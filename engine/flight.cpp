@@ -5,13 +5,16 @@
 #include <limits>
 
 #include "engine/rotation.h"
+#include "engine/suite_frame.h"
 
 namespace islet {
 namespace {
 
+constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kSameMoment = 1e-12;  // of a duration: two bodies fly on together
 constexpr double kPolished = 1e-3;     // of the overlap tolerance: a gap that small is none
 constexpr int kForwardRounds = 4;      // later ones only go back, so that they end
+constexpr int kPatientRounds = 8;      // later ones put what still overlaps back to where it began
 constexpr double kBegins = 1e-2;  // of the overlap tolerance: contacts open by more at the start are met on the way
 
 }  // namespace
@@ -67,6 +70,9 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
     const int a = contact.body_a, b = contact.body_b;
     const bool a_flies = flies_[a] != 0, b_flies = flies_[b] != 0;
     if (!a_flies && !b_flies) continue;
+    const auto leaves_way = [&](int i) { return flies_[i] || StandsStill(bodies[i]); };
+    const bool alone = leaves_way(a) && leaves_way(b);
+    handled->at(c) = alone;
     const double tolerance = std::min(tolerances[a], tolerances[b]);
     const double gap = gaps[c];
     const bool held = (a_flies && left_[a] > 0) || (b_flies && left_[b] > 0);
@@ -81,16 +87,19 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
     if (a_moves) closing += contact.normal_W.dot(PointVelocity(a, contact, bodies[a]));
     if (b_moves) closing -= contact.normal_W.dot(PointVelocity(b, contact, bodies[b]));
     const int mover = a_moves ? a : b;
-    double earliest = std::numeric_limits<double>::infinity();
-    if (a_moves) earliest = std::min(earliest, paths_[a].duration);
-    if (b_moves) earliest = std::min(earliest, paths_[b].duration);
-    double moment = closing > 0 ? left_[mover] - gap / closing : std::numeric_limits<double>::infinity();
-    if (a_flies && b_flies && !together) {
-      const double other = std::max(left_[a], left_[b]);
-      if (met && !(moment <= other)) moment = other;  // both together from there
-    }
+    const double earliest = std::min(a_moves ? paths_[a].duration : kNever, b_moves ? paths_[b].duration : kNever);
     if (closing <= 0 && !met) continue;
-    if (!(moment <= earliest)) continue;
+    double moment = closing > 0 ? left_[mover] - gap / closing : kNever;
+    if (met && a_flies && b_flies && !together) moment = std::min(moment, std::max(left_[a], left_[b]));
+    if (!(moment <= earliest) || (met && alone && round >= kPatientRounds)) {
+      if (!met || !alone) continue;
+      // Their own ways do not part them soon: they go back towards where they began, where nothing overlapped.
+      const double share = round < kForwardRounds ? 0.5 : 1;
+      for (const int i : {a, b})
+        if (flies_[i]) wanted_[i] = std::max(wanted_[i], left_[i] + share * (paths_[i].duration - left_[i]));
+      changes = true;
+      continue;
+    }
     handled->at(c) = 1;
     if (a_moves) wanted_[a] = std::max(wanted_[a], moment);
     if (b_moves) wanted_[b] = std::max(wanted_[b], moment);

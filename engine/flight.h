@@ -30,8 +30,8 @@ class Flights {
   std::span<const double> left() const { return left_; }
 
   // One Newton step for every flying body, from the gaps that all contacts have at the moments of left(). Round 0: they are
-  // predicted, and contact.gap is the gap at the start. True if some body is to be placed anew; handled[c]: contact c is
-  // open at an earlier moment, which this step or the next ones find.
+  // predicted, and contact.gap is the gap at the start. True if some body is to be placed anew; handled[c]: this step or the
+  // next ones find a moment at which contact c is open; for two bodies that both fly or stand still there always is one.
   bool FindMoments(int round, std::span<const Contact> contacts, std::span<const double> gaps,
                    std::span<const double> tolerances, std::span<const Body> bodies,
                    std::vector<std::uint8_t>* handled);

@@ -24,7 +24,7 @@ constexpr int kMaxSweeps = 150;
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
 
-constexpr int kFlightPasses = 8;  // later ones correct flying bodies like others
+constexpr int kFlightPasses = 16;  // later ones correct flying bodies like others
 constexpr int kPolishingPasses =
     4;  // that find the moments of impacts more closely than the overlap tolerance asks for
 
@@ -126,7 +126,9 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     const bool corrected = !outcome.reached && Correct(tolerances, bodies, *contacts);
     if (outcome.passes > 0 && !corrected && !flights_move_) break;
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
+    if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
+    if (corrected) RestoreSpins(bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -254,6 +256,23 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
     planned_[members[i]].linear += Vector3(d[0], d[1], d[2]);
     planned_[members[i]].angular += Vector3(d[3], d[4], d[5]);
   }
+}
+
+// Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.
+void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+  spins_.assign(partition_.num_islands(), {});
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+      const Contact& contact = contacts[island_contacts_[k]];
+      if (cut_[contact.body_a] || cut_[contact.body_b]) wanted_[i] = 0;
+    }
+    if (wanted_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
+  }
+}
+
+void Mover::RestoreSpins(std::span<Body> bodies) const {
+  for (int i = 0; i < partition_.num_islands(); ++i)
+    if (wanted_[i]) RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
 }
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work.

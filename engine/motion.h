@@ -21,6 +21,7 @@
 #include "engine/contact_suite.h"
 #include "engine/flight.h"
 #include "engine/island_problem.h"
+#include "engine/island_spin.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
 #include "qp/island_solver.h"
@@ -85,6 +86,8 @@ class Mover {
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
+  void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  void RestoreSpins(std::span<Body> bodies) const;
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
@@ -108,6 +111,7 @@ class Mover {
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
   islands::Partition partition_;
+  std::vector<IslandSpin> spins_;  // per island
   std::vector<Worker> workers_;
 };
 

@@ -6,6 +6,7 @@
 namespace islet {
 namespace {
 
+constexpr double kRounding = 1e-10;  // of the body's own weight times dt
 constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
 
 auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
@@ -44,6 +45,10 @@ void SetFading(std::span<const Body> bodies, std::span<const Contact> last_conta
   }
 }
 
+bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body) {
+  return impulse.norm() > kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
+}
+
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies) {
   const auto velocity = [&](int i) -> Vector3 {
     const Twist forces = ForcesOver(dt, gravity_W, bodies[i]);
@@ -56,7 +61,10 @@ double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, doubl
 void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
                     std::span<const Contact> contacts, std::span<const Vector3> holding, std::vector<Twist>* before) {
   const double trembling = kTrembling * gravity_W.norm() * dt;
-  const auto held = [&](size_t c) { return contacts[c].touches && holding[c][0] > 0; };
+  const auto held = [&](size_t c) {
+    const auto pushes = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
+    return contacts[c].touches && (pushes(contacts[c].body_a) || pushes(contacts[c].body_b));
+  };
   std::vector<int> bounced;
   for (size_t c = 0; c < contacts.size(); ++c) {
     if (!held(c) || contacts[c].restitution == 0) continue;

@@ -27,6 +27,9 @@ namespace islet {
 void SetFading(std::span<const Body> bodies, std::span<const Contact> last_contacts,
                std::span<const Vector3> last_holding, std::span<Contact> contacts);
 
+// A static impulse that is more than a solver's rounding.
+bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body);
+
 // [m/s] normal velocity of the contact before gravity and external force acted on its bodies for dt.
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies);
 

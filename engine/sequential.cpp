@@ -32,9 +32,7 @@ int BounceLimit(int setting, int num_bodies, int num_contacts) {
   return num_bodies < 50 ? num_bodies : num_contacts / 10;
 }
 
-double BounceCost(double restitution, int num_bodies) {
-  return std::min(1.0, 1 - restitution + 4 * restitution / num_bodies);
-}
+double BounceCost(double restitution, int num_bodies) { return 1 - restitution + restitution / num_bodies; }
 
 void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
                               const ContactFrames& contacts, std::span<const Body> bodies) {

@@ -25,7 +25,7 @@ namespace islet {
 // c_b of a group: the given limit, or the paper's heuristic.                                         [SM04 Sec. 5.1]
 int BounceLimit(int setting, int num_bodies, int num_contacts);
 // What a bounce uses up of the automatic limit. Inelastic ones share a blow among bodies, which the QP does better: 1. Elastic
-// ones pass it on, which only the queue can do, and k of n bodies into a row of n take k (n - k) <= n^2 / 4 of them: 4 / n.
+// ones pass it on, which only the queue can do; k of n bodies into a row of n take k (n - k) of them, heaps some more: 1 / n.
 double BounceCost(double restitution, int num_bodies);
 
 class SequentialResolver {

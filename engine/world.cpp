@@ -266,25 +266,28 @@ bool World::Impl::IsSupported(int body, double dt) const {
 
 // What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
 // to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
-// before they hit, so their bounce is that of the full speed; and those that touch in no more than name, but will meet within
-// the step, fly on until they do.
+// before they hit, so their bounce is that of the full speed; and what touches them in no more than name is left out. Nor are
+// supported bodies slowed down before a hit from which they would rebound for longer than the step.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
   FindDepths();
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     const bool touches = c.gap <= settings.touch_gap * size;
-    const double speed = NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
     if (touches) {
-      const bool flies = flew[c.body_a] || flew[c.body_b];
-      if (flies && c.gap > kMeets * settings.overlap_tolerance * size && speed * dt < -c.gap) continue;
+      // In flight: it meets what is there when it gets there, however slow it is.
+      const double met = kMeets * settings.overlap_tolerance * size;
+      if (c.gap > met && (flew[c.body_a] || flew[c.body_b])) continue;
     } else {
-      const double approach = -speed + settings.gravity.norm() * dt;
-      if (c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
+      const double pull = settings.gravity.norm() * dt;
+      const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
+      const bool rebounds = 2 * c.restitution * (approach - pull) > (1 - c.restitution) * pull;
+      if (rebounds || c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
     }
     resolved.push_back(c);
     const bool passes = Passes(dt, {}, &resolved.back());
     resolved.back().touches = touches && !passes;
+    if (passes && touches && !(IsSupported(c.body_a, dt) && IsSupported(c.body_b, dt))) resolved.pop_back();
   }
 }
 
@@ -318,8 +321,8 @@ MotionPlan World::Impl::PlanMotion(double dt) {
   const SuiteMemory& memory = suite.memory();
   flies.assign(bodies.size(), 1);
   for (size_t c = 0; c < resolved.size(); ++c) {
-    if (memory.previous_holding[c].isZero(0)) continue;
-    flies[resolved[c].body_a] = flies[resolved[c].body_b] = 0;
+    for (const int i : {resolved[c].body_a, resolved[c].body_b})
+      if (Pushes(memory.previous_holding[c], settings.gravity, dt, bodies[i])) flies[i] = 0;
   }
   before.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   RestoreBounced(dt, settings.gravity, bodies, resolved, memory.previous_holding, &before);
