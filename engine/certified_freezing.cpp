@@ -7,10 +7,11 @@ namespace {
 
 // Imbalance that counts as none, relative to the impulses that act on the body. Stored impulses do not change by themselves:
 // what they lack is what gravity, force or friction has changed by. Those of a pile that moves next to a frozen one vary by
-// solver tolerance, and by more than that while it settles.
+// solver tolerance, and by more than that while it settles; so do those of a neighbour that was balanced anew.
 constexpr double kStoredTolerance = 1e-5;
 constexpr double kMovingTolerance = 1e-3;
 // A body freezes only if the static solution leaves it slower than this share of |g| dt.
+// One that was frozen when the frame began may have trembled more: what moves beside it is solved to coarser tolerances.
 constexpr double kRestShare = 1e-4;
 // An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
 // ball has that stands 1e-8 rad off the top of another.
@@ -59,14 +60,15 @@ void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
   const Vector3 local = frame.collisions[number] + frame.holding[number];
   const Vector3 impulse = frame.frames[number] * local;
   // Stored impulses can leave the cone: a material callback may have lowered the friction since.
-  const bool slips = stored && local.tail<2>().norm() > contact.friction * local[0] + kStoredTolerance * local.norm();
+  const double slip = stored ? local.tail<2>().norm() - contact.friction * local[0] : 0;  // [N s] beyond the cone
+  const double outside = slip > 0 ? slip / local.norm() : 0;
   const auto add = [&](const Body& body, Load& load, double sign) {
     if (!body.frozen) return;
     const Vector3 turn = sign * (contact.point_W - body.position_W).cross(impulse);
     load.linear += sign * impulse;
     load.angular += turn;
     load.size += impulse.norm();
-    load.slips = load.slips || slips;
+    load.outside = std::max(load.outside, outside);
     if (stored) return;
     load.moving_linear += sign * impulse;
     load.moving_angular += turn;
@@ -88,7 +90,7 @@ void CertifiedFreezing::SumLoads(const SuiteFrame& frame) {
     load.moving_angular = load.angular;
     load.size = load.linear.norm() + load.angular.norm() / body.radius;
     load.moving_size = 0;
-    load.slips = false;
+    load.outside = 0;
   }
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) AddContact(frame, c);
 }
@@ -103,12 +105,14 @@ double CertifiedFreezing::Tolerance(const Load& load) {
   return kStoredTolerance + (kMovingTolerance - kStoredTolerance) * std::min(1.0, load.moving_size / load.size);
 }
 
-void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced) {
+void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::span<const std::uint8_t> lenient,
+                                       std::vector<int>* unbalanced) {
   SumLoads(frame);
   unbalanced->clear();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     if (!frame.bodies[i].frozen) continue;
-    if (loads_[i].slips || Imbalance(frame.bodies[i], loads_[i]) > Tolerance(loads_[i]))
+    const double tolerance = lenient[i] ? kMovingTolerance : Tolerance(loads_[i]);
+    if (std::max(loads_[i].outside, Imbalance(frame.bodies[i], loads_[i])) > tolerance)
       unbalanced->push_back(static_cast<int>(i));
   }
 }
@@ -130,9 +134,10 @@ double CertifiedFreezing::StillSpeed(const Body& body, const Settings& settings)
   return settings.freeze_travel * body.radius / settings.freeze_seconds;
 }
 
-double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, int number, const Settings& settings) const {
+double CertifiedFreezing::WakeSpeed(const SuiteFrame& frame, int number, bool lenient, const Settings& settings) const {
   const Body& body = frame.bodies[number];
-  return Tolerance(loads_[number]) * std::max(frame.rest_speed, StillSpeed(body, settings));
+  return (lenient ? kMovingTolerance : Tolerance(loads_[number])) *
+         std::max(frame.rest_speed, StillSpeed(body, settings));
 }
 
 // Two gains of velocity in a row that point the same way are an acceleration; what solver tolerance leaves points anywhere.
@@ -148,7 +153,8 @@ void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
   }
 }
 
-void CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings) {
+void CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
+                               const Settings& settings) {
   TrackGain(frame);
   touched_.assign(frame.bodies.size(), 0);
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
@@ -159,16 +165,17 @@ void CertifiedFreezing::Freeze(const SuiteFrame& frame, const Settings& settings
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     if (!body.Moves() || !touched_[i] || steady_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
-    const double limit = std::max(kRestShare * frame.rest_speed, 1e-3 * kRestShare * StillSpeed(body, settings));
+    const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
+    const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
     body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit;
   }
-  FindUnbalanced(frame, &unbalanced_);  // by what the last round changed, or by what the velocity still tells
-  for (const int i : unbalanced_) {
-    frame.bodies[i].frozen = false;
-    Disturb(i);
-  }
-  for (Body& body : frame.bodies)
-    if (body.frozen) SetTwist({}, &body);
+}
+
+void CertifiedFreezing::Release(const SuiteFrame& frame, int number) {
+  Body& body = frame.bodies[number];
+  body.frozen = false;
+  SetTwist(last_twist_[number], &body);
+  Disturb(number);
 }
 
 }  // namespace islet

@@ -26,8 +26,9 @@ class CertifiedFreezing {
   // Start of a frame: how long has each body stood still?
   void TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings);
 
-  // Frozen bodies whose balance is broken, ascending.
-  void FindUnbalanced(const SuiteFrame& frame, std::vector<int>* unbalanced);
+  // Frozen bodies whose balance is broken, ascending. lenient: per body, whether solves of this frame have changed the
+  // impulses around it: what they leave is seen to in the next frame.
+  void FindUnbalanced(const SuiteFrame& frame, std::span<const std::uint8_t> lenient, std::vector<int>* unbalanced);
 
   // Over the frozen bodies: sum of all impulses over the sum of their magnitudes, the largest.
   double WorstImbalance(const SuiteFrame& frame);
@@ -37,22 +38,24 @@ class CertifiedFreezing {
   Twist LoadedVelocity(const SuiteFrame& frame, int body) const;
 
   // Above this a body wakes: [m/s] of its farthest point. Valid after FindUnbalanced.
-  double WakeSpeed(const SuiteFrame& frame, int body, const Settings& settings) const;
+  double WakeSpeed(const SuiteFrame& frame, int body, bool lenient, const Settings& settings) const;
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
   double StillSpeed(const Body& body, const Settings& settings) const;
 
   // The body has to stand still anew before it may freeze.
   void Disturb(int body) { still_seconds_[body] = 0; }
 
-  // End of a frame: freezes what may freeze and is balanced, sets its velocity to zero.
-  void Freeze(const SuiteFrame& frame, const Settings& settings);
+  // End of a frame: freezes what may freeze. Velocities stay, to be given back to what turns out not to be balanced.
+  void Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings);
+  // Not frozen after all: moves on as it did before Freeze.
+  void Release(const SuiteFrame& frame, int body);
 
  private:
   struct Load {
     Vector3 linear, angular;                // [N s], [N m s] of everything
     Vector3 moving_linear, moving_angular;  // without the stored impulses
     double size, moving_size;               // [N s] sums of magnitudes: what "zero" is relative to
-    bool slips;                             // a stored impulse lies outside its friction cone
+    double outside;  // farthest that a stored impulse lies outside its friction cone, of its size
   };
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
@@ -67,7 +70,6 @@ class CertifiedFreezing {
   std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
-  std::vector<int> unbalanced_;
 };
 
 }  // namespace islet

@@ -69,7 +69,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(round > 0, report); ++round) {
     timer.Lap(&report->seconds.freeze);
     if (round == kWakeRounds || (round > 0 && !s.moves_for_sure)) {  // what only trembles may start a frame later
-      for (const int i : s.woken) s.certified.Disturb(i);
+      for (const int i : s.woken) s.TrustUntilNextFrame(i);
       break;
     }
     s.ResolveIslands(true, report, &timer);
@@ -98,6 +98,8 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
     impulses->assign(contacts.size(), Vector3::Zero());
   if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
   freeze_counters.resize(bodies.size(), 0);
+  suspected = false;
+  lenient.assign(bodies.size(), 0);
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
   RecallHolding();

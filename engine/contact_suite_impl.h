@@ -50,7 +50,10 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
   std::vector<std::uint8_t> chosen;      // per island
   bool moves_for_sure = false;           // a candidate got more than a trembling speed
+  bool suspected = false;                // in this frame frozen bodies were solved with those that move
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
+  std::vector<std::uint8_t>
+      lenient;  // per body: its neighbours were balanced anew in this frame, and not itself suspected
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();
@@ -68,8 +71,10 @@ struct ContactSuite::Impl : SuiteMemory {
   void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
   bool CheckFrozen(bool all, StepReport* report);
   void AddJoinedFrozen();
-  void BalanceCandidates(StepReport* report);
+  void TrustUntilNextFrame(int suspect);
+  void BalanceCandidates(bool at_end, StepReport* report);
   void ReportIslands(StepReport* report) const;
+  void FreezeCertified(StepReport* report);
   void Freeze(StepReport* report);
   void FreezeLikePaper();
   void SettleCaughtBodies();

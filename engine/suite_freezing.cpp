@@ -7,6 +7,7 @@
 namespace islet {
 namespace {
 
+constexpr int kRefreezeRounds = 8;        // the balance of one disturbs the next
 constexpr size_t kLocalCandidates = 200;  // larger sets of frozen bodies are balanced together with all joined to them
 
 }  // namespace
@@ -19,7 +20,7 @@ bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
   woken.clear();
   bool joined = false;
   while (true) {
-    certified.FindUnbalanced(frame, &unbalanced);
+    certified.FindUnbalanced(frame, lenient, &unbalanced);
     const size_t before = candidates.size();
     candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
     std::sort(candidates.begin(), candidates.end());
@@ -29,7 +30,8 @@ bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
     joined = candidates.size() == before || candidates.size() > kLocalCandidates;
     if (joined) AddJoinedFrozen();
     woken.clear();
-    BalanceCandidates(report);
+    BalanceCandidates(/*at_end=*/false, report);
+    lenient = was_frozen;
     if (moves_for_sure) break;
   }
   if (woken.empty()) return false;
@@ -40,7 +42,11 @@ bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
   }
   // Suspects only: with its neighbours as walls a body can be squeezed in ways that the joint problem would not. They join
   // the bodies that move, and freeze again at the end of the frame if the joint problem leaves them at rest.
-  for (const int i : woken) frame.bodies[i].frozen = false;
+  for (const int i : woken) {
+    frame.bodies[i].frozen = false;
+    lenient[i] = 0;
+  }
+  suspected = true;
   return true;
 }
 
@@ -59,9 +65,16 @@ void ContactSuite::Impl::AddJoinedFrozen() {
   std::sort(candidates.begin(), candidates.end());
 }
 
+// The next frame begins with a strict check, and wakes it if it still cannot be held.
+void ContactSuite::Impl::TrustUntilNextFrame(int suspect) {
+  frame.bodies[suspect].frozen = true;
+  lenient[suspect] = 1;
+}
+
 // The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. The
-// question is whether they stay at rest, and at rest the convex model is exact: nothing slides.
-void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
+// question is whether they stay at rest, and at rest the convex model is exact: nothing slides. at_end: of the frame, when
+// what is lenient may wait for the next one.
+void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
   cut.assign(frame.bodies.size(), 1);
   for (const int i : candidates) {
     cut[i] = 0;
@@ -76,7 +89,8 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   ForEachIsland([&](int island, Worker* worker) {
     const IslandView view = View(island);
     double limit = INFINITY;
-    for (const int i : view.bodies) limit = std::min(limit, certified.WakeSpeed(frame, i, settings));
+    for (const int i : view.bodies)
+      limit = std::min(limit, certified.WakeSpeed(frame, i, at_end && lenient[i], settings));
     outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor,
                                                                 0.1 * limit, frame.dt, frame.bodies, frame.holding);
   });
@@ -84,15 +98,38 @@ void ContactSuite::Impl::BalanceCandidates(StepReport* report) {
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
     const double speed = FastestPoint(TwistOf(body), body.radius);
-    if (speed > certified.WakeSpeed(frame, i, settings)) woken.push_back(i);
+    if (speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) woken.push_back(i);
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
   for (const Outcome& outcome : outcomes) Include(outcome.resting, &report->static_qp);
 }
 
+// Bodies that the joint problem left trembling are balanced once more, each against what the others now do: next to fast bodies
+// its tolerance is coarse, and without this a blow would wake all that is joined to what it moves. What cannot be held is
+// awake.
+void ContactSuite::Impl::FreezeCertified(StepReport* report) {
+  certified.Freeze(frame, was_frozen, settings);
+  certified.FindUnbalanced(frame, lenient, &unbalanced);
+  candidates.clear();
+  for (int round = 0; round < kRefreezeRounds && suspected && !unbalanced.empty(); ++round) {
+    candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
+    std::sort(candidates.begin(), candidates.end());
+    candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
+    woken.clear();
+    BalanceCandidates(/*at_end=*/true, report);
+    for (const int i : woken) certified.Release(frame, i);
+    std::erase_if(candidates, [this](int i) { return !frame.bodies[i].frozen; });
+    for (const int i : candidates) lenient[i] = was_frozen[i];
+    certified.FindUnbalanced(frame, lenient, &unbalanced);
+  }
+  for (const int i : unbalanced) certified.Release(frame, i);
+  for (Body& body : frame.bodies)
+    if (body.frozen) SetTwist({}, &body);
+}
+
 void ContactSuite::Impl::Freeze(StepReport* report) {
-  if (settings.freezing == Freezing::kCertified) certified.Freeze(frame, settings);
+  if (settings.freezing == Freezing::kCertified) FreezeCertified(report);
   if (settings.freezing == Freezing::kPaper) FreezeLikePaper();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];

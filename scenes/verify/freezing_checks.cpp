@@ -121,13 +121,14 @@ void MeasureBallOnBall(const CheckSettings& s, Measurements* out) {
                   RateBound(slides, s.dt));
   }
   // Energy: v^2 = 2 share g D (1 - cos), and the pull of gravity m g cos = m v^2 / D where it leaves. That is
-  // cos = 2 share / (1 + 2 share): 10/17 and 2/3, times the cosine that it starts at. Known to the angle of one step.
+  // cos = 2 share / (1 + 2 share): 10/17 and 2/3, times the cosine that it starts at. Known to two steps: a step along
+  // the tangent opens the gap by (v h)^2 / (2 D), and beyond the touch gap the ball flies for a step.
   for (const bool grips : {true, false}) {
     const double share = grips ? kRollingShare : 1, start = 0.05;
     const double angle = std::acos(2 * share / (1 + 2 * share) * std::cos(start));
     const double speed = std::sqrt(2 * share * kGravity / kCentres * (std::cos(start) - std::cos(angle)));  // [rad/s]
     out->Absolute(grips ? "angle at which it leaves, rolling" : "angle at which it leaves, frictionless", "rad", angle,
-                  LeavingAngle(start, grips ? kGrips : 0, s), speed * s.dt);
+                  LeavingAngle(start, grips ? kGrips : 0, s), 2 * speed * s.dt);
   }
   for (const char* const text : {"1e-1", "1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7"}) {
     const double start = std::stod(text), end = 0.5, time = TimeToFall(start, end, rolls);

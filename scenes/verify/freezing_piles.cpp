@@ -33,6 +33,9 @@ double Farthest(const World& world, const std::vector<Body>& start) {  // [m]
   return farthest;
 }
 
+// The loads inside of such a pile are not determined, and with them the friction on what slides in it: velocities in two right
+// answers differ by up to mu g h times the cubes above. Compared is who moves.
+//
 // A ball of 20 kg that hits the middle cube of a side of the pyramid at 10 m/s, where it touches. Ten stacks stand beside.
 struct Hit {
   std::vector<Body> at_hit;         // after the step in which it hits
@@ -83,13 +86,11 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
   const int layers = s.quick ? 8 : 14;
   const Hit hit = HitPile(layers, s.engine.freezing, s), never = HitPile(layers, Freezing::kOff, s);
   const std::string name = "pile of " + std::to_string(hit.pyramid_end - 1) + " hit: ";
-  double change = 0;
   int asleep = 0, idle = 0, woken = 0, moved = 0, beside = 0, asleep_later = 0;
   for (size_t i = 1; i + 1 < hit.woken.size(); ++i) {
     const double speed = FastestPointOf(never.at_hit[i]);
-    change = std::max(change, (hit.at_hit[i].linear_velocity_W - never.at_hit[i].linear_velocity_W).norm());
     asleep += !hit.woken[i] && speed > kMoves;
-    idle += hit.woken[i] && speed < kMoves;
+    idle += hit.woken[i] && std::max(speed, FastestPointOf(hit.at_hit[i])) < kMoves;
     woken += hit.woken_later[i];
     moved += (never.later[i].position_W - never.at_hit[i].position_W).norm() > 1e-3;
     asleep_later += !hit.woken_later[i] && (never.later[i].position_W - hit.later[i].position_W).norm() > 1e-2;
@@ -97,7 +98,6 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
   }
   const double weight = kGravity * static_cast<double>(hit.woken.size() - 2);
   out->Relative(name + "load on the floor before", "N", weight, hit.load, 1e-5);
-  out->AtMost(name + "change of a velocity against never frozen, of 10 m/s", "", change / 10, 1e-6);
   out->Absolute(name + "cubes that would move and stay frozen", "", 0, asleep, 0);
   out->Absolute(name + "a quarter of a second later", "", 0, asleep_later, 0);
   if (s.engine.freezing == Freezing::kOff) return;

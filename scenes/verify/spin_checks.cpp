@@ -17,6 +17,8 @@ using namespace verify;
 
 constexpr double kPi = std::numbers::pi;
 
+std::string Digits(double seconds) { return std::to_string(static_cast<int>(seconds)) + " s"; }
+
 // ---- T33
 
 // Half the period of the angular velocity about the middle axis, a < b < c the moments of inertia, L^2 = sum I^2 w^2 and
@@ -126,7 +128,7 @@ void MeasureDisk(const CheckSettings& settings, Measurements* out) {
   const double h = settings.dt / kDiskSteps, seconds = settings.quick ? 2 : 10, rate = DiskRate();
   const DiskRun run = RollDisk(settings, h, seconds), fine = RollDisk(settings, h / 2, seconds);
   const double order = h * h * rate * rate / 12;  // the Cayley map turns by 2 atan(x / 2) = x - x^3 / 12
-  const std::string over = " in " + std::to_string(static_cast<int>(seconds)) + " s";
+  const std::string over = " in " + Digits(seconds);
   out->Relative("precession", "rad/s", rate, run.rate, order, "(h Omega)^2 / 12, h = dt / 16: the midpoint rule's");
   out->Absolute("its error, over that with half the step", "", 4, (run.rate - rate) / (fine.rate - rate), 0.3);
   out->AtMost("energy, relative," + over, "", run.energy, 1e-6);
@@ -141,7 +143,7 @@ void MeasureDisk(const CheckSettings& settings, Measurements* out) {
 // a = e k - r z. A contact force F gives L' = a x F, so (L . a)' = L . a' = e L . (w x k), and this vanishes: L lies in the plane of
 // w and k. So Jellett's J = -L . a is kept by any force at the contact.
 constexpr double kTopRadius = 0.02, kTopMass = 0.02, kTopTilt = 0.1, kTopFriction = 0.1;
-constexpr int kTopSteps = 64;  // in a dt
+constexpr int kTopSteps = 32;  // in a dt
 
 Ellipsoid TippeTop() {
   return {.semi_axes = {kTopRadius, kTopRadius, kTopRadius},
@@ -194,7 +196,7 @@ void MeasureTippeTop(const CheckSettings& settings, Measurements* out) {
   const TopRun expected = WatchTop(top, 2e-5, kSeconds, &reference);
   SuiteRoller roller(settings.engine, top, kTopFriction, SpunTop(top, kFast));
   const TopRun run = WatchTop(top, h, kSeconds, &roller);
-  out->AtMost("Jellett's integral, relative", "", run.jellett, 1e-5);
+  out->AtMost("Jellett's integral, relative", "", run.jellett, 2e-5);
   out->Verdict("spun fast: its centre of mass rises above its centre", true, run.highest > kPi / 2);
   out->Relative("time until its axis is level", "s", expected.crossing, run.crossing, 1e-3);
   out->Absolute("largest tilt", "rad", expected.highest, run.highest, 1e-3);
@@ -208,7 +210,7 @@ void MeasureTippeTop(const CheckSettings& settings, Measurements* out) {
 // Ellipsoid whose axes of inertia are turned against its axes in the plane, after Kane and Levinson. Its rolling keeps the
 // energy but has no mirror: spin feeds rocking, and rocking feeds spin back the other way round, along one of two modes according
 // to the sense of the spin. Without losses both senses come to reverse; the one that feeds pitching does it four times as soon.
-constexpr int kStoneSteps = 128;  // in a dt
+constexpr int kStoneSteps = 96;  // in a dt; half as many where it must be quick
 
 Ellipsoid Rattleback() {
   Matrix3 inertia;
@@ -236,20 +238,23 @@ StoneRun WatchStone(const Ellipsoid& stone, double h, double seconds, Motion* mo
 }
 
 void MeasureRattleback(const CheckSettings& settings, Measurements* out) {
-  constexpr double kSpin = 5, kTilt = 0.5 * kPi / 180, kSeconds = 5;
+  constexpr double kSpin = 5, kTilt = 0.5 * kPi / 180;
+  const double seconds = settings.quick ? 3 : 5;
   const Ellipsoid stone = Rattleback();
-  const double h = settings.dt / kStoneSteps;
+  const double h = settings.dt / (settings.quick ? kStoneSteps / 2 : kStoneSteps);
   for (const double spin : {-kSpin, kSpin}) {
     const std::string name = spin < 0 ? "against its sense: " : "with its sense: ";
     const TopState start = Rolling(stone, Turn(kTilt, Vector3::UnitY()), {0, 0, spin});
     ReferenceTop reference(stone, -1, start);
-    const StoneRun expected = WatchStone(stone, 5e-5, kSeconds, &reference);
+    const StoneRun expected = WatchStone(stone, 5e-5, seconds, &reference);
     SuiteRoller roller(settings.engine, stone, 1, start);
-    const StoneRun run = WatchStone(stone, h, kSeconds, &roller);
-    out->Verdict(name + "reverses within 5 s", spin<0, run.reversal> 0);
+    const StoneRun run = WatchStone(stone, h, seconds, &roller);
+    out->Verdict(name + "reverses within " + Digits(seconds), spin<0, run.reversal> 0);
     if (spin < 0) out->Relative(name + "reverses after", "s", expected.reversal, run.reversal, 1e-2);
-    out->Absolute(name + "spin after 5 s", "rad/s", expected.spin, run.spin, 1e-2 * kSpin);
-    out->AtMost(name + "energy, relative", "", run.energy, 1e-5);
+    out->Absolute(name + "spin after " + Digits(seconds), "rad/s", expected.spin, run.spin, 1e-2 * kSpin);
+    // About its long axis it rocks at w^2 = m g (b^2 / c - height) / (I + m height^2).
+    const double rocking = kGravity * (0.03 * 0.03 / 0.02 - 0.01) / (2e-4 + 1e-4);
+    out->AtMost(name + "energy, relative", "", run.energy, h * h * rocking / 4, "(h w)^2 / 4, w that of its rocking");
     out->Verdict(name + "taken for resting while it rocks", false, roller.froze());
   }
 }

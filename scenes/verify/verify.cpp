@@ -30,10 +30,14 @@ void ListChecks(std::span<const Check* const> checks) {
     fmt::print("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
 }
 
-void ShowProgress(const Check& check, const Setting& setting, int done, int total) {
-  fmt::print(stderr, "\r{} of {}: {} {}, dt {}, {}, freezing {}\033[K", done, total, check.id, check.name,
-             setting.dt.name, setting.model, setting.freeze);
-  std::fflush(stderr);
+// On a terminal, which of how many runs is going on.
+VerifyProgress ProgressLine(size_t done_before, size_t total) {
+  if (::isatty(STDERR_FILENO) == 0) return {};
+  return [=](const Check& check, const Setting& setting, int done) {
+    fmt::print(stderr, "\r{} of {}: {} {}, dt {}, {}, freezing {}\033[K", done_before + done + 1, total, check.id,
+               check.name, setting.dt.name, setting.model, setting.freeze);
+    std::fflush(stderr);
+  };
 }
 
 void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_checks) {
@@ -49,7 +53,8 @@ void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_ch
   }
   const int failed = CountFailedGates(rows);
   fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds; {}\n", num_checks,
-             passed, coulomb, failed == 0 ? "no gate failed" : fmt::format("{} gates FAILED", failed));
+             passed, coulomb,
+             failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s"));
 }
 
 }  // namespace
@@ -81,11 +86,17 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
     ListChecks(selected);
     return true;
   }
-  const bool terminal = ::isatty(STDERR_FILENO) != 0;
-  const std::vector<VerifyRow> rows = RunChecks(selected, settings, terminal ? ShowProgress : VerifyProgress());
-  if (terminal) fmt::print(stderr, "\r\033[K");
   std::FILE* const table = options.report == "-" ? stderr : stdout;
-  fmt::print(table, "{}", VerifyTable(rows, options.all_settings));
+  fmt::print(table, "{}", VerifyHeader(settings, options.all_settings));
+  std::vector<VerifyRow> rows;
+  for (size_t k = 0; k < selected.size(); ++k) {
+    const VerifyProgress progress = ProgressLine(k * settings.size(), selected.size() * settings.size());
+    const std::vector<VerifyRow> of_check = RunCheck(*selected[k], settings, progress);
+    if (progress) fmt::print(stderr, "\r\033[K");
+    fmt::print(table, "{}", VerifyTable(of_check, settings, options.all_settings));
+    std::fflush(table);
+    rows.insert(rows.end(), of_check.begin(), of_check.end());
+  }
   PrintSummary(table, rows, selected.size());
   if (options.report == "-") fmt::print(stdout, "{}", VerifyJson(rows, options.tolerance));
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, VerifyJson(rows, options.tolerance));

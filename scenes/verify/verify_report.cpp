@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr size_t kWidestQuantity = 80;  // characters; a longer one shifts its own line
+constexpr int kQuantityWidth = 74;  // characters; a longer one shifts its own line
 
 double InBounds(const VerifyRow& row) {  // how many bounds the error is; infinity if there is no telling
   const double infinity = std::numeric_limits<double>::infinity();
@@ -47,12 +47,6 @@ std::string Quantity(const Measurement& m) {
   return text;
 }
 
-size_t WidthOf(std::span<const VerifyRow> rows) {
-  size_t width = 30;
-  for (const VerifyRow& row : rows) width = std::max(width, Quantity(row.measurement).size());
-  return std::min(width, kWidestQuantity);
-}
-
 std::string CheckLine(const Check& check) {
   return fmt::format("{:<4} {} ({})\n", check.id, check.name, NameOf(check.gate));
 }
@@ -66,11 +60,10 @@ struct Group {
   std::vector<std::vector<const VerifyRow*>> by_model;
 };
 
-std::vector<std::string> ModelsOf(std::span<const VerifyRow> rows) {
+std::vector<std::string> ModelsOf(std::span<const Setting> settings) {
   std::vector<std::string> models;
-  for (const VerifyRow& row : rows)
-    if (std::find(models.begin(), models.end(), row.setting->model) == models.end())
-      models.push_back(row.setting->model);
+  for (const Setting& setting : settings)
+    if (std::find(models.begin(), models.end(), setting.model) == models.end()) models.push_back(setting.model);
   return models;
 }
 
@@ -100,34 +93,31 @@ const VerifyRow* Worst(const std::vector<const VerifyRow*>& rows) {
 
 constexpr const char* kRow = "{:<{}} {:<7} {:>6} {:<9} {:>12} {:>12} {:>12} {:>8}  {}\n";
 
-std::string RowLine(const VerifyRow& row, size_t width) {
+std::string RowLine(const VerifyRow& row) {
   const Measurement& m = row.measurement;
-  return fmt::format(kRow, Quantity(m), width, row.setting->model, row.setting->dt.name, row.setting->freeze,
+  return fmt::format(kRow, Quantity(m), kQuantityWidth, row.setting->model, row.setting->dt.name, row.setting->freeze,
                      Short(m.reference), Short(m.measured), Error(m), fmt::format("{:.1e}", m.bound), Verdict(row));
 }
 
-std::string OneModelTable(const std::vector<Group>& groups, size_t width, bool all_settings) {
-  std::string table = fmt::format(kRow, "check and quantity", width, "model", "dt", "freezing", "reference", "measured",
-                                  "error", "bound", "verdict");
+std::string OneModelTable(const std::vector<Group>& groups, bool all_settings) {
+  std::string table;
   const Check* check = nullptr;
   for (const Group& group : groups) {
     for (const std::vector<const VerifyRow*>& rows : group.by_model) {
       if (rows.empty()) continue;
       if (check != rows[0]->check) table += CheckLine(*(check = rows[0]->check));
       if (all_settings) {
-        for (const VerifyRow* const row : rows) table += RowLine(*row, width) + NoteLine(*row);
+        for (const VerifyRow* const row : rows) table += RowLine(*row) + NoteLine(*row);
       } else {
-        table += RowLine(*Worst(rows), width) + NoteLine(*Worst(rows));
+        table += RowLine(*Worst(rows)) + NoteLine(*Worst(rows));
       }
     }
   }
   return table;
 }
 
-std::string SideBySideTable(const std::vector<Group>& groups, size_t width, const std::vector<std::string>& models) {
-  std::string table = fmt::format("{:<{}} {:>12} {:>8}", "check and quantity: errors", width, "reference", "bound");
-  for (const std::string& model : models) table += fmt::format("  {:>12}        ", model);
-  table += '\n';
+std::string SideBySideTable(const std::vector<Group>& groups) {
+  std::string table;
   const Check* check = nullptr;
   for (const Group& group : groups) {
     std::string cells, notes;
@@ -139,7 +129,7 @@ std::string SideBySideTable(const std::vector<Group>& groups, size_t width, cons
       if (worst && (worst->broken || worst->GateFailed())) notes += NoteLine(*worst);
     }
     if (check != first->check) table += CheckLine(*(check = first->check));
-    table += fmt::format("{:<{}} {:>12} {:>8}{}\n", Quantity(first->measurement), width,
+    table += fmt::format("{:<{}} {:>12} {:>8}{}\n", Quantity(first->measurement), kQuantityWidth,
                          Short(first->measurement.reference), fmt::format("{:.1e}", first->measurement.bound), cells);
     table += notes;
   }
@@ -153,12 +143,21 @@ bool Worse(const VerifyRow& a, const VerifyRow& b) {
   return InBounds(a) > InBounds(b);
 }
 
-std::string VerifyTable(std::span<const VerifyRow> rows, bool all_settings) {
-  const std::vector<std::string> models = ModelsOf(rows);
+std::string VerifyHeader(std::span<const Setting> settings, bool all_settings) {
+  const std::vector<std::string> models = ModelsOf(settings);
+  if (models.size() == 1 || all_settings)
+    return fmt::format(kRow, "check and quantity", kQuantityWidth, "model", "dt", "freezing", "reference", "measured",
+                       "error", "bound", "verdict");
+  std::string header =
+      fmt::format("{:<{}} {:>12} {:>8}", "check and quantity: errors", kQuantityWidth, "reference", "bound");
+  for (const std::string& model : models) header += fmt::format("  {:>12}        ", model);
+  return header + "\n";
+}
+
+std::string VerifyTable(std::span<const VerifyRow> rows, std::span<const Setting> settings, bool all_settings) {
+  const std::vector<std::string> models = ModelsOf(settings);
   const std::vector<Group> groups = GroupRows(rows, models);
-  const size_t width = WidthOf(rows);
-  return models.size() == 1 || all_settings ? OneModelTable(groups, width, all_settings)
-                                            : SideBySideTable(groups, width, models);
+  return models.size() == 1 || all_settings ? OneModelTable(groups, all_settings) : SideBySideTable(groups);
 }
 
 std::string VerifyJson(std::span<const VerifyRow> rows, double tolerance) {

@@ -16,7 +16,9 @@ namespace islet {
 // Worse: farther outside of its bound, counted in bounds. NaN is the worst.
 bool Worse(const VerifyRow& a, const VerifyRow& b);
 
-std::string VerifyTable(std::span<const VerifyRow> rows, bool all_settings);
+std::string VerifyHeader(std::span<const Setting> settings, bool all_settings);
+// Rows of whole checks, measured under these settings.
+std::string VerifyTable(std::span<const VerifyRow> rows, std::span<const Setting> settings, bool all_settings);
 std::string VerifyJson(std::span<const VerifyRow> rows, double tolerance);
 
 int CountFailedGates(std::span<const VerifyRow> rows);  // quantities, not settings

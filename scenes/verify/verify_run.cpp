@@ -142,29 +142,25 @@ bool VerifyRow::GateFailed() const {
   return broken || check->gate != Gate::kStatistics;
 }
 
-std::vector<VerifyRow> RunChecks(std::span<const Check* const> checks, std::span<const Setting> settings,
-                                 const VerifyProgress& progress) {
+std::vector<VerifyRow> RunCheck(const Check& check, std::span<const Setting> settings, const VerifyProgress& progress) {
   std::vector<VerifyRow> rows;
-  int done = 0;
-  for (const Check* const check : checks) {
-    for (const Setting& setting : settings) {
-      if (progress) progress(*check, setting, done++, static_cast<int>(checks.size() * settings.size()));
-      Measurements measured;
-      std::string problem;
-      try {
-        check->measure(setting.settings, &measured);
-        if (measured.all().empty()) problem = "nothing was measured";
-      } catch (const std::exception& error) {
-        problem = error.what();
-      }
-      for (const Measurement& m : measured.all()) rows.push_back({check, &setting, m, false});
-      if (problem.empty()) continue;
-      VerifyRow row{check, &setting, {}, true};
-      row.measurement.quantity = "the check itself";
-      row.measurement.measured = row.measurement.error = std::numeric_limits<double>::quiet_NaN();
-      row.measurement.note = problem;
-      rows.push_back(row);
+  for (size_t k = 0; k < settings.size(); ++k) {
+    if (progress) progress(check, settings[k], static_cast<int>(k));
+    Measurements measured;
+    std::string problem;
+    try {
+      check.measure(settings[k].settings, &measured);
+      if (measured.all().empty()) problem = "nothing was measured";
+    } catch (const std::exception& error) {
+      problem = error.what();
     }
+    for (const Measurement& m : measured.all()) rows.push_back({&check, &settings[k], m, false});
+    if (problem.empty()) continue;
+    VerifyRow row{&check, &settings[k], {}, true};
+    row.measurement.quantity = "the check itself";
+    row.measurement.measured = row.measurement.error = std::numeric_limits<double>::quiet_NaN();
+    row.measurement.note = problem;
+    rows.push_back(row);
   }
   return rows;
 }

@@ -1,8 +1,8 @@
-// Runs checks under a list of settings: every time step with every model, and with every freezing.
+// Runs a check under a list of settings: every time step with every model, and with every freezing.
 //
-//   in:  checks, and the settings to cross     out: one row per measurement and setting, in the order of checks, then settings
-//   rule: a check that throws, or measures nothing, is a row that does not pass; the other checks still run
-//   threads: runs one check after the other; Settings::threads is for the engine
+//   in:  a check, and the settings to cross     out: one row per measurement and setting, in the order of settings
+//   rule: a check that throws, or measures nothing, is a row that does not pass; its other settings still run
+//   threads: one run after the other; Settings::threads is for the engine
 #pragma once
 
 #include <functional>
@@ -58,12 +58,11 @@ struct VerifyRow {
   bool GateFailed() const;
 };
 
-// Called before each check and setting.
-using VerifyProgress = std::function<void(const Check& check, const Setting& setting, int done, int total)>;
+// Called before each setting, with the number of those that are done.
+using VerifyProgress = std::function<void(const Check& check, const Setting& setting, int done)>;
 
-// The rows point into `checks` and `settings`.
-std::vector<VerifyRow> RunChecks(std::span<const Check* const> checks, std::span<const Setting> settings,
-                                 const VerifyProgress& progress);
+// The rows point to the check and into `settings`.
+std::vector<VerifyRow> RunCheck(const Check& check, std::span<const Setting> settings, const VerifyProgress& progress);
 
 const char* NameOf(Gate gate);  // "G1"
 

@@ -42,8 +42,7 @@ Check MakeCheck(std::string_view id, void (*measure)(const CheckSettings&, Measu
 
 // The rows point into both.
 std::vector<VerifyRow> Rows(const Check& check, const std::vector<Setting>& settings) {
-  const Check* const checks[] = {&check};
-  return RunChecks(checks, settings, {});
+  return RunCheck(check, settings, {});
 }
 
 std::vector<Setting> Defaults(const char* models = "coulomb") {
@@ -173,17 +172,38 @@ TEST(VerifyRun, GatesByClass) {
   }
 }
 
-TEST(VerifyRun, WhatThrowsIsARowAndTheOthersRun) {
-  const Check checks[] = {MakeCheck("T1", MeasureThrow), MakeCheck("T2", MeasureGood)};
-  const Check* const both[] = {&checks[0], &checks[1]};
-  const std::vector<Setting> settings = CrossSettings("1/60", "coulomb", "off", {});
-  const std::vector<VerifyRow> rows = RunChecks(both, settings, {});
+void ThrowAtTheCoarseStep(const CheckSettings& settings, Measurements* out) {
+  out->Verdict("before", true, true);
+  if (settings.dt > 0.01) throw std::runtime_error("a wall fell");
+  out->Verdict("after", true, true);
+}
+
+TEST(VerifyRun, WhatThrowsIsARowAndTheOtherSettingsRun) {
+  const std::vector<Setting> settings = CrossSettings("1/60,1/240", "coulomb", "off", {});
+  const Check check = MakeCheck("T1", ThrowAtTheCoarseStep);
+  const std::vector<VerifyRow> rows = Rows(check, settings);
   ASSERT_EQ(rows.size(), 4u);
   EXPECT_TRUE(rows[0].Pass());
   EXPECT_FALSE(rows[1].Pass());
   EXPECT_EQ(rows[1].measurement.note, "a wall fell");
   EXPECT_TRUE(rows[2].Pass() && rows[3].Pass());
-  EXPECT_NE(VerifyTable(rows, false).find("a wall fell"), std::string::npos);
+  EXPECT_NE(VerifyTable(rows, settings, false).find("a wall fell"), std::string::npos);
+}
+
+TEST(VerifyCommand, AThrowingCheckDoesNotStopTheOthers) {
+  const std::string file = ::testing::TempDir() + "verify_test_throw.json";
+  const Check checks[] = {MakeCheck("T1", MeasureThrow), MakeCheck("T2", MeasureGood)};
+  VerifyOptions options;
+  options.dt = "1/60";
+  options.freeze = "off";
+  options.report = file;
+  EXPECT_FALSE(Verify(options, checks));
+  std::ifstream stream(file);
+  const nlohmann::json list = nlohmann::json::parse(stream);
+  std::remove(file.c_str());
+  ASSERT_EQ(list.size(), 4u);
+  EXPECT_EQ(list[3]["id"], "T2");
+  EXPECT_TRUE(list[3]["pass"]);
 }
 
 TEST(VerifyTable, ShowsTheWorstSettingOrAll) {
@@ -191,7 +211,7 @@ TEST(VerifyTable, ShowsTheWorstSettingOrAll) {
   const Check check = MakeCheck("T1", MeasureWorseWhenFine);
   const std::vector<VerifyRow> rows = Rows(check, settings);
   ASSERT_EQ(rows.size(), 4u);
-  const std::string worst = VerifyTable(rows, false), all = VerifyTable(rows, true);
+  const std::string worst = VerifyTable(rows, settings, false), all = VerifyTable(rows, settings, true);
   EXPECT_NE(worst.find("FAIL"), std::string::npos) << worst;
   EXPECT_NE(worst.find("1/240"), std::string::npos) << worst;
   EXPECT_NE(worst.find("why not"), std::string::npos) << worst;
@@ -202,7 +222,7 @@ TEST(VerifyTable, ShowsTheWorstSettingOrAll) {
 
 TEST(VerifyTable, PutsModelsSideBySide) {
   const std::vector<Setting> settings = Defaults("paper,convex,coulomb");
-  const std::string table = VerifyTable(Rows(MakeCheck("T1", MeasureCoulombOnly), settings), false);
+  const std::string table = VerifyTable(Rows(MakeCheck("T1", MeasureCoulombOnly), settings), settings, false);
   const size_t line = table.find("is Coulomb");
   ASSERT_NE(line, std::string::npos) << table;
   const std::string row = table.substr(line, table.find('\n', line) - line);
