@@ -21,8 +21,11 @@ struct Contact {
   // False: still open by `gap`, and known only so that two supported bodies do not close it within the step. Such a contact
   // never bounces; the static problem lets its bodies approach at gap / dt.
   bool touches = true;
-  double friction = 0;        // mu of the pair
-  double restitution = 0;     // epsilon of the pair
+  double friction = 0;     // mu of the pair
+  double restitution = 0;  // epsilon of the pair
+  // True: where its load brings a rebound back within the step, the static problem lets it end with the approach at which it
+  // rebounded; whoever moves the bodies must know (rebound.h). False: it ends the step without approach.
+  bool rebounds = false;
   double fading = 0;          // [m/s] that it rebounds slower than by Newton's law, see rebound.h
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };

@@ -32,14 +32,16 @@ Twist ForcesOver(double dt, const Vector3& gravity_W, const Body& body) {
 
 }  // namespace
 
-void SetFading(std::span<const Body> bodies, std::span<const Contact> last_contacts,
-               std::span<const Vector3> last_holding, std::span<Contact> contacts) {
+void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+                 std::span<const Vector3> last_holding, std::span<Contact> contacts) {
   size_t p = 0;
   for (Contact& contact : contacts) {
+    contact.rebounds = contact.touches && contact.restitution > 0;
     contact.fading = 0;
     while (p < last_contacts.size() && Key(last_contacts[p]) < Key(contact)) ++p;
-    if (p == last_contacts.size()) return;
-    if (Key(last_contacts[p]) != Key(contact) || contact.restitution == 0 || !(last_holding[p][0] > 0)) continue;
+    if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact) || !contact.rebounds ||
+        !(last_holding[p][0] > 0))
+      continue;
     if (NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) >= 0) continue;
     contact.fading = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
   }
@@ -67,7 +69,7 @@ void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> b
   };
   std::vector<int> bounced;
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (!held(c) || contacts[c].restitution == 0) continue;
+    if (!contacts[c].rebounds || !held(c)) continue;
     const int a = contacts[c].body_a, b = contacts[c].body_b;
     if (NormalVelocity(contacts[c], bodies[a], bodies[b]) >= -trembling) continue;
     for (const int i : {a, b})

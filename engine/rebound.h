@@ -22,10 +22,10 @@
 
 namespace islet {
 
-// Sets the fading of contacts, given those of the last step and the static impulses [N s] (n, t1, t2) that acted there, both
+// Sets rebounds and fading of contacts, given those of the last step and the static impulses [N s] (n, t1, t2) that acted there, both
 // in canonical order.
-void SetFading(std::span<const Body> bodies, std::span<const Contact> last_contacts,
-               std::span<const Vector3> last_holding, std::span<Contact> contacts);
+void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+                 std::span<const Vector3> last_holding, std::span<Contact> contacts);
 
 // A static impulse that is more than a solver's rounding.
 bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body);

@@ -202,7 +202,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     if (contact.touches) touching = std::max(touching, -free_[c]);
     if (!contact.touches) {
       problem_.contacts[c].target = -contact.gap / dt;
-    } else if (contact.restitution > 0 && settings.bounce_law == BounceLaw::kExact) {
+    } else if (contact.rebounds) {
       const double rebound = SpeedBeforeForces(contact, settings.gravity, dt, bodies);
       if (rebound > 10 * settings.tolerance * speed_floor) problem_.contacts[c].target = -rebound;
     }

@@ -58,6 +58,7 @@ struct World::Impl : WorldState {
   Mover mover;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
+  std::vector<std::uint8_t> in_flight;   // per body: flew, and nothing stops it yet
   std::vector<double> durations;         // [s] per body: of its motion in this step
   std::vector<std::uint8_t> flies;       // per body: no contact pushes it in this step
   struct Load {
@@ -84,6 +85,7 @@ struct World::Impl : WorldState {
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
   void WakeBeforeMovers(double dt);
+  bool Meets(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
   void ChooseDurations(double dt);
@@ -264,20 +266,26 @@ bool World::Impl::IsSupported(int body, double dt) const {
          support[body] > 0;
 }
 
+bool World::Impl::Meets(const Contact& c) const {
+  return c.gap <= kMeets * std::min(tolerances[c.body_a], tolerances[c.body_b]);
+}
+
 // What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
 // to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
 // before they hit, so their bounce is that of the full speed; and what touches them in no more than name is left out. Nor are
 // supported bodies slowed down before a hit from which they would rebound for longer than the step.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
+  in_flight = flew;
+  for (const Contact& c : near_contacts)
+    if (Meets(c)) in_flight[c.body_a] = in_flight[c.body_b] = 0;
   FindDepths();
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     const bool touches = c.gap <= settings.touch_gap * size;
     if (touches) {
       // In flight: it meets what is there when it gets there, however slow it is.
-      const double met = kMeets * settings.overlap_tolerance * size;
-      if (c.gap > met && (flew[c.body_a] || flew[c.body_b])) continue;
+      if (!Meets(c) && (in_flight[c.body_a] || in_flight[c.body_b])) continue;
     } else {
       const double pull = settings.gravity.norm() * dt;
       const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
@@ -396,7 +404,7 @@ StepReport World::Step(double dt) {
   w.WakeBeforeMovers(dt);
   w.SelectResolved(dt);
   if (w.settings.bounce_law == BounceLaw::kExact)
-    SetFading(w.bodies, w.suite.memory().previous_contacts, w.suite.memory().previous_holding, w.resolved);
+    SetRebounds(w.bodies, w.suite.memory().previous_contacts, w.suite.memory().previous_holding, w.resolved);
   w.ChooseDurations(dt);
   w.LoadUnflown(dt);
   finish(&report.seconds.detect);
