@@ -103,7 +103,7 @@ void MeasureColumn(const CheckSettings& settings, Measurements* out) {
     ReportRest(name, worst, out);
   };
   column(10, 60);
-  column(100, settings.quick ? 4 : 60);
+  column(100, settings.quick ? 3 : 60);
   if (!settings.quick) column(1000, 1);
 }
 
