@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -50,7 +51,8 @@ struct World::Impl : WorldState {
   Mover mover;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
-  std::vector<double> depths;            // [m] per body: how deep it overlaps anything
+  std::vector<Contact> beds;             // those in which spheres overlap, by sphere
+  std::vector<int> bed_start;            // per body: first of its beds
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -70,7 +72,7 @@ struct World::Impl : WorldState {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void FindDepths();
+  void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
 
@@ -245,7 +247,7 @@ bool World::Impl::IsSupported(int body, double dt) const {
 // before they hit, so their bounce is that of the full speed.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
-  FindDepths();
+  FindBeds();
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     const bool touches = c.gap <= settings.touch_gap * size;
@@ -259,16 +261,25 @@ void World::Impl::SelectResolved(double dt) {
   }
 }
 
-void World::Impl::FindDepths() {
-  depths.assign(bodies.size(), 0.0);
+// Which contacts of each sphere overlap.
+void World::Impl::FindBeds() {
+  const auto lies = [&](const Contact& c, int body) {
+    return shapes[body].kind() == ShapeKind::kSphere && c.gap < 0 && bodies[body].Moves();
+  };
+  bed_start.assign(bodies.size() + 1, 0);
   for (const Contact& c : near_contacts)
-    for (const int i : {c.body_a, c.body_b}) depths[i] = std::max(depths[i], -c.gap);
+    for (const int i : {c.body_a, c.body_b}) bed_start[i + 1] += lies(c, i);
+  std::partial_sum(bed_start.begin(), bed_start.end(), bed_start.begin());
+  beds.resize(bed_start.back());
+  for (auto c = near_contacts.rbegin(); c != near_contacts.rend(); ++c)  // from the back, so that starts end as starts
+    for (const int i : {c->body_a, c->body_b})
+      if (lies(*c, i)) beds[--bed_start[i + 1]] = *c;
+  bed_start.erase(bed_start.begin());
+  bed_start.push_back(static_cast<int>(beds.size()));
 }
 
-// linear: [m] where each body goes; empty: on at its present velocity. A sphere that rests deeper than it should may pass as
-// deep as that.
+// linear: [m] where each body goes; empty: on at its present velocity.
 bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* contact) const {
-  constexpr double kDepth = 1e-6;  // [sphere radii]
   const auto traveller = [&](int i) -> Traveller {
     if (StandsStill(bodies[i])) return {bodies[i], shapes[i], Vector3::Zero(), Vector3::Zero()};
     return {bodies[i], shapes[i], linear.empty() ? Vector3(dt * bodies[i].linear_velocity_W) : linear[i],
@@ -277,7 +288,8 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   const int a = contact->body_a, b = contact->body_b;
   const int sphere = shapes[b].kind() == ShapeKind::kSphere ? b : a;
   if (shapes[sphere].kind() != ShapeKind::kSphere) return false;
-  return PassesBy(traveller(a), traveller(b), depths[sphere] + kDepth * shapes[sphere].radius(), contact);
+  const std::span<const Contact> own(beds.data() + bed_start[sphere], beds.data() + bed_start[sphere + 1]);
+  return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
 void World::CheckInitialOverlap() {
@@ -324,7 +336,7 @@ StepReport World::Step(double dt) {
     w.DetectMoving(planned);
     finish(&report.seconds.detect);
   }
-  w.FindDepths();
+  w.FindBeds();
   for (Contact& c : w.near_contacts) w.Passes(dt, planned, &c);
   double detect_seconds = 0;
   const DetectContacts detect = [&](std::span<const Vector3> travel, std::vector<Contact>*) {
