@@ -21,7 +21,7 @@ World FrozenLayer(Settings settings = {}) {
   for (int i = 0; i < 49; ++i) world.Add(Cube({1.05 * (i % 7), 1.05 * (i / 7), 0.5}));
   for (int frame = 0; frame < 60; ++frame) world.Step(kStep);
   for (int i = 0; i < 49; ++i) {
-    BodyDefinition cube = Cube({1.05 * (i % 7) + 0.3, 1.05 * (i / 7) + 0.2, 1.9 + 0.01 * i});
+    BodyDefinition cube = Cube({1.05 * (i % 7) + 0.3, 1.05 * (i / 7) + 0.2, 2 + 1.8 * ((i + i / 7) % 2) + 0.01 * i});
     cube.rotation_WB = testing::Turn(0.1 + 0.02 * i, Vector3(1, 0.3 * i, 0.5));
     cube.linear_velocity_W = {0, 0, -3};
     world.Add(cube);
@@ -54,7 +54,9 @@ TEST(Drafts, EveryAnswerThatIsReportedIsCertified) {
 }
 
 TEST(Drafts, NoneWithoutFrozenBodiesOrInTheSweptTier) {
-  const Settings off{.freezing = Freezing::kOff}, swept{.tier = Tier::kSwept};
+  Settings off, swept;
+  off.freezing = Freezing::kOff;
+  swept.tier = Tier::kSwept;
   for (const Settings& settings : {off, swept}) {
     World world = FrozenLayer(settings);
     for (int frame = 0; frame < 40; ++frame) {
