@@ -1,5 +1,6 @@
 // Invariance: what must not change the answer. Threads, the numbers of the bodies, the units, a stop in between.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <initializer_list>
 #include <numeric>
@@ -71,11 +72,15 @@ std::vector<BodyDefinition> FallingHeap(int count, bool only_balls = false) {
   return heap;
 }
 
+// Of all poses, velocities, frozen flags and impulses, bit for bit, after each step.
 std::vector<std::uint64_t> Hashes(World* world, int frames, double dt) {
   std::vector<std::uint64_t> hashes;
   for (int i = 0; i < frames; ++i) {
     world->Step(dt);
-    hashes.push_back(world->StateHash());
+    std::uint64_t hash = world->StateHash();
+    for (const Vector3& impulse : world->impulses())
+      for (const double x : impulse) hash = (hash ^ std::bit_cast<std::uint64_t>(x)) * 0x100000001b3u;  // FNV-1a
+    hashes.push_back(hash);
   }
   return hashes;
 }
