@@ -117,8 +117,7 @@ void CertifiedFreezing::FindUnbalanced(const SuiteFrame& frame, std::span<const 
   }
 }
 
-double CertifiedFreezing::WorstImbalance(const SuiteFrame& frame) {
-  SumLoads(frame);
+double CertifiedFreezing::WorstImbalance(const SuiteFrame& frame) const {
   double worst = 0;
   for (size_t i = 0; i < frame.bodies.size(); ++i)
     if (frame.bodies[i].frozen) worst = std::max(worst, Imbalance(frame.bodies[i], loads_[i]));
@@ -153,7 +152,7 @@ void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
   }
 }
 
-void CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
+bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                const Settings& settings) {
   TrackGain(frame);
   touched_.assign(frame.bodies.size(), 0);
@@ -162,13 +161,16 @@ void CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
     touched_[frame.contacts.contacts[c].body_a] = 1;
     touched_[frame.contacts.contacts[c].body_b] = 1;
   }
+  bool any = false;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     if (!body.Moves() || !touched_[i] || steady_[i] || still_seconds_[i] < settings.freeze_seconds) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
     body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit;
+    any = any || body.frozen;
   }
+  return any;
 }
 
 void CertifiedFreezing::Release(const SuiteFrame& frame, int number) {

@@ -30,8 +30,9 @@ class CertifiedFreezing {
   // impulses around it: what they leave is seen to in the next frame.
   void FindUnbalanced(const SuiteFrame& frame, std::span<const std::uint8_t> lenient, std::vector<int>* unbalanced);
 
-  // Over the frozen bodies: sum of all impulses over the sum of their magnitudes, the largest.
-  double WorstImbalance(const SuiteFrame& frame);
+  // Over the frozen bodies: sum of all impulses over the sum of their magnitudes, the largest. Of the impulses at the last
+  // FindUnbalanced.
+  double WorstImbalance(const SuiteFrame& frame) const;
 
   // The velocity [m/s, rad/s] a frozen body would start its static problem with: momentum left by bounces, gravity, external
   // force and the impulses of its contacts with bodies that move. Valid after FindUnbalanced.
@@ -45,8 +46,9 @@ class CertifiedFreezing {
   // The body has to stand still anew before it may freeze.
   void Disturb(int body) { still_seconds_[body] = 0; }
 
-  // End of a frame: freezes what may freeze. Velocities stay, to be given back to what turns out not to be balanced.
-  void Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings);
+  // End of a frame: freezes what may freeze; false if nothing may. Velocities stay, to be given back to what turns out not to be
+  // balanced.
+  bool Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings);
   // Not frozen after all: moves on as it did before Freeze.
   void Release(const SuiteFrame& frame, int body);
 

@@ -14,6 +14,8 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
+constexpr double kDraftTolerance = 1e-4;  // bodies wake by a thousandth of what gravity does in a step
+
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
     throw std::invalid_argument("contact " + std::to_string(number) + ": " + field + " = " + std::to_string(value));
@@ -37,7 +39,9 @@ bool Earlier(const Contact& x, const Contact& y) {
 
 ContactSuite::ContactSuite(const Settings& settings, parallel::WorkerPool* pool) : impl_(std::make_unique<Impl>()) {
   settings.Validate();
-  impl_->settings = settings;
+  impl_->settings = impl_->draft_settings = settings;
+  impl_->draft_settings.tier = Tier::kSwept;
+  impl_->draft_settings.tolerance = std::max(settings.tolerance, kDraftTolerance);
   impl_->pool = pool;
   impl_->workers.resize(pool->num_workers());
 }
@@ -65,18 +69,32 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   s.Bounce(report);  // step 1
   s.WakeByBounce();
   timer.Lap(&report->seconds.pq);
-  s.ResolveIslands(false, report, &timer);  // steps 2 and 3
-  for (int round = 0; s.settings.freezing == Freezing::kCertified && s.CheckFrozen(round > 0, report); ++round) {
-    timer.Lap(&report->seconds.freeze);
-    if (round == kWakeRounds || (round > 0 && !s.moves_for_sure)) {  // what only trembles may start a frame later
-      for (const int i : s.woken) s.TrustUntilNextFrame(i);
-      break;
-    }
-    s.ResolveIslands(true, report, &timer);
-  }
+  s.ResolveIslands(Impl::Pass::kFirst, report, &timer);  // steps 2 and 3
+  s.WakeUnbalanced(report, &timer);
   s.Freeze(report);  // step 4
   s.Finish(report);
   timer.Lap(&report->seconds.freeze);
+}
+
+// Bodies that are no longer held join the islands that move, which are solved again, until none wakes.
+void ContactSuite::Impl::WakeUnbalanced(StepReport* report, LapTimer* timer) {
+  if (settings.freezing != Freezing::kCertified) return;
+  const auto check = [&](bool all) {
+    const bool any = CheckFrozen(all, report);
+    timer->Lap(&report->seconds.freeze);
+    return any;
+  };
+  bool any = check(false);
+  for (int round = 0; any && round < kWakeRounds && (round == 0 || moves_for_sure); ++round) {
+    ResolveIslands(Pass::kWoken, report, timer);
+    any = check(round + 1 == kWakeRounds - 1);
+  }
+  if (std::any_of(drafted.begin(), drafted.end(), [](std::uint8_t d) { return d != 0; })) {
+    ResolveIslands(Pass::kCertify, report, timer);
+    any = check(false);
+  }
+  if (!any) return;
+  for (const int i : woken) TrustUntilNextFrame(i);  // what only trembles may start a frame later
 }
 
 void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts) {

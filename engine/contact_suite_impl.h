@@ -22,7 +22,7 @@ namespace islet {
 inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 
 struct ContactSuite::Impl : SuiteMemory {
-  Settings settings;
+  Settings settings, draft_settings;  // the latter stop after the sweeps
   parallel::WorkerPool* pool;
   SuiteFrame frame;
 
@@ -35,6 +35,12 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<double> costs;
   parallel::Schedule schedule;
 
+  // Steps 2 and 3 are passed through until no more frozen bodies wake, big islands next to frozen bodies by drafts.
+  enum class Pass {
+    kFirst,    // all islands
+    kWoken,    // those that woken bodies joined
+    kCertify,  // those that have a draft
+  };
   struct Worker {
     SequentialResolver sequential;
     IslandResponder responder;
@@ -49,6 +55,7 @@ struct ContactSuite::Impl : SuiteMemory {
   int solve_round = 0;                              // of this frame
   std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
   std::vector<std::uint8_t> chosen;      // per island
+  std::vector<std::uint8_t> drafted;     // per body: what its island has is a draft
   bool moves_for_sure = false;           // a candidate got more than a trembling speed
   bool suspected = false;                // in this frame frozen bodies were solved with those that move
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
@@ -65,10 +72,12 @@ struct ContactSuite::Impl : SuiteMemory {
   void CutAtImmovable();
   void Bounce(StepReport* report);
   void WakeByBounce();
-  void ResolveIsland(int island, bool again, Worker* worker);
+  bool MayDraft(const IslandView& view) const;
+  void ResolveIsland(int island, Pass pass, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);
   bool WokenWereHit(const IslandView& view) const;
-  void ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer);
+  void ResolveIslands(Pass pass, StepReport* report, LapTimer* timer);
+  void WakeUnbalanced(StepReport* report, LapTimer* timer);
   bool CheckFrozen(bool all, StepReport* report);
   void AddJoinedFrozen();
   void TrustUntilNextFrame(int suspect);

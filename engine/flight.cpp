@@ -19,15 +19,15 @@ constexpr double kBegins = 1e-2;  // of the overlap tolerance: contacts open by 
 
 }  // namespace
 
-void Flights::Begin(std::span<const double> durations, std::span<const std::uint8_t> flies,
-                    std::span<const Twist> before, std::span<const Body> bodies) {
-  flies_.assign(flies.begin(), flies.end());
+void Flights::Begin(std::span<const double> durations, std::span<const Motion> motions, std::span<const Twist> before,
+                    std::span<const Body> bodies) {
+  motions_.assign(motions.begin(), motions.end());
   left_.assign(bodies.size(), 0.0);
   paths_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
-    if (!body.Moves()) flies_[i] = 0;
-    if (!flies_[i]) continue;
+    if (!body.Moves()) Ground(static_cast<int>(i));
+    if (!flies(static_cast<int>(i))) continue;
     paths_[i] = {
         body.position_W, body.rotation_WB, before[i], {body.linear_velocity_W, body.angular_velocity_W}, durations[i]};
   }
@@ -59,6 +59,10 @@ void Flights::Place(int body, Body* moved) const {
       AngularVelocityAfter(moved->inertia_B, path.rotation_WB, now.angular_W, moved->rotation_WB);
 }
 
+bool Flights::GlidesOn(int body, const Body& other) const {
+  return motions_[body] == Motion::kGlides && other.kind != BodyKind::kDynamic;
+}
+
 bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::span<const double> gaps,
                           std::span<const double> tolerances, std::span<const Body> bodies,
                           std::vector<std::uint8_t>* handled) {
@@ -68,9 +72,10 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
     const int a = contact.body_a, b = contact.body_b;
-    const bool a_flies = flies_[a] != 0, b_flies = flies_[b] != 0;
+    const bool a_flies = flies(a), b_flies = flies(b);
     if (!a_flies && !b_flies) continue;
-    const auto leaves_way = [&](int i) { return flies_[i] || StandsStill(bodies[i]); };
+    if (GlidesOn(a, bodies[b]) || GlidesOn(b, bodies[a])) continue;
+    const auto leaves_way = [&](int i) { return flies(i) || StandsStill(bodies[i]); };
     const bool alone = leaves_way(a) && leaves_way(b);
     handled->at(c) = alone;
     const double tolerance = std::min(tolerances[a], tolerances[b]);
@@ -96,7 +101,7 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
       // Their own ways do not part them soon: they go back towards where they began, where nothing overlapped.
       const double share = round < kForwardRounds ? 0.5 : 1;
       for (const int i : {a, b})
-        if (flies_[i]) wanted_[i] = std::max(wanted_[i], left_[i] + share * (paths_[i].duration - left_[i]));
+        if (flies(i)) wanted_[i] = std::max(wanted_[i], left_[i] + share * (paths_[i].duration - left_[i]));
       changes = true;
       continue;
     }
@@ -108,13 +113,13 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
   bool moved = false;
   for (size_t i = 0; i < left_.size(); ++i) {
     if (round >= kForwardRounds) wanted_[i] = std::max(wanted_[i], left_[i]);
-    if (!flies_[i] || wanted_[i] == left_[i]) continue;
+    if (!flies(static_cast<int>(i)) || wanted_[i] == left_[i]) continue;
     if (wanted_[i] == 0) changes = true;
     moved = true;
   }
   if (!changes || !moved) return false;
   for (size_t i = 0; i < left_.size(); ++i)
-    if (flies_[i]) left_[i] = wanted_[i];
+    if (flies(static_cast<int>(i))) left_[i] = wanted_[i];
   return true;
 }
 

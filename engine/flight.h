@@ -1,4 +1,4 @@
-// The flights of one step: bodies that no contact pushes while they move. Such a body follows its own path, and where it
+// The flights of one step: bodies that no contact pushes while they move, or only walls on which they glide. Such a body follows its own path, and where it
 // meets something it stops there, at that moment, with the velocity that it has at that moment: nothing of its energy or
 // momentum is invented or lost. The time that is left to it then is told, so that its next flight can begin so much earlier.
 //
@@ -18,14 +18,19 @@
 
 namespace islet {
 
+enum class Motion : std::uint8_t {
+  kPushed,  // by other bodies: its way is not its own
+  kGlides,  // on fixed bodies: its way is its own, but for contacts with those
+  kFlies,   // no contact pushes it
+};
+
 class Flights {
  public:
-  // durations: [s] per body, > 0. flies: per body, not 0 if no contact pushes it. before: velocities at the start; those of
-  // the bodies are those at the end.
-  void Begin(std::span<const double> durations, std::span<const std::uint8_t> flies, std::span<const Twist> before,
+  // durations: [s] per body, > 0. before: velocities at the start; those of the bodies are those at the end.
+  void Begin(std::span<const double> durations, std::span<const Motion> motions, std::span<const Twist> before,
              std::span<const Body> bodies);
 
-  bool flies(int body) const { return flies_[body] != 0; }
+  bool flies(int body) const { return motions_[body] != Motion::kPushed; }
   // [s] that the body has not flown.
   std::span<const double> left() const { return left_; }
 
@@ -39,7 +44,7 @@ class Flights {
   // Pose and velocity at the body's moment.
   void Place(int body, Body* moved) const;
   // Someone else moves it from now on; what it has not flown stays told.
-  void Ground(int body) { flies_[body] = 0; }
+  void Ground(int body) { motions_[body] = Motion::kPushed; }
 
  private:
   struct Path {
@@ -48,12 +53,13 @@ class Flights {
     Twist begin, end;
     double duration = 0;  // [s]
   };
+  bool GlidesOn(int body, const Body& other) const;
   Twist VelocityAt(int body) const;  // at its moment; angular: of the mean rule, good for predictions
   Vector3 PointVelocity(int body, const Contact& contact, const Body& now) const;
 
   std::vector<Path> paths_;
   std::vector<double> left_, wanted_;  // [s] per body
-  std::vector<std::uint8_t> flies_;
+  std::vector<Motion> motions_;
 };
 
 }  // namespace islet

@@ -111,7 +111,7 @@ bool Mover::GroundFlights(bool all, std::span<Body> bodies) {
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   PlanFreeMotion(plan, bodies);
-  flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
+  flights_.Begin(plan.durations, plan.motions, plan.before, bodies);
   aim_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) aim_[i] = bodies[i].position_W + planned_[i].linear;
   allowed_lift_.assign(tolerances.begin(), tolerances.end());

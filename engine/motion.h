@@ -31,11 +31,11 @@ namespace islet {
 // Detects the contacts at the bodies' present poses, for bodies about to travel as given [m].
 using DetectContacts = std::function<void(std::span<const Vector3> travel_W, std::vector<Contact>* contacts)>;
 
-// How the bodies are to move: per body, for how long [s], whether free of contacts, and from which velocities.
+// How the bodies are to move: per body, for how long [s], what pushes it, and from which velocities.
 struct MotionPlan {
   double dt = 0;  // [s] of the step
   std::span<const double> durations;
-  std::span<const std::uint8_t> flies;
+  std::span<const Motion> motions;
   std::span<const Twist> before;  // with the bodies' velocities the two ends of the trapezoidal rule
 };
 

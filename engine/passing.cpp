@@ -1,6 +1,7 @@
 #include "engine/passing.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -12,6 +13,8 @@ namespace {
 
 constexpr double kSmallestApproach = 1e-9;  // [sphere radii] in the step
 constexpr double kTurnedShare = 0.1;        // of the plane's approach: less is a hit as the plane has it
+constexpr double kDepth = 1e-6;             // [sphere radii] of overlap that is no hit
+constexpr double kSameNormal = 1 - 1e-6;    // cosine
 constexpr int kSearchSteps = 24;            // of the least gap on the way: to 1e-5 of it
 
 Placement At(const Traveller& t, double share) {
@@ -48,7 +51,7 @@ double LeastGap(const Traveller& a, const Traveller& b) {
 
 }  // namespace
 
-bool PassesBy(const Traveller& a, const Traveller& b, double allowed_depth, Contact* contact) {
+bool PassesBy(const Traveller& a, const Traveller& b, std::span<const Contact> beds, Contact* contact) {
   const bool a_is_sphere = a.shape.kind() == ShapeKind::kSphere, b_is_sphere = b.shape.kind() == ShapeKind::kSphere;
   if (!a_is_sphere && !b_is_sphere) return false;
   if (a.shape.kind() == ShapeKind::kHalfSpace || b.shape.kind() == ShapeKind::kHalfSpace) return false;
@@ -63,10 +66,18 @@ bool PassesBy(const Traveller& a, const Traveller& b, double allowed_depth, Cont
   const double turned = ContactAt(a, b, horizon).gap - (contact->gap - horizon * approach);
   if (turned < kTurnedShare * horizon * approach) return false;
   const Contact end = ContactAt(a, b, 1);
-  if (std::min(end.gap, LeastGap(a, b)) < -allowed_depth) return false;
-  contact->normal_W = end.normal_W;
-  contact->point_W = end.point_W - sphere.linear;
-  contact->gap = end.gap - end.normal_W.dot(travel(b, contact->point_W) - travel(a, contact->point_W));
+  double depth = kDepth * sphere.shape.radius();
+  for (const Contact& bed : beds)
+    if (std::abs(bed.normal_W.dot(end.normal_W)) > kSameNormal) depth = std::max(depth, 1.01 * -bed.gap);
+  if (std::min(end.gap, LeastGap(a, b)) < -depth) return false;
+  const Traveller& other = b_is_sphere ? a : b;
+  if (other.body.kind != BodyKind::kDynamic) {
+    contact->normal_W = end.normal_W;
+    contact->point_W = end.point_W - sphere.linear;
+    contact->gap = end.gap - end.normal_W.dot(travel(b, contact->point_W) - travel(a, contact->point_W));
+  } else {
+    contact->gap = end.gap + approach;  // the line of the new normal would miss the other's centre and spin it
+  }
   return true;
 }
 

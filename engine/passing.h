@@ -7,6 +7,8 @@
 //   threads: pure function; scratch memory is one per thread
 #pragma once
 
+#include <span>
+
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/shape.h"
@@ -21,9 +23,10 @@ struct Traveller {
   Vector3 angular;  // [rad] rotation vector, W
 };
 
-// a and b: the bodies of the contact. allowed_depth: [m] of overlap on the way that is no hit. True: the contact's normal and
-// point are those at the end of the step, and its gap is such that gap + normal . (travel of b - travel of a) is the gap
-// there. False: the contact is as it was.
-bool PassesBy(const Traveller& a, const Traveller& b, double allowed_depth, Contact* contact);
+// a and b: the bodies of the contact. beds: contacts in which the sphere lies too deep now; along their normals it may pass as
+// deep as that, as over level tiles into which it has sunk a little. True: the contact's gap is such that
+// gap + normal . (travel of b - travel of a) is the gap at the end of the step; its normal and point are those of then if the
+// other body is not dynamic, else those of now. False: the contact is as it was.
+bool PassesBy(const Traveller& a, const Traveller& b, std::span<const Contact> beds, Contact* contact);
 
 }  // namespace islet

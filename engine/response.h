@@ -32,6 +32,7 @@ struct ResponseOutcome {
   int rounds = 0;
   bool coulomb_capped = false;  // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
+  bool draft = false;  // swept alone, to be certified when it is known which bodies take part
   double seconds = 0;  // [s] wall
   Certificate certificate;
 };

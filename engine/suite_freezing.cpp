@@ -109,7 +109,7 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
 // its tolerance is coarse, and without this a blow would wake all that is joined to what it moves. What cannot be held is
 // awake.
 void ContactSuite::Impl::FreezeCertified(StepReport* report) {
-  certified.Freeze(frame, was_frozen, settings);
+  if (!certified.Freeze(frame, was_frozen, settings) && !suspected) return;  // CheckFrozen has seen all that is frozen
   certified.FindUnbalanced(frame, lenient, &unbalanced);
   candidates.clear();
   for (int round = 0; round < kRefreezeRounds && suspected && !unbalanced.empty(); ++round) {

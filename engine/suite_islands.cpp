@@ -3,6 +3,11 @@
 #include "engine/contact_suite_impl.h"
 
 namespace islet {
+namespace {
+
+constexpr size_t kDraftBodies = 32;  // smaller islands are certified at once
+
+}  // namespace
 
 IslandView ContactSuite::Impl::View(int island) const {
   const int first = partition.contact_start[island], last = partition.contact_start[island + 1];
@@ -11,6 +16,9 @@ IslandView ContactSuite::Impl::View(int island) const {
 
 void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summary) {
   if (outcome.status == QpStatus::kNone) return;
+  summary->seconds += outcome.seconds;
+  summary->drafts += outcome.draft;
+  if (outcome.draft) return;
   ++summary->solved;
   summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
   summary->inaccurate += outcome.status == QpStatus::kInaccurate;
@@ -18,7 +26,6 @@ void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summ
   summary->iterations += outcome.iterations;
   summary->iterations_max = std::max(summary->iterations_max, outcome.iterations);
   summary->rounds_max = std::max(summary->rounds_max, outcome.rounds);
-  summary->seconds += outcome.seconds;
 }
 
 void ContactSuite::Impl::CutAtImmovable() {
@@ -61,13 +68,26 @@ void ContactSuite::Impl::WakeByBounce() {
   }
 }
 
-// `again`: bodies woke into an island that was resolved before. Its collisions stand unless they hit one of those as a wall.
-void ContactSuite::Impl::ResolveIsland(int island, bool again, Worker* worker) {
+// Whether the island is big and has frozen neighbours, which may wake and join it.
+bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
+  if (settings.freezing != Freezing::kCertified || settings.model != Model::kCoulomb ||
+      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified || view.bodies.size() < kDraftBodies)
+    return false;
+  return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
+    const Contact& contact = frame.contacts.contacts[number];
+    return frame.bodies[contact.body_a].frozen || frame.bodies[contact.body_b].frozen;
+  });
+}
+
+// Where bodies woke into an island that was resolved before, its collisions stand unless they hit one of those as a wall.
+void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   const IslandView view = View(island);
   Outcome& outcome = outcomes[island];
-  if (!again || WokenWereHit(view)) {
+  const bool draft = pass != Pass::kCertify && MayDraft(view);
+  const Settings& how = draft ? draft_settings : settings;
+  if (pass != Pass::kWoken || WokenWereHit(view)) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, how, frame.speed_floor,
                                                             frame.threshold, frame.bodies, frame.collisions);
     if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   } else {
@@ -82,9 +102,11 @@ void ContactSuite::Impl::ResolveIsland(int island, bool again, Worker* worker) {
     body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
     if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, how, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
+  outcome.collision.draft = outcome.resting.draft = draft;
+  for (const int i : view.bodies) drafted[i] = draft;
 }
 
 void ContactSuite::Impl::Record(int island, Stage stage, QpStatus status, const IslandResponder& responder) {
@@ -102,21 +124,25 @@ bool ContactSuite::Impl::WokenWereHit(const IslandView& view) const {
   });
 }
 
-// only_woken: just the islands that a woken body joined; the others keep what they have.
-void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, LapTimer* timer) {
-  if (!only_woken) frame.before_gravity.assign(frame.bodies.size(), {});
+void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer* timer) {
+  if (pass == Pass::kFirst) {
+    frame.before_gravity.assign(frame.bodies.size(), {});
+    drafted.assign(frame.bodies.size(), 0);
+  }
   CutAtImmovable();
   Partition([this](const Contact& c) { return frame.bodies[c.body_a].Moves() || frame.bodies[c.body_b].Moves(); });
   outcomes.assign(partition.num_islands(), {});
-  chosen.assign(partition.num_islands(), !only_woken);
-  if (only_woken)
+  chosen.assign(partition.num_islands(), pass == Pass::kFirst);
+  if (pass == Pass::kWoken)
     for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
-  solve_round = only_woken ? solve_round + 1 : 0;
+  for (size_t i = 0; pass == Pass::kCertify && i < drafted.size(); ++i)
+    if (drafted[i]) chosen[partition.body_to_island[i]] = 1;
+  solve_round = pass == Pass::kFirst ? 0 : solve_round + 1;
   if (observer) records.assign(partition.num_islands(), {});
   timer->Lap(&report->seconds.islands);
   std::sort(woken.begin(), woken.end());
-  ForEachIsland([this, only_woken](int island, Worker* worker) {
-    if (chosen[island]) ResolveIsland(island, only_woken, worker);
+  ForEachIsland([this, pass](int island, Worker* worker) {
+    if (chosen[island]) ResolveIsland(island, pass, worker);
   });
   if (observer)
     for (const auto& solved : records)
@@ -124,6 +150,7 @@ void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, Lap
   for (const Outcome& outcome : outcomes) {
     Include(outcome.collision, &report->collision_qp);
     Include(outcome.resting, &report->static_qp);
+    if (outcome.resting.draft) continue;
     report->restitution_lowered += outcome.collision.restitution_lowered;
     report->certificate.Include(outcome.collision.certificate);
     report->certificate.Include(outcome.resting.certificate);
@@ -136,13 +163,16 @@ void ContactSuite::Impl::ResolveIslands(bool only_woken, StepReport* report, Lap
   const double share = collision + resting > 0 ? collision / (collision + resting) : 0;
   report->seconds.collision_qp += share * stage;
   report->seconds.static_qp += (1 - share) * stage;
-  if (!only_woken) ReportIslands(report);
+  ReportIslands(report);
 }
 
+// Islands of this pass take the places of those whose bodies they hold.
 void ContactSuite::Impl::ReportIslands(StepReport* report) const {
+  std::erase_if(report->islands,
+                [this](const IslandReport& old) { return chosen[partition.body_to_island[old.first_body]]; });
   for (int i = 0; i < partition.num_islands(); ++i) {
     const IslandView view = View(i);
-    if (view.contacts.empty()) continue;
+    if (!chosen[i] || view.contacts.empty()) continue;
     const Outcome& outcome = outcomes[i];
     IslandReport island;
     island.first_body = view.bodies[0];
@@ -154,9 +184,14 @@ void ContactSuite::Impl::ReportIslands(StepReport* report) const {
     island.static_iterations = outcome.resting.iterations;
     island.certificate = outcome.collision.certificate;
     island.certificate.Include(outcome.resting.certificate);
+    report->islands.push_back(island);
+  }
+  std::sort(report->islands.begin(), report->islands.end(),
+            [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
+  report->largest_island_contacts = report->active_contacts = 0;
+  for (const IslandReport& island : report->islands) {
     report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
     report->active_contacts += island.contacts;
-    report->islands.push_back(island);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -9,9 +10,9 @@
 #include "engine/body_definition.h"
 #include "engine/contact_suite.h"
 #include "engine/detection.h"
+#include "engine/flight_time.h"
 #include "engine/motion.h"
 #include "engine/passing.h"
-#include "engine/rebound.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
@@ -19,11 +20,6 @@
 #include "parallel/worker_pool.h"
 
 namespace islet {
-namespace {
-
-constexpr double kMeets = 1e-2;  // of the overlap tolerance: contacts that are open by less have met
-
-}  // namespace
 
 // All that one step leaves for the next, but for what the suite remembers.
 struct WorldState {
@@ -35,12 +31,11 @@ struct WorldState {
   std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
-  std::vector<double> unflown;     // [s] per body: what its last flight, cut short by an impact, left to the next one
-  std::vector<std::uint8_t> flew;  // per body: no contact pushed it in the last step, and it met nothing
-  bool stale = true;               // near_contacts do not belong to the current poses
-  size_t checked_bodies = 0;       // those before it were checked for initial overlap
-  double time = 0;                 // [s]
-  double dt_hint = 1.0 / 30;       // [s] of the last step
+  FlightMemory flights;
+  bool stale = true;          // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;  // those before it were checked for initial overlap
+  double time = 0;            // [s]
+  double dt_hint = 1.0 / 30;  // [s] of the last step
 };
 
 struct WorldSnapshot::Data {
@@ -56,18 +51,11 @@ struct World::Impl : WorldState {
   ContactSuite suite;
   Detector detector;
   Mover mover;
+  FlightTime flight_time;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
-  std::vector<std::uint8_t> in_flight;   // per body: flew, and nothing stops it yet
-  std::vector<double> durations;         // [s] per body: of its motion in this step
-  std::vector<std::uint8_t> flies;       // per body: no contact pushes it in this step
-  struct Load {
-    int body;
-    Vector3 force_W, torque_W;
-  };
-  std::vector<Load> loaded;    // what the user wants of bodies whose forces stand in for a longer step
-  std::vector<Twist> before;   // per body: velocities that its motion begins with
-  std::vector<double> depths;  // [m] per body: how deep it overlaps anything
+  std::vector<Contact> beds;             // those in which spheres overlap, by sphere
+  std::vector<int> bed_start;            // per body: first of its beds
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -85,14 +73,9 @@ struct World::Impl : WorldState {
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
   void WakeBeforeMovers(double dt);
-  bool Meets(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void ChooseDurations(double dt);
-  void LoadUnflown(double dt);
-  MotionPlan PlanMotion(double dt);
-  void RememberFlights(double dt);
-  void FindDepths();
+  void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
 
@@ -117,8 +100,7 @@ int World::Add(const BodyDefinition& definition) {
   w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
   w.shapes.push_back(definition.shape);
   w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
-  w.unflown.push_back(0);
-  w.flew.push_back(1);
+  w.flights.AddBody();
   w.stale = true;
   return number;
 }
@@ -138,7 +120,7 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
   b.position_W = position_W;
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;
-  impl_->unflown[body] = 0;
+  impl_->flights.Forget(body);
   impl_->stale = true;
 }
 
@@ -150,7 +132,7 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
   if (b.kind == BodyKind::kFixed) Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
-  impl_->unflown[body] = 0;
+  impl_->flights.Forget(body);
   impl_->stale = true;
 }
 
@@ -266,27 +248,18 @@ bool World::Impl::IsSupported(int body, double dt) const {
          support[body] > 0;
 }
 
-bool World::Impl::Meets(const Contact& c) const {
-  return c.gap <= kMeets * std::min(tolerances[c.body_a], tolerances[c.body_b]);
-}
-
 // What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
 // to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
-// before they hit, so their bounce is that of the full speed; and what touches them in no more than name is left out. Nor are
-// supported bodies slowed down before a hit from which they would rebound for longer than the step.
+// before they hit, so their bounce is that of the full speed. Nor are supported bodies slowed down before a hit from which they
+// would rebound for longer than the step.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
-  in_flight = flew;
-  for (const Contact& c : near_contacts)
-    if (Meets(c)) in_flight[c.body_a] = in_flight[c.body_b] = 0;
-  FindDepths();
+  FindBeds();
   for (const Contact& c : near_contacts) {
     const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     const bool touches = c.gap <= settings.touch_gap * size;
-    if (touches) {
-      // In flight: it meets what is there when it gets there, however slow it is.
-      if (!Meets(c) && (in_flight[c.body_a] || in_flight[c.body_b])) continue;
-    } else {
+    if (touches && flight_time.Ignores(c)) continue;
+    if (!touches) {
       const double pull = settings.gravity.norm() * dt;
       const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
       const bool rebounds = 2 * c.restitution * (approach - pull) > (1 - c.restitution) * pull;
@@ -299,66 +272,25 @@ void World::Impl::SelectResolved(double dt) {
   }
 }
 
-// What a flight left of its step is added to the next one if the body then leaves all that it touches.
-void World::Impl::ChooseDurations(double dt) {
-  durations.assign(bodies.size(), dt);
-  for (size_t i = 0; i < bodies.size(); ++i) durations[i] += bodies[i].Moves() ? unflown[i] : 0;
-  for (const Contact& c : resolved) {
-    if (!c.touches || (durations[c.body_a] == dt && durations[c.body_b] == dt)) continue;
-    const double speed = NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
-    if (speed > 0 || (speed < 0 && c.restitution > 0)) continue;
-    durations[c.body_a] = durations[c.body_b] = dt;
-  }
-}
-
-// The suite knows one time step: forces make up for it where a body moves for longer.
-void World::Impl::LoadUnflown(double dt) {
-  loaded.clear();
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    if (durations[i] == dt) continue;
-    Body& body = bodies[i];
-    loaded.push_back({static_cast<int>(i), body.force_W, body.torque_W});
-    const double share = durations[i] / dt;
-    body.force_W = share * body.force_W + (share - 1) * body.mass * settings.gravity;
-    body.torque_W *= share;
-  }
-}
-
-// After the suite, before the move.
-MotionPlan World::Impl::PlanMotion(double dt) {
-  const SuiteMemory& memory = suite.memory();
-  flies.assign(bodies.size(), 1);
-  for (size_t c = 0; c < resolved.size(); ++c) {
-    for (const int i : {resolved[c].body_a, resolved[c].body_b})
-      if (Pushes(memory.previous_holding[c], settings.gravity, dt, bodies[i])) flies[i] = 0;
-  }
-  before.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
-  RestoreBounced(dt, settings.gravity, bodies, resolved, memory.previous_holding, &before);
-  for (const Load& load : loaded) {
-    bodies[load.body].force_W = load.force_W;
-    bodies[load.body].torque_W = load.torque_W;
-  }
-  return {dt, durations, flies, before};
-}
-
-void World::Impl::RememberFlights(double dt) {
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    const double left = bodies[i].Moves() ? mover.left()[i] : 0;
-    unflown[i] = std::min(left, dt);
-    flew[i] = flies[i] && left == 0;
-  }
-}
-
-void World::Impl::FindDepths() {
-  depths.assign(bodies.size(), 0.0);
+// Which contacts of each sphere overlap.
+void World::Impl::FindBeds() {
+  const auto lies = [&](const Contact& c, int body) {
+    return shapes[body].kind() == ShapeKind::kSphere && c.gap < 0 && bodies[body].Moves();
+  };
+  bed_start.assign(bodies.size() + 1, 0);
   for (const Contact& c : near_contacts)
-    for (const int i : {c.body_a, c.body_b}) depths[i] = std::max(depths[i], -c.gap);
+    for (const int i : {c.body_a, c.body_b}) bed_start[i + 1] += lies(c, i);
+  std::partial_sum(bed_start.begin(), bed_start.end(), bed_start.begin());
+  beds.resize(bed_start.back());
+  for (auto c = near_contacts.rbegin(); c != near_contacts.rend(); ++c)  // from the back, so that starts end as starts
+    for (const int i : {c->body_a, c->body_b})
+      if (lies(*c, i)) beds[--bed_start[i + 1]] = *c;
+  bed_start.erase(bed_start.begin());
+  bed_start.push_back(static_cast<int>(beds.size()));
 }
 
-// linear: [m] where each body goes; empty: on at its present velocity. A sphere that rests deeper than it should may pass as
-// deep as that.
+// linear: [m] where each body goes; empty: on at its present velocity.
 bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* contact) const {
-  constexpr double kDepth = 1e-6;  // [sphere radii]
   const auto traveller = [&](int i) -> Traveller {
     if (StandsStill(bodies[i])) return {bodies[i], shapes[i], Vector3::Zero(), Vector3::Zero()};
     return {bodies[i], shapes[i], linear.empty() ? Vector3(dt * bodies[i].linear_velocity_W) : linear[i],
@@ -367,7 +299,8 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   const int a = contact->body_a, b = contact->body_b;
   const int sphere = shapes[b].kind() == ShapeKind::kSphere ? b : a;
   if (shapes[sphere].kind() != ShapeKind::kSphere) return false;
-  return PassesBy(traveller(a), traveller(b), depths[sphere] + kDepth * shapes[sphere].radius(), contact);
+  const std::span<const Contact> own(beds.data() + bed_start[sphere], beds.data() + bed_start[sphere + 1]);
+  return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
 void World::CheckInitialOverlap() {
@@ -402,23 +335,22 @@ StepReport World::Step(double dt) {
   w.dt_hint = dt;
   CheckInitialOverlap();  // detection, if anything changed
   w.WakeBeforeMovers(dt);
+  w.flight_time.BeginStep(w.bodies, w.tolerances, w.near_contacts, w.flights);
   w.SelectResolved(dt);
-  if (w.settings.bounce_law == BounceLaw::kExact)
-    SetRebounds(w.bodies, w.suite.memory().previous_contacts, w.suite.memory().previous_holding, w.resolved);
-  w.ChooseDurations(dt);
-  w.LoadUnflown(dt);
+  w.flight_time.ChooseDurations(dt, w.settings.gravity, w.settings.bounce_law == BounceLaw::kExact, w.suite.memory(),
+                                w.flights, w.bodies, w.resolved);
   finish(&report.seconds.detect);
 
   w.suite.Resolve(dt, w.bodies, w.resolved, &report);  // steps 1 to 4
   lap = Seconds();
 
-  const MotionPlan plan = w.PlanMotion(dt);
+  const MotionPlan plan = w.flight_time.PlanMotion(dt, w.settings.gravity, w.suite, w.resolved, w.bodies);
   const std::span<const Vector3> planned = w.mover.PlanTravel(plan, w.bodies);
   if (!w.StaysInReach(planned)) {
     w.DetectMoving(planned);
     finish(&report.seconds.detect);
   }
-  w.FindDepths();
+  w.FindBeds();
   for (Contact& c : w.near_contacts) w.Passes(dt, planned, &c);
   double detect_seconds = 0;
   const DetectContacts detect = [&](std::span<const Vector3> travel, std::vector<Contact>*) {
@@ -427,7 +359,7 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
-  w.RememberFlights(dt);
+  w.flight_time.EndStep(dt, w.bodies, w.mover.left(), &w.flights);
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;

@@ -69,14 +69,17 @@ bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
 
-}  // namespace
+double ImpulseScale(const Problem& problem, const ContactTerm& contact) {
+  return 3 / DelassusBlock(problem, contact).trace();
+}
 
-NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
-                      const std::vector<Vector3>& impulses) {
+template <typename Scale>
+NaturalMap MapOf(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses,
+                 const Scale& rho_of) {
   double sum = 0, largest = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
-    const double rho = 3 / DelassusBlock(problem, contact).trace();
+    const double rho = rho_of(c);
     Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
     u[0] += contact.friction * TangentSize(u) - contact.target;
     const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho * u, contact.friction)) / rho;
@@ -84,6 +87,17 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
     largest = std::max(largest, map.squaredNorm());
   }
   return {std::sqrt(largest), std::sqrt(sum / std::max(1, problem.num_contacts()))};
+}
+
+}  // namespace
+
+NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
+                      const std::vector<Vector3>& impulses) {
+  return MapOf(problem, velocities, impulses, [&](int c) { return ImpulseScale(problem, problem.contacts[c]); });
+}
+
+NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {
+  return MapOf(problem, swept_velocities_, swept_impulses_, [this](int c) { return scales_[c]; });
 }
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
@@ -229,17 +243,17 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
 void IslandSolver::Search(const Problem& problem, const Settings& settings) {
   const bool certified = settings.tier == Tier::kCertified;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  NaturalMap best = CoulombMap(problem, swept_velocities_, swept_impulses_);
+  NaturalMap best = MapOfSwept(problem);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
   const auto enough = [&](const NaturalMap& map) {
     return map.max <= kAcceptShare * goal ||
            (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
   };
-  int wasted = 0;
-  for (int block = 0; block < kMaxBlocks && wasted < (certified ? 2 : 1) && !enough(best); ++block) {
+  bool pays = true;
+  for (int block = 0; block < kMaxBlocks && pays && !enough(best); ++block) {
     gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
-    const NaturalMap now = CoulombMap(problem, swept_velocities_, swept_impulses_);
-    wasted = now.rms < kBlockGain * best.rms ? 0 : wasted + 1;
+    const NaturalMap now = MapOfSwept(problem);
+    pays = now.rms < kBlockGain * best.rms;
     if (now.rms < best.rms) {
       best = now;
       best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
@@ -253,12 +267,12 @@ void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> st
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
   if (start.size() != problem.contacts.size()) return;
-  const double without = CoulombMap(problem, swept_velocities_, swept_impulses_).rms;
+  const double without = MapOfSwept(problem).rms;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
     ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
   }
-  if (CoulombMap(problem, swept_velocities_, swept_impulses_).rms < kGuessShare * without) return;
+  if (MapOfSwept(problem).rms < kGuessShare * without) return;
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
 }
@@ -270,6 +284,8 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
   gauss_seidel_.Prepare(problem);
+  scales_.clear();
+  for (const ContactTerm& contact : problem.contacts) scales_.push_back(ImpulseScale(problem, contact));
   StartFrom(problem, start);
   int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;

@@ -20,6 +20,12 @@
 
 namespace islet::qp {
 
+// [velocity] |j - P_K(j - rho u_hat)| / rho over the contacts, rho = 3 / tr W_cc, u_hat = u - target n + mu |u_t| n: the natural
+// map of exact Coulomb friction, zero at a solution.
+struct NaturalMap {
+  double max, rms;
+};
+
 class IslandSolver {
  public:
   // start: impulses to begin with, one per contact, or empty. Only big islands with exact Coulomb friction use them.
@@ -33,6 +39,7 @@ class IslandSolver {
                        Solution* solution);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
+  NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
@@ -44,14 +51,9 @@ class IslandSolver {
   std::vector<double> swept_velocities_;
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
-  std::vector<double> slips_;
+  std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
 };
 
-// [velocity] |j - P_K(j - rho u_hat)| / rho over the contacts, rho = 3 / tr W_cc, u_hat = u - target n + mu |u_t| n: the natural
-// map of exact Coulomb friction, zero at a solution.
-struct NaturalMap {
-  double max, rms;
-};
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
                       const std::vector<Vector3>& impulses);
 

@@ -103,8 +103,10 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
   if (s.engine.freezing == Freezing::kOff) return;
   out->Absolute(name + "cubes that wake and would not move", "", 0, idle, 0);
   out->Absolute(name + "cubes beside it that wake", "", 0, beside, 0);
-  out->AtMost(name + "cubes that wake in a quarter of a second, of those that move", "",
-              woken / std::max(1.0, 1.0 * moved), 2);
+  out->AtMost(
+      name + "cubes that wake in a quarter of a second, of those that move", "", woken / std::max(1.0, 1.0 * moved), 2,
+      "beside a body at 10 m/s the solver's tolerance leaves up to 1e-4 m/s, also if nothing is ever frozen: more than "
+      "a frozen body may have");
 }
 
 void MeasureRest(const CheckSettings& s, Measurements* out) {
@@ -115,7 +117,8 @@ void MeasureRest(const CheckSettings& s, Measurements* out) {
   const std::vector<Body> start(world.bodies().begin(), world.bodies().end());
   // Awake, 1,000 cubes take half a second of computing for a second.
   const bool off = s.engine.freezing != Freezing::kCertified;
-  const double seconds = off ? (s.quick ? 5 : 20) : s.quick ? 60 : 600;
+  const double whole = 600 * std::min(1.0, 60 * s.dt);  // as many frames with a shorter step: a quarter of the time
+  const double seconds = off ? (s.quick ? 5 : 20) : s.quick ? 60 : whole;
   const std::string name =
       std::to_string(start.size() - 1) + " cubes, " + std::to_string(static_cast<int>(seconds)) + " s: ";
   int woken = 0;
@@ -125,7 +128,9 @@ void MeasureRest(const CheckSettings& s, Measurements* out) {
     woken += world.Step(s.dt).woken;
     if (frame % 60 == 0) load = std::max(load, std::abs(LoadOnFloor(world, s.dt) / Weight(world) - 1));
   }
-  out->AtMost(name + "farthest that a corner moved", "m", Farthest(world, start), 1e-9);
+  // Awake, the solver may leave each step its tolerance times g h. Frozen, nothing moves by a bit; what moved did so before.
+  const double creep = off ? s.engine.tolerance * kGravity * s.dt * seconds : 1e-9;
+  out->AtMost(name + "farthest that a corner moved", "m", Farthest(world, start), creep);
   out->Absolute(name + "wakes", "", 0, woken, 0);
   out->AtMost(name + "kinetic energy, per kg", "J", KineticEnergy(world) / static_cast<double>(start.size() - 1),
               1e-12);

@@ -96,15 +96,16 @@ void ReportRest(const std::string& name, const ColumnWorst& worst, Measurements*
 }  // namespace
 
 void MeasureColumn(const CheckSettings& settings, Measurements* out) {
-  const auto column = [&](int cubes, int seconds) {
-    const std::string name = std::to_string(cubes) + " cubes, " + std::to_string(seconds) + " s";
+  const auto column = [&](int cubes, double seconds) {
+    const std::string frames = std::to_string(Frames(seconds, settings.dt)) + " frames";
+    const std::string name = std::to_string(cubes) + " cubes, " + frames;
     const ColumnWorst worst = RunColumn(settings, std::vector<double>(cubes, 1.0), seconds);
     out->AtMost("worst contact load, " + name, "of the load", worst.load, 1e-6);
     ReportRest(name, worst, out);
   };
   column(10, 60);
-  column(100, settings.quick ? 4 : 60);
-  if (!settings.quick) column(1000, 1);
+  column(100, settings.quick ? 3 : 60);
+  if (!settings.quick) column(1000, 0.1);
 }
 
 void MeasureHeavyOnLight(const CheckSettings& settings, Measurements* out) {

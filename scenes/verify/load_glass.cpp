@@ -50,8 +50,8 @@ void WeighGlass(const CheckSettings& settings, const char* scene, int count, dou
 }  // namespace
 
 void MeasureWeighedGlass(const CheckSettings& settings, Measurements* out) {
-  WeighGlass(settings, "cubeglass7", settings.quick ? 81 : 567, settings.quick ? 4 : 8, out);
-  WeighGlass(settings, "sphereglass", settings.quick ? 81 : 567, settings.quick ? 4 : 8, out);
+  WeighGlass(settings, "cubeglass7", settings.quick ? 81 : 243, settings.quick ? 4 : 6, out);
+  WeighGlass(settings, "sphereglass", settings.quick ? 81 : 243, settings.quick ? 4 : 6, out);
 }
 
 }  // namespace islet::verify

@@ -60,6 +60,11 @@ void MeasureBalancedCube(const CheckSettings& settings, Measurements* out) {
   const Fall fall = WatchFall(settings, 1e-6, k);
   // x += h (w0 + w1) / 2 with w1 - w0 = h k^2 x grows by d in a step, d^2 = (h k)^2 (1 + d / 2): at k (1 - h k / 4 + ..).
   out->Relative("growth rate", "1/s", k, fall.rate, settings.dt * k / 4, "h k / 4: the first order of the scheme");
+  CheckSettings half = settings;
+  half.dt /= 2;
+  const double extrapolated = 2 * WatchFall(half, 1e-6, k).rate - fall.rate;
+  const double second_order = settings.dt * settings.dt * k * k / 4;
+  out->Relative("growth rate, extrapolated from dt and dt / 2", "1/s", k, extrapolated, second_order, "(h k)^2 / 4");
   for (const auto& [tilt, name] :
        {std::pair{1e-1, "1e-1"}, {1e-2, "1e-2"}, {1e-3, "1e-3"}, {1e-4, "1e-4"}, {1e-5, "1e-5"}, {1e-6, "1e-6"}}) {
     const Fall from = WatchFall(settings, tilt, k);

@@ -339,7 +339,7 @@ TEST(CertifiedFreezing, UnloadedStackStays) {
 // T25. A ball on a fixed ball is out of balance however little: it must roll off, not freeze.
 TEST(CertifiedFreezing, BallOnABallRollsOff) {
   for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
-    for (const double angle : {0.1, 0.01, 0.001, 0.0001}) {
+    for (const double angle : {0.1, 0.01, 0.001, 0.0001, 1e-5, 1e-6, 1e-7}) {
       World world(OneThread());
       BodyDefinition below = Ball(Vector3::Zero());
       below.kind = BodyKind::kFixed;
@@ -353,6 +353,74 @@ TEST(CertifiedFreezing, BallOnABallRollsOff) {
       EXPECT_NEAR(world.body(1).position_W.y(), 0, 1e-9);
     }
   }
+}
+
+// On an edge, 1e-6 rad off: the speed stays below that of a body at rest for a second, but it grows.
+TEST(CertifiedFreezing, CubeBalancedOnAnEdgeFallsOver) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    World world(OneThread());
+    world.Add(Floor());
+    BodyDefinition cube = Cube({0, 0, 0});
+    cube.rotation_WB = Turn(M_PI / 4 + 1e-6, Vector3::UnitY());
+    cube.position_W.z() = std::sqrt(0.5) * std::cos(1e-6);
+    world.Add(cube);
+    StepTimes(&world, static_cast<int>(7 / dt), dt);
+    EXPECT_NEAR(world.body(1).position_W.z(), 0.5, 1e-3) << dt;
+  }
+}
+
+// A ball on a plane that leans by 5e-5 rad gains 6e-6 m/s in a step. It gains them in every step.
+TEST(CertifiedFreezing, BallOnTheSlightestSlopeRolls) {
+  for (const double lean : {5e-4, 5e-5, 5e-6}) {
+    Settings settings = OneThread();
+    settings.gravity = kGravity * Vector3(std::sin(lean), 0, -std::cos(lean));
+    World world(settings);
+    world.Add(Floor());
+    world.Add(Ball({0, 0, 0.5}));
+    StepTimes(&world, 120);
+    EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 5.0 / 7 * kGravity * lean * 2, 1e-3 * kGravity * lean) << lean;
+  }
+}
+
+TEST(CertifiedFreezing, GravityThatTurnsByAHairRollsABall) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Ball({0, 0, 0.5}));
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  const double lean = 1e-4;
+  world.SetGravity(kGravity * Vector3(std::sin(lean), 0, -std::cos(lean)));
+  world.Step(kDt);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 5.0 / 7 * kGravity * lean * kDt, 1e-8);
+}
+
+// A blow of 20 kg at 10 m/s against one cube of a pyramid. Bodies that only tremble by what the solver's tolerance leaves stay
+// frozen in the frame of the blow.
+TEST(CertifiedFreezing, BlowWakesWhatItMovesAndNothingElse) {
+  World world(OneThread());
+  world.Add(Floor());
+  constexpr int kLayers = 6;
+  constexpr double kPitch = 1.04;
+  for (int layer = 0; layer < kLayers; ++layer) {
+    const int side = kLayers - layer;
+    for (int i = 0; i < side * side; ++i)
+      world.Add(Cube({kPitch * (i / side - 0.5 * (side - 1)), kPitch * (i % side - 0.5 * (side - 1)), layer + 0.5}));
+  }
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  BodyDefinition ball = Ball({-kPitch - 1, 0, 3.5});
+  ball.mass = 20;
+  ball.linear_velocity_W = {10, 0, 0};
+  world.Add(ball);
+  world.Step(kDt);
+  int moving = 0;
+  for (const Body& b : world.bodies()) {
+    moving += b.kind == BodyKind::kDynamic && !b.frozen;
+    if (b.Moves()) {
+      EXPECT_GT(b.linear_velocity_W.norm() + b.angular_velocity_W.norm(), 1e-5);
+    }
+  }
+  EXPECT_GE(moving, 2);
+  EXPECT_LE(moving, 10);  // of 92
 }
 
 // T26, Fig. 5: the blow wakes the whole row in the frame of the hit.

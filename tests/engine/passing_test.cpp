@@ -39,7 +39,7 @@ struct Meeting {
                   {b.position_W, b.rotation_WB.toRotationMatrix()}, 10, &found);
     before = after = found.at(0);
     passes = PassesBy({a, world.shape(0), Vector3::Zero(), Vector3::Zero()},
-                      {b, world.shape(1), kDt * velocity, Vector3::Zero()}, 1e-6 * radius, &after);
+                      {b, world.shape(1), kDt * velocity, Vector3::Zero()}, {}, &after);
   }
 };
 
@@ -123,6 +123,37 @@ TEST(World, ObliqueHitOfTwoBallsIsNoGraze) {
     EXPECT_NEAR(v.norm(), 0.5 * cosine, 0.02) << offset;
     EXPECT_NEAR((v + world.body(ball).linear_velocity_W - Vector3(0.5, 0, 0)).norm(), 0, 1e-12);
   }
+}
+
+// What grazes gets no push besides its contact normal: without friction nothing may spin, and energy only falls.
+TEST(World, FrictionlessBallsNeverSpinNorGainEnergy) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0));
+  for (const auto& [place, normal] : {std::pair{Vector3(-1.2, 0, 0), Vector3(1, 0, 0)},
+                                      {Vector3(1.2, 0, 0), Vector3(-1, 0, 0)},
+                                      {Vector3(0, -1.2, 0), Vector3(0, 1, 0)},
+                                      {Vector3(0, 1.2, 0), Vector3(0, -1, 0)}})
+    world.Add({.shape = Shape::HalfSpace(),
+               .kind = BodyKind::kFixed,
+               .position_W = place,
+               .rotation_WB = Quaternion::FromTwoVectors(Vector3::UnitZ(), normal),
+               .friction = 0,
+               .restitution = 0});
+  for (int i = 0; i < 20; ++i)
+    world.Add(
+        Ball({0.6 * (i % 2 ? 1 : -1) + 0.004 * i, 0.6 * (i / 2 % 2 ? 1 : -1) - 0.005 * i, 1 + 1.1 * (i / 4)}, 0.5, 0));
+  double energy = testing::Energy(world.bodies()), spin = 0, gained = 0;
+  for (int i = 0; i < 240; ++i) {
+    world.Step(1.0 / 30);
+    const double now = testing::Energy(world.bodies());
+    gained = std::max(gained, now - energy);
+    energy = now;
+    for (const Body& b : world.bodies()) spin = std::max(spin, b.angular_velocity_W.norm());
+  }
+  EXPECT_LT(spin, 1e-9);
+  EXPECT_LT(gained, 1e-2);
 }
 
 }  // namespace

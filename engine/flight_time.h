@@ -1,0 +1,62 @@
+// How long each body moves in a step. A flight that an impact cuts short (flight.h) leaves some of its step; when the body
+// then rebounds its next flight lasts so much longer, and the bounces happen at their times, whatever the time step.
+//
+//   order in a step:  BeginStep, Ignores (of contacts), ChooseDurations; the contact suite; PlanMotion; the move; EndStep
+//   threads: one caller at a time
+//   allocation: none after warm-up
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/contact.h"
+#include "engine/contact_suite.h"
+#include "engine/motion.h"
+
+namespace islet {
+
+// What one step leaves for the next.
+struct FlightMemory {
+  std::vector<double> unflown;     // [s] per body: what its last flight left
+  std::vector<std::uint8_t> flew;  // per body: no contact pushed it in the last step, and it met nothing
+
+  void AddBody();
+  void Forget(int body);
+};
+
+class FlightTime {
+ public:
+  // tolerances: [m] of overlap, per body.
+  void BeginStep(std::span<const Body> bodies, std::span<const double> tolerances,
+                 std::span<const Contact> near_contacts, const FlightMemory& memory);
+  // A body in flight meets what is there when it gets there, however slow it is and however near.
+  bool Ignores(const Contact& contact) const;
+
+  // What a flight left is added if the body now leaves all that it touches. The suite knows one time step only: forces make up
+  // for it until PlanMotion. resolved: gets its rebounds (rebound.h) if `rebound`.
+  void ChooseDurations(double dt, const Vector3& gravity_W, bool rebound, const SuiteMemory& suite,
+                       const FlightMemory& memory, std::span<Body> bodies, std::span<Contact> resolved);
+  // After the suite. The plan refers to this object.
+  MotionPlan PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
+                        std::span<const Contact> resolved, std::span<Body> bodies);
+  // left: [s] per body, of this step's flights.
+  void EndStep(double dt, std::span<const Body> bodies, std::span<const double> left, FlightMemory* memory) const;
+
+ private:
+  struct Load {
+    int body;
+    Vector3 force_W, torque_W;
+  };
+  bool Meets(const Contact& contact) const;
+
+  std::span<const double> tolerances_;   // of BeginStep, during the step
+  std::vector<std::uint8_t> in_flight_;  // per body: flew, and nothing stops it yet
+  std::vector<double> durations_;        // [s] per body
+  std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
+  std::vector<Motion> motions_;          // per body
+  std::vector<Twist> before_;            // per body: velocities that its motion begins with
+};
+
+}  // namespace islet
