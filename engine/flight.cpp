@@ -2,19 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/rotation.h"
-#include "engine/suite_frame.h"
 
 namespace islet {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+// Two that fly side by side and touch, closing at less than this share of their speed, are parted by a correction: to stop both
+// would cost more than to move them aside, and in a falling crowd everyone would wait for everyone.
+constexpr double kHeadOn = 0.5;
 constexpr double kSameMoment = 1e-12;  // of a duration: two bodies fly on together
 constexpr double kPolished = 1e-3;     // of the overlap tolerance: a gap that small is none
 constexpr int kForwardRounds = 4;      // later ones only go back, so that they end
-constexpr int kPatientRounds = 8;      // later ones put what still overlaps back to where it began
 constexpr double kBegins = 1e-2;  // of the overlap tolerance: contacts open by more at the start are met on the way
 
 }  // namespace
@@ -72,43 +71,29 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
     const int a = contact.body_a, b = contact.body_b;
-    const bool a_flies = flies(a), b_flies = flies(b);
-    if (!a_flies && !b_flies) continue;
+    if (!flies(a) && !flies(b)) continue;
     if (GlidesOn(a, bodies[b]) || GlidesOn(b, bodies[a])) continue;
-    const auto leaves_way = [&](int i) { return flies(i) || StandsStill(bodies[i]); };
-    const bool alone = leaves_way(a) && leaves_way(b);
-    handled->at(c) = alone;
+    // Who has more time left was stopped by something else and stands; the other one comes to meet it.
+    const bool both = flies(a) && flies(b);
+    const bool together = both && std::abs(left_[a] - left_[b]) <= kSameMoment * paths_[a].duration;
+    const bool a_moves = together || (both ? left_[a] < left_[b] : flies(a));
+    const bool b_moves = together || (both ? left_[b] < left_[a] : flies(b));
+    const int mover = a_moves ? a : b;
     const double tolerance = std::min(tolerances[a], tolerances[b]);
-    const double gap = gaps[c];
-    const bool held = (a_flies && left_[a] > 0) || (b_flies && left_[b] > 0);
-    const bool met = round == 0 ? gap < (contact.gap > kBegins * tolerance ? 0 : -0.5 * tolerance) : gap < -tolerance;
-    if (!met && !held) continue;
-    // Who has more time left has been stopped by something else and stands at that moment; the other one comes to meet it.
-    const double same = kSameMoment * (a_flies ? paths_[a].duration : paths_[b].duration);
-    const bool together = a_flies && b_flies && std::abs(left_[a] - left_[b]) <= same;
-    const bool a_moves = a_flies && (together || !b_flies || left_[a] < left_[b]);
-    const bool b_moves = b_flies && (together || !a_flies || left_[b] < left_[a]);
+    const bool on_the_way = round == 0 && contact.gap > kBegins * tolerance;
+    const bool met = gaps[c] < (on_the_way ? 0 : -0.5 * tolerance);
+    if (!met && left_[mover] == 0) continue;
     double closing = 0;  // [m/s]
     if (a_moves) closing += contact.normal_W.dot(PointVelocity(a, contact, bodies[a]));
     if (b_moves) closing -= contact.normal_W.dot(PointVelocity(b, contact, bodies[b]));
-    const int mover = a_moves ? a : b;
-    const double earliest = std::min(a_moves ? paths_[a].duration : kNever, b_moves ? paths_[b].duration : kNever);
-    if (closing <= 0 && !met) continue;
-    double moment = closing > 0 ? left_[mover] - gap / closing : kNever;
-    if (met && a_flies && b_flies && !together) moment = std::min(moment, std::max(left_[a], left_[b]));
-    if (!(moment <= earliest) || (met && alone && round >= kPatientRounds)) {
-      if (!met || !alone) continue;
-      // Their own ways do not part them soon: they go back towards where they began, where nothing overlapped.
-      const double share = round < kForwardRounds ? 0.5 : 1;
-      for (const int i : {a, b})
-        if (flies(i)) wanted_[i] = std::max(wanted_[i], left_[i] + share * (paths_[i].duration - left_[i]));
-      changes = true;
-      continue;
-    }
-    handled->at(c) = 1;
+    if (closing <= 0 || (together && closing < kHeadOn * std::max(Speed(a), Speed(b)))) continue;
+    const double moment = left_[mover] - gaps[c] / closing;
+    const double begin = together ? std::min(paths_[a].duration, paths_[b].duration) : paths_[mover].duration;
+    if (!(moment <= (both && !together ? std::max(left_[a], left_[b]) : begin))) continue;
+    (*handled)[c] = 1;
     if (a_moves) wanted_[a] = std::max(wanted_[a], moment);
     if (b_moves) wanted_[b] = std::max(wanted_[b], moment);
-    changes = changes || met || std::abs(gap) > kPolished * tolerance;
+    changes = changes || met || std::abs(gaps[c]) > kPolished * tolerance;
   }
   bool moved = false;
   for (size_t i = 0; i < left_.size(); ++i) {

@@ -35,8 +35,8 @@ class Flights {
   std::span<const double> left() const { return left_; }
 
   // One Newton step for every flying body, from the gaps that all contacts have at the moments of left(). Round 0: they are
-  // predicted, and contact.gap is the gap at the start. True if some body is to be placed anew; handled[c]: this step or the
-  // next ones find a moment at which contact c is open; for two bodies that both fly or stand still there always is one.
+  // predicted, and contact.gap is the gap at the start. True if some body is to be placed anew; handled[c]: at that moment
+  // contact c is open, or will be after the next steps; the others are left to corrections.
   bool FindMoments(int round, std::span<const Contact> contacts, std::span<const double> gaps,
                    std::span<const double> tolerances, std::span<const Body> bodies,
                    std::vector<std::uint8_t>* handled);
@@ -55,6 +55,7 @@ class Flights {
   };
   bool GlidesOn(int body, const Body& other) const;
   Twist VelocityAt(int body) const;  // at its moment; angular: of the mean rule, good for predictions
+  double Speed(int body) const { return VelocityAt(body).linear_W.norm(); }
   Vector3 PointVelocity(int body, const Contact& contact, const Body& now) const;
 
   std::vector<Path> paths_;

@@ -42,12 +42,6 @@ void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebou
   if (rebound) SetRebounds(bodies, suite.previous_contacts, suite.previous_holding, resolved);
   durations_.assign(bodies.size(), dt);
   for (size_t i = 0; i < bodies.size(); ++i) durations_[i] += bodies[i].Moves() ? memory.unflown[i] : 0;
-  for (const Contact& c : resolved) {
-    if (!c.touches || (durations_[c.body_a] == dt && durations_[c.body_b] == dt)) continue;
-    const double speed = NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
-    if (speed > 0 || (speed < 0 && c.restitution > 0)) continue;
-    durations_[c.body_a] = durations_[c.body_b] = dt;
-  }
   loads_.clear();
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (durations_[i] == dt) continue;
@@ -76,6 +70,10 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   }
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   RestoreBounced(dt, gravity_W, bodies, resolved, holding, &before_);
+  // A solver's rounding is no push, but enough for the suite to take a body for caught.
+  for (const Contact& contact : resolved)
+    for (const int i : {contact.body_a, contact.body_b})
+      if (motions_[i] == Motion::kFlies && bodies[i].Moves()) before_[i] = BeforeForces(dt, gravity_W, bodies[i]);
   for (const Load& load : loads_) {
     bodies[load.body].force_W = load.force_W;
     bodies[load.body].torque_W = load.torque_W;
@@ -83,12 +81,11 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   return {dt, durations_, motions_, before_};
 }
 
-void FlightTime::EndStep(double dt, std::span<const Body> bodies, std::span<const double> left,
-                         FlightMemory* memory) const {
+void FlightTime::EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const {
   for (size_t i = 0; i < bodies.size(); ++i) {
-    const double unflown = bodies[i].Moves() ? left[i] : 0;
+    const double unflown = bodies[i].Moves() && motions_[i] == Motion::kFlies ? mover.left()[i] : 0;
     memory->unflown[i] = std::min(unflown, dt);
-    memory->flew[i] = motions_[i] == Motion::kFlies && unflown == 0;
+    memory->flew[i] = motions_[i] == Motion::kFlies && mover.flew(static_cast<int>(i)) && unflown == 0;
   }
 }
 

@@ -41,8 +41,8 @@ class FlightTime {
   // After the suite. The plan refers to this object.
   MotionPlan PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                         std::span<const Contact> resolved, std::span<Body> bodies);
-  // left: [s] per body, of this step's flights.
-  void EndStep(double dt, std::span<const Body> bodies, std::span<const double> left, FlightMemory* memory) const;
+  // After the move.
+  void EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const;
 
  private:
   struct Load {

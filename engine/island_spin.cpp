@@ -8,6 +8,11 @@
 namespace islet {
 namespace {
 
+constexpr double kNoise = 1e-9;  // of the kinetic energy: what bodies move relative to each other may be rounding
+
+constexpr double kOwnShare =
+    1e-3;  // bodies turn about their common centre, hardly about their own: smooth balls do not spin
+
 struct Centre {
   double mass = 0;                       // [kg]
   Vector3 position_W = Vector3::Zero();  // [m]
@@ -26,11 +31,13 @@ Centre CentreOf(std::span<const int> members, std::span<const Body> bodies) {
   return centre;
 }
 
-Matrix3 InertiaOf(std::span<const int> members, std::span<const Body> bodies, const Centre& centre) {
+// own: the share of what each body has about its own centre.
+Matrix3 InertiaOf(std::span<const int> members, std::span<const Body> bodies, const Centre& centre, double own) {
   Matrix3 inertia = Matrix3::Zero();  // [kg m^2]
   for (const int i : members) {
     const Vector3 r = bodies[i].position_W - centre.position_W;
-    inertia += bodies[i].InertiaW() + bodies[i].mass * (r.squaredNorm() * Matrix3::Identity() - r * r.transpose());
+    inertia +=
+        own * bodies[i].InertiaW() + bodies[i].mass * (r.squaredNorm() * Matrix3::Identity() - r * r.transpose());
   }
   return inertia;
 }
@@ -54,27 +61,28 @@ IslandSpin SpinOf(std::span<const int> members, std::span<const Body> bodies) {
 
 void RestoreSpin(const IslandSpin& before, std::span<const int> members, std::span<Body> bodies) {
   const Centre centre = CentreOf(members, bodies);
-  const Matrix3 inertia = InertiaOf(members, bodies, centre);
-  const Eigen::LDLT<Matrix3> factors(inertia);
   const IslandSpin now = SpinAbout(before.point_W, members, bodies);
-  const Vector3 missing = factors.solve(before.angular_momentum_W - now.angular_momentum_W);
-  if (!missing.allFinite()) return;
-  // Rigid motion with the momenta that are wanted, and what is left of each velocity beside it.
-  const Vector3 spin = factors.solve(before.angular_momentum_W);
-  const double rigid = 0.5 * centre.mass * centre.velocity_W.squaredNorm() + 0.5 * spin.dot(before.angular_momentum_W);
-  const double energy = now.energy + missing.dot(now.angular_momentum_W) + 0.5 * missing.dot(inertia * missing);
-  const double own = energy - rigid;
-  double share = 1;
-  if (energy > before.energy && own > 0) share = std::sqrt(std::clamp((before.energy - rigid) / own, 0.0, 1.0));
+  const Vector3 turn = Eigen::LDLT<Matrix3>(InertiaOf(members, bodies, centre, kOwnShare))
+                           .solve(before.angular_momentum_W - now.angular_momentum_W);  // [rad/s]
+  if (!turn.allFinite()) return;
+  double energy = 0;
   for (const int i : members) {
-    Body& body = bodies[i];
-    const Vector3 r = body.position_W - centre.position_W;
-    body.linear_velocity_W += missing.cross(r);
-    body.angular_velocity_W += missing;
-    if (share == 1) continue;
-    const Vector3 rigid_linear = centre.velocity_W + spin.cross(r);
-    body.linear_velocity_W = rigid_linear + share * (body.linear_velocity_W - rigid_linear);
-    body.angular_velocity_W = spin + share * (body.angular_velocity_W - spin);
+    bodies[i].linear_velocity_W += turn.cross(bodies[i].position_W - centre.position_W);
+    bodies[i].angular_velocity_W += kOwnShare * turn;
+    energy += bodies[i].KineticEnergy();
+  }
+  // The rigid motion that has these momenta has the least energy of all that do; what goes on beside it is scaled.
+  const Vector3 orbit = (centre.position_W - before.point_W).cross(centre.mass * centre.velocity_W);
+  const Vector3 momentum = before.angular_momentum_W - orbit;
+  const Vector3 spin = Eigen::LDLT<Matrix3>(InertiaOf(members, bodies, centre, 1)).solve(momentum);
+  const double rigid = 0.5 * centre.mass * centre.velocity_W.squaredNorm() + 0.5 * spin.dot(momentum);
+  const double beside = energy - rigid;
+  if (beside <= kNoise * energy) return;
+  const double share = std::sqrt(std::max(0.0, (before.energy - rigid) / beside));
+  for (const int i : members) {
+    const Vector3 linear = centre.velocity_W + spin.cross(bodies[i].position_W - centre.position_W);
+    bodies[i].linear_velocity_W = linear + share * (bodies[i].linear_velocity_W - linear);
+    bodies[i].angular_velocity_W = spin + share * (bodies[i].angular_velocity_W - spin);
   }
 }
 

@@ -18,8 +18,8 @@ struct IslandSpin {
 // members: places in `bodies`, all of them dynamic.
 IslandSpin SpinOf(std::span<const int> members, std::span<const Body> bodies);
 
-// Changes the velocities by those of a rigid body, so that the angular momentum is `before`'s. The linear momentum stays. If
-// that takes energy, what the bodies move relative to each other pays.
+// Turns the velocities about the common centre, so that the angular momentum is `before`'s, and scales what the bodies move
+// relative to each other, so that the energy is. The linear momentum stays.
 void RestoreSpin(const IslandSpin& before, std::span<const int> members, std::span<Body> bodies);
 
 }  // namespace islet

@@ -128,7 +128,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) RestoreSpins(bodies);
+    if (corrected) RestoreSpins(outcome.passes == 0, bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -270,9 +270,16 @@ void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contac
   }
 }
 
-void Mover::RestoreSpins(std::span<Body> bodies) const {
-  for (int i = 0; i < partition_.num_islands(); ++i)
-    if (wanted_[i]) RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
+// Together they were not lifted, so gravity has done what their velocities claim.
+void Mover::RestoreSpins(bool first, std::span<Body> bodies) {
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    if (!wanted_[i]) continue;
+    RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
+    for (const int member : partition_.bodies_of(i)) {
+      aim_[member] = first ? bodies[member].position_W : Vector3(aim_[member] + planned_[member].linear);
+      flights_.Ground(member);
+    }
+  }
 }
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work.

@@ -56,6 +56,8 @@ class Mover {
 
   // [s] per body: what it did not fly in the last move, since it met something.
   std::span<const double> left() const { return flights_.left(); }
+  // Not pushed, and not moved by a correction either.
+  bool flew(int body) const { return flights_.flies(body); }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
@@ -87,7 +89,7 @@ class Mover {
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void RestoreSpins(std::span<Body> bodies) const;
+  void RestoreSpins(bool first, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <tuple>
 
+#include "engine/suite_frame.h"
+
 namespace islet {
 namespace {
 
@@ -42,8 +44,11 @@ void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_con
     if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact) || !contact.rebounds ||
         !(last_holding[p][0] > 0))
       continue;
-    if (NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) >= 0) continue;
-    contact.fading = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
+    const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
+    if (approach <= 0) continue;
+    // What a blow from elsewhere adds to the approach rebounds by Newton's law.
+    const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
+    contact.fading = std::min(lost, contact.restitution * approach);
   }
 }
 
@@ -51,11 +56,15 @@ bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const B
   return impulse.norm() > kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
 }
 
+Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body) {
+  const Twist forces = ForcesOver(dt, gravity_W, body);
+  return {body.linear_velocity_W - forces.linear_W, body.angular_velocity_W - forces.angular_W};
+}
+
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies) {
   const auto velocity = [&](int i) -> Vector3 {
-    const Twist forces = ForcesOver(dt, gravity_W, bodies[i]);
-    return bodies[i].VelocityAt(contact.point_W) - forces.linear_W -
-           forces.angular_W.cross(contact.point_W - bodies[i].position_W);
+    const Twist twist = BeforeForces(dt, gravity_W, bodies[i]);
+    return twist.linear_W + twist.angular_W.cross(contact.point_W - bodies[i].position_W);
   };
   return contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a));
 }
@@ -85,9 +94,7 @@ void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> b
   std::vector<Body> earlier;
   for (const int i : bounced) {
     earlier.push_back(bodies[i]);
-    const Twist forces = ForcesOver(dt, gravity_W, bodies[i]);
-    earlier.back().linear_velocity_W -= forces.linear_W;
-    earlier.back().angular_velocity_W -= forces.angular_W;
+    SetTwist(BeforeForces(dt, gravity_W, bodies[i]), &earlier.back());
   }
   for (size_t c = 0; c < contacts.size(); ++c) {
     if (holding[c].isZero(0)) continue;
@@ -112,7 +119,7 @@ void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> b
     if (b >= 0) gains[b] = 1;
   }
   for (size_t k = 0; k < bounced.size(); ++k)
-    if (!gains[k]) (*before)[bounced[k]] = {earlier[k].linear_velocity_W, earlier[k].angular_velocity_W};
+    if (!gains[k]) (*before)[bounced[k]] = TwistOf(earlier[k]);
 }
 
 }  // namespace islet

