@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/rebound.h"
+#include "engine/suite_frame.h"
 #include "engine/suite_memory.h"
 
 namespace islet {
@@ -74,6 +75,10 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})
       if (motions_[i] == Motion::kFlies && bodies[i].Moves()) before_[i] = BeforeForces(dt, gravity_W, bodies[i]);
+  // Where no force acts during the step, impulses are those of its beginning: to move on with half of them would leave the
+  // angular momentum behind.
+  for (size_t i = 0; i < bodies.size() && gravity_W.isZero(0); ++i)
+    if (bodies[i].force_W.isZero(0) && bodies[i].torque_W.isZero(0)) before_[i] = TwistOf(bodies[i]);
   for (const Load& load : loads_) {
     bodies[load.body].force_W = load.force_W;
     bodies[load.body].torque_W = load.torque_W;

@@ -12,6 +12,7 @@ namespace islet {
 struct IslandSpin {
   Vector3 point_W = Vector3::Zero();             // [m] where the centre of mass of all was
   Vector3 angular_momentum_W = Vector3::Zero();  // [N m s] about that point, which flying on does not change
+  double scale = 0;                              // [N m s] sizes of its parts
   double energy = 0;                             // [J]
 };
 

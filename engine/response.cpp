@@ -14,7 +14,6 @@ constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce:
 constexpr double kRestShare = 1.5;    // times the floor of v_ref: nothing approaches faster than a resting load would
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
-constexpr double kMomentumError = 1e-13;      // of the island's momentum scale: rounding
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
@@ -132,6 +131,16 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, bool expect_
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
 }
 
+// Velocities from the impulses, whatever the solver's own: momentum and angular momentum to rounding.
+void IslandResponder::KeepMomentum() {
+  if (solution_.impulses.size() != problem_.contacts.size()) return;
+  solution_.velocities.clear();
+  for (const qp::BodyTerm& body : problem_.bodies)
+    solution_.velocities.insert(solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
+  for (size_t c = 0; c < problem_.contacts.size(); ++c)
+    qp::ApplyImpulse(problem_, problem_.contacts[c], solution_.impulses[c], solution_.velocities.data());
+}
+
 void IslandResponder::Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
                              std::span<Vector3> impulses, ResponseOutcome* outcome) {
   if (outcome->status == QpStatus::kFailed) {
@@ -139,14 +148,6 @@ void IslandResponder::Finish(const IslandView& island, const Settings& settings,
     return;
   }
   outcome->certificate = Certify(problem_, solution_, settings.model, settings.cone, v_ref);
-  if (outcome->certificate.momentum > kMomentumError) {  // momentum before anything else
-    for (size_t i = 0; i < problem_.bodies.size(); ++i)
-      Eigen::Map<qp::Vector6>(&solution_.velocities[6 * i]) =
-          Eigen::Map<const qp::Vector6>(problem_.bodies[i].velocity.data());
-    for (size_t c = 0; c < problem_.contacts.size(); ++c)
-      qp::ApplyImpulse(problem_, problem_.contacts[c], solution_.impulses[c], solution_.velocities.data());
-    outcome->certificate = Certify(problem_, solution_, settings.model, settings.cone, v_ref);
-  }
   IslandGatherer::ScatterVelocities(solution_, island.bodies, bodies);
   for (size_t c = 0; c < island.contacts.size(); ++c) impulses[island.contacts[c]] = solution_.impulses[c];
 }
@@ -178,6 +179,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
       problem_.contacts[c].target = ReboundSpeed(contacts.contacts[touching.contacts[c]], -free_[c]);
   }
   Solve(settings, v_ref, false, &outcome);
+  if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

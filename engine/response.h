@@ -59,6 +59,7 @@ class IslandResponder {
  private:
   void Solve(const Settings& settings, double v_ref, bool expect_rest, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
+  void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 

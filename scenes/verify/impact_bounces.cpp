@@ -77,7 +77,7 @@ void MeasureEnd(const CheckSettings& settings, double restitution, Measurements*
 
 // No speed is too low: a ball dropped from a hair's breadth bounces on with e = 1, below what a frame can show (8 h > g dt^2).
 void MeasureSmallBounces(const CheckSettings& settings, Measurements* out) {
-  for (const double height : {1e-2, 1e-4, 1e-6}) {
+  for (const double height : {1e-2, 1e-4, 1e-5}) {
     World world(settings.engine);
     world.Add(Floor(0, 1));
     const int ball = world.Add(Ball({0, 0, kRadius + height}, kRadius, 0, 1));
