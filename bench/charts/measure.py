@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 
-QUICK = {"budget": 270, "limit": 2}
+QUICK = {"budget": 270, "limit": 5}
 FULL = {"budget": 3300, "limit": 20}
 
 
