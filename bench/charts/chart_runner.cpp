@@ -15,7 +15,9 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "bench/charts/run.h"
@@ -28,7 +30,7 @@ struct Options {
   std::vector<std::string> scenes;
   bool quick = false;
   bool list = false;
-  Limits limits;
+  double limit = 0;  // [s]; 0: the scene's own
 };
 
 std::string FirstLineOf(const char* command) {
@@ -97,6 +99,28 @@ void List(const peers::Engine& engine) {
   std::cerr << engine.name << ' ' << engine.version << ": " << engine.settings.size() << " settings\n";
 }
 
+// Settings of one sweep come in the order of their cost: once one was cut, the rest of its sweep is not tried.
+void RunSettings(const ChartScene& scene, const peers::Engine& engine, const Options& options, std::ostream& out) {
+  Limits limits;
+  limits.stepping = options.limit > 0 ? options.limit : scene.limit;
+  std::set<std::string> cut;
+  for (const peers::Setting& setting : engine.settings) {
+    if (options.quick && !setting.quick) continue;
+    const std::string sweep = setting.solver + '/' + setting.sweep + (setting.sleeping ? "/sleeping/" : "/awake/") +
+                              std::to_string(setting.threads);
+    const std::string load = Loads();
+    RunResult result;
+    if (cut.contains(sweep)) {
+      std::snprintf(result.failed, sizeof result.failed, "not run");
+    } else {
+      result = RunApart(scene, engine, setting, limits);
+    }
+    if (std::string_view(result.failed) == "time limit" || std::string_view(result.failed) == "refused")
+      cut.insert(sweep);
+    WriteRow(scene, engine, setting, result, load, out);
+  }
+}
+
 int RunAll(const Options& options, const peers::Engine& engine) {
   const bool fresh = !std::filesystem::exists(options.out);
   std::ofstream out(options.out, std::ios::app);
@@ -111,12 +135,7 @@ int RunAll(const Options& options, const peers::Engine& engine) {
       std::cerr << "no scene is called " << name << '\n';
       return 2;
     }
-    for (const peers::Setting& setting : engine.settings) {
-      if (options.quick && !setting.quick) continue;
-      const std::string load = Loads();
-      out << std::flush;
-      WriteRow(*scene, engine, setting, RunApart(*scene, engine, setting, options.limits), load, out);
-    }
+    RunSettings(*scene, engine, options, out);
   }
   return EXIT_SUCCESS;
 }
@@ -129,8 +148,7 @@ int Main(int argc, char** argv) {
   app.add_option("--scene", options.scenes, "scenes, in this order");
   app.add_flag("--quick", options.quick, "only the settings of chart-quick");
   app.add_flag("--list", options.list, "the scenes: name, quick, seconds, what, error, why");
-  app.add_option("--limit", options.limits.stepping, "[s] of stepping, after which a run is cut")
-      ->capture_default_str();
+  app.add_option("--limit", options.limit, "[s] of stepping, after which a run is cut; default: the scene's own");
   CLI11_PARSE(app, argc, argv);
   if (options.list) {
     List(engine);

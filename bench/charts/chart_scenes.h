@@ -20,6 +20,7 @@ struct ChartScene {
   std::string_view name;
   double seconds;  // [s] simulated
   bool quick;      // in chart-quick too
+  double limit;    // [s] of stepping, after which a run is cut
   std::string_view summary;
   std::string_view error_name;  // with unit
   std::string_view why;         // why that is the error: what the exact answer is, and by which argument

@@ -261,9 +261,10 @@ def page(scenes, by_scene, standings, heads, run, clock, folder):
              "its time / islet's at its error and overlap", "islet points it dominates"), lines))
         parts.append("<details><summary>all rows</summary>" + table(
             ("setting",) + COLUMNS, [[r.setting()] + [r[c] for c in COLUMNS] for r in by_scene[name]]) + "</details>")
+        quick_options = f" --quick --limit {run['limit_s']:g}" if "quick" in run["command"] else ""
         programs = " ".join(sorted({r["engine"] for r in by_scene[name]}))
-        parts.append(f"<pre>for e in {programs}; do chart_$e --out $e.csv --scene {name} --limit {run['limit_s']:g}"
-                     f"{' --quick' if 'quick' in run['command'] else ''}; done</pre>")
+        parts.append(f"<pre>for e in {programs}; do chart_$e --out $e.csv --scene {name}"
+                     f"{quick_options}; done</pre>")
     (folder / "index.html").write_text("\n".join(parts))
 
 

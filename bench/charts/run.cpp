@@ -1,12 +1,14 @@
 #include "bench/charts/run.h"
 
 #include <sys/resource.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -38,6 +40,13 @@ double Quantile(std::vector<double>* values, double share) {
   const auto nth = values->begin() + static_cast<long>(share * static_cast<double>(values->size() - 1));
   std::nth_element(values->begin(), nth, values->end());
   return *nth;
+}
+
+// Ends this process by SIGPROF after so much processor time [s].
+void StopAfter(double seconds) {
+  itimerval timer{};
+  timer.it_value.tv_sec = static_cast<time_t>(std::ceil(seconds));
+  setitimer(ITIMER_PROF, &timer, nullptr);
 }
 
 RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting, double limit) {
@@ -117,7 +126,7 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
   const pid_t child = fork();
   if (child == 0) {
     close(ends[0]);
-    alarm(static_cast<unsigned>(3 * limits.stepping + 30));  // for a single step that does not come back
+    StopAfter(1.5 * limits.stepping + 10);  // for a single step that does not come back
     try {
       const RunResult own = Run(scene, engine, setting, limits);
       const bool written = write(ends[1], &own, sizeof own) == static_cast<ssize_t>(sizeof own);
@@ -135,7 +144,7 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
   if (child > 0) wait4(child, &status, 0, &usage);
   if (!whole) {
     const bool refused = WIFEXITED(status) && WEXITSTATUS(status) == peers::kRefusedExit;
-    const bool late = WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM;
+    const bool late = WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF;
     result = {};
     SetFailed(refused ? "refused" : late ? "time limit" : "crashed", &result);
   }

@@ -13,7 +13,7 @@
 namespace islet::charts {
 
 struct Limits {
-  double stepping = 20;       // [s] wall or processor time, whichever is less; a run that takes longer is cut: failed
+  double stepping = 10;       // [s] wall or processor time, whichever is less; a run that takes longer is cut: failed
   double repeat_until = 0.3;  // [s] of stepping in all repeats
   int repeats = 5;
 };

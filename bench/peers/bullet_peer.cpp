@@ -116,7 +116,7 @@ Engine TheEngine() {
   AddTimeSteps({.solver = "SI", .iterations = 10, .sleeping = true, .is_default = true}, kRates, kQuickRates,
                &engine.settings);
   AddTimeSteps({.solver = "NNCG", .iterations = 10}, kRates, kQuickRates, &engine.settings);
-  AddIterations({.solver = "NNCG"}, kCounts, {}, &engine.settings);
+  if (engine.precision == "float") AddIterations({.solver = "NNCG"}, kCounts, {}, &engine.settings);
   AddTimeSteps({.solver = "Dantzig"}, kRates, kQuickRates, &engine.settings);
   return engine;
 }

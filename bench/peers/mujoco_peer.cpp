@@ -1,6 +1,6 @@
 // MuJoCo: one free joint a body, the model handed over as XML in memory. Lines: Newton (the default: pyramidal cone),
 // elliptic (elliptic cone), stiff (elliptic, solref at its documented minimum of two steps, ten iterations of noslip, which
-// the manual names against creep), CG, PGS. Default: 2 ms, 100 iterations; 1/480 s stands for it.
+// the manual names against creep), CG. Default: 2 ms, 100 iterations; 1/480 s stands for it.
 //
 // MuJoCo has no restitution: it is left at its default, and the plan's is ignored. Friction is sliding alone (condim 3).
 // Contacts are soft by design. A model that MuJoCo cannot allocate is refused.
@@ -32,7 +32,7 @@ void EndRun(const char* message) {
 
 std::string Model(const WorldPlan& plan, const Setting& setting) {
   const bool stiff = setting.solver == "stiff", elliptic = stiff || setting.solver == "elliptic";
-  const char* solver = setting.solver == "CG" ? "CG" : setting.solver == "PGS" ? "PGS" : "Newton";
+  const char* solver = setting.solver == "CG" ? "CG" : "Newton";
   const auto moving = std::ranges::count_if(plan.bodies, &BodyPlan::Moves);
   std::ostringstream xml;
   xml << std::setprecision(17);
@@ -147,7 +147,6 @@ Engine TheEngine() {
   AddTimeSteps({.solver = "elliptic"}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "stiff"}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "CG"}, kRates, {}, &engine.settings);
-  AddTimeSteps({.solver = "PGS"}, kRates, {}, &engine.settings);
   return engine;
 }
 
