@@ -153,11 +153,6 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
   return true;
 }
 
-void IslandSolver::PrepareSweeps(const Problem& problem) {
-  gauss_seidel_.Prepare(problem);
-  ImpulseScales(problem, &scales_);
-}
-
 // The problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a sliding contact
 // to open by mu |u_t| more than it should, and a jammed pile, or a body between walls that pass by, has no room for that.
 void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
@@ -175,7 +170,8 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
-  if (circular) PrepareSweeps(problem);
+  ImpulseScales(problem, &scales_);
+  if (circular) gauss_seidel_.Prepare(problem);
   const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
@@ -196,7 +192,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
       continue;
     }
-    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses).rms;
+    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms;
     swept_impulses_ = trial_.impulses;
     swept_velocities_ = trial_.velocities;
     if (accurate && (map < best || !circular)) {
@@ -217,7 +213,8 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     Search(problem, settings);
     AcceptSweeps(problem, settings, kAcceptShare, solution);
   }
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
+  solution->coulomb_reached =
+      CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
 }
 
 // Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
@@ -278,7 +275,8 @@ void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> st
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
-  PrepareSweeps(problem);
+  ImpulseScales(problem, &scales_);
+  gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
   int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;
@@ -301,7 +299,7 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
     solution->rounds = 1;
   }
   solution->iterations = iterations;
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <=
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
                               settings.coulomb_tolerance * settings.velocity_scale;
 }
 

@@ -32,7 +32,6 @@ class IslandSolver {
 
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
-  void PrepareSweeps(const Problem& problem);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
   int SearchFromConvex(const Problem& problem, const Settings& settings);
