@@ -210,9 +210,9 @@ constexpr ChartScene kScenes[] = {
      [] { return FromScene("manystacks"); }, JudgeDrift},
     {"cubejam", 15, true, 20, "100 cubes fall past beams into a container", "deepest overlap, mean over the run [m]",
      "Bodies do not overlap.", [] { return FromScene("cubejam"); }, JudgeOverlap},
-    {"cubeglass300", 8, false, 40, "300 cubes pour through the hourglass", "deepest overlap, mean over the run [m]",
+    {"cubeglass300", 8, false, 20, "300 cubes pour through the hourglass", "deepest overlap, mean over the run [m]",
      "Bodies do not overlap.", [] { return FromScene("cubeglass", 300); }, JudgeOverlap},
-    {"cubeglass", 5, false, 80, "1,000 cubes pour through the hourglass", "deepest overlap, mean over the run [m]",
+    {"cubeglass", 5, false, 40, "1,000 cubes pour through the hourglass", "deepest overlap, mean over the run [m]",
      "Bodies do not overlap.", [] { return FromScene("cubeglass"); }, JudgeOverlap},
 };
 

@@ -52,7 +52,7 @@ def main():
     if not found:
         sys.exit(f"no chart programs in {arguments.bin}")
     scenes = list_scenes(found[0])
-    wanted = [s for s in scenes if (not arguments.scene or s["name"] in arguments.scene) and (s["quick"] or not arguments.quick)]
+    wanted = [s for s in scenes if (s["name"] in arguments.scene if arguments.scene else s["quick"] or not arguments.quick)]
     arguments.out.mkdir(parents=True, exist_ok=True)
     for old in arguments.out.glob("*.csv"):
         old.unlink()
