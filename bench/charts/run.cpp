@@ -1,7 +1,7 @@
 #include "bench/charts/run.h"
 
+#include <poll.h>
 #include <sys/resource.h>
-#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -42,11 +42,22 @@ double Quantile(std::vector<double>* values, double share) {
   return *nth;
 }
 
-// Ends this process by SIGPROF after so much processor time [s].
-void StopAfter(double seconds) {
-  itimerval timer{};
-  timer.it_value.tv_sec = static_cast<time_t>(std::ceil(seconds));
-  setitimer(ITIMER_PROF, &timer, nullptr);
+// Waits until the child has something to say or has ended; ends it if it takes more processor time [s] than that, which it
+// only does in a single step that does not come back. The clock is read from outside: a timer or a limit inside the child
+// would make its own clock of processor time as coarse as the scheduler's ticks.
+bool AwaitOrStop(pid_t child, int pipe_end, double seconds) {
+  constexpr int kPollMilliseconds = 200;
+  clockid_t clock{};
+  const bool readable = clock_getcpuclockid(child, &clock) == 0;
+  pollfd waiting{.fd = pipe_end, .events = POLLIN, .revents = 0};
+  while (poll(&waiting, 1, kPollMilliseconds) == 0) {
+    timespec spent{};
+    if (!readable || clock_gettime(clock, &spent) != 0) continue;
+    if (static_cast<double>(spent.tv_sec) < seconds) continue;
+    kill(child, SIGKILL);
+    return false;
+  }
+  return true;
 }
 
 RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting, double limit) {
@@ -126,7 +137,6 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
   const pid_t child = fork();
   if (child == 0) {
     close(ends[0]);
-    StopAfter(1.5 * limits.stepping + 10);  // for a single step that does not come back
     try {
       const RunResult own = Run(scene, engine, setting, limits);
       const bool written = write(ends[1], &own, sizeof own) == static_cast<ssize_t>(sizeof own);
@@ -137,16 +147,16 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
     }
   }
   close(ends[1]);
-  const bool whole = child > 0 && read(ends[0], &result, sizeof result) == static_cast<ssize_t>(sizeof result);
+  const bool in_time = child > 0 && AwaitOrStop(child, ends[0], 1.5 * limits.stepping + 10);
+  const bool whole = in_time && read(ends[0], &result, sizeof result) == static_cast<ssize_t>(sizeof result);
   close(ends[0]);
   int status = 0;
   rusage usage{};
   if (child > 0) wait4(child, &status, 0, &usage);
   if (!whole) {
     const bool refused = WIFEXITED(status) && WEXITSTATUS(status) == peers::kRefusedExit;
-    const bool late = WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF;
     result = {};
-    SetFailed(refused ? "refused" : late ? "time limit" : "crashed", &result);
+    SetFailed(refused ? "refused" : !in_time ? "time limit" : "crashed", &result);
   }
   result.memory_kib = usage.ru_maxrss;
   return result;
