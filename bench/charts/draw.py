@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws what measure.py wrote: error against time, a picture a scene, an overview, and one page that holds it all.
 
-  draw.py FOLDER [--clock auto|wall|cpu]
+  draw.py FOLDER [--clock auto|wall|cpu] [--publish FOLDER]
 
 Reads FOLDER/*.csv, scenes.json, run.json. Writes FOLDER/<scene>.svg and .png, overview.svg and .png, index.html and
 standing.csv (islet beside each peer). --clock auto draws wall time, or processor time of runs on one thread if the machine had
@@ -14,6 +14,7 @@ import html
 import json
 import math
 import pathlib
+import shutil
 import statistics
 from collections import defaultdict
 
@@ -286,9 +287,21 @@ def report(standings, rows):
             print(f"{'':14}   {e['peer']}: {what}")
 
 
+def publish(folder, target):
+    """Numbers and pictures; not the page and the bitmaps, which this program makes of them."""
+    target.mkdir(parents=True, exist_ok=True)
+    for pattern in ("*.csv", "*.json", "*.svg"):
+        for old in target.glob(pattern):
+            old.unlink()
+        for path in folder.glob(pattern):
+            shutil.copy(path, target)
+    shutil.copy(folder / "overview.png", target)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--publish", type=pathlib.Path, help="folder that gets what is worth committing")
     parser.add_argument("--clock", choices=("auto", "wall", "cpu"), default="auto")
     arguments = parser.parse_args()
     folder = arguments.folder
@@ -311,6 +324,8 @@ def main():
     page(scenes, {s["name"]: [r for r in rows if r["scene"] == s["name"]] for s in scenes}, standings, heads, run, clock, folder)
     report(standings, rows)
     print(f"drawn: {folder / 'index.html'}")
+    if arguments.publish:
+        publish(folder, arguments.publish)
 
 
 if __name__ == "__main__":
