@@ -27,7 +27,8 @@ struct WorldState {
   std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
-  std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
+  std::vector<Contact> resolved;       // touching ones at the start of the last step, then those that the motion braked
+  std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
   bool stale = true;                   // near_contacts do not belong to the current poses
@@ -72,6 +73,7 @@ struct World::Impl : WorldState {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
+  void MoveImpulses(double dt);
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
@@ -292,6 +294,16 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
+// The impulses of the step, as they acted while the bodies moved.
+void World::Impl::MoveImpulses(double dt) {
+  mover.CentreImpulses(dt, suite.velocities_before_gravity(), resolved, suite.memory().previous_holding, near_contacts,
+                       bodies);
+  impulses.assign(suite.impulses().begin(), suite.impulses().end());
+  for (size_t c = 0; c < impulses.size(); ++c) impulses[c] += mover.impulse_changes()[c];
+  resolved.insert(resolved.end(), mover.paid_contacts().begin(), mover.paid_contacts().end());
+  impulses.insert(impulses.end(), mover.paid_impulses().begin(), mover.paid_impulses().end());
+}
+
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) {
@@ -345,6 +357,7 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(dt, before, w.tolerances, detect, w.bodies, &w.near_contacts);
+  w.MoveImpulses(dt);
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;
@@ -373,7 +386,7 @@ const Body& World::body(int number) const { return impl_->bodies.at(number); }
 const Shape& World::shape(int number) const { return impl_->shapes.at(number); }
 std::span<const Contact> World::contacts() const { return impl_->touching; }
 std::span<const Contact> World::resolved_contacts() const { return impl_->resolved; }
-std::span<const Vector3> World::impulses() const { return impl_->suite.impulses(); }
+std::span<const Vector3> World::impulses() const { return impl_->impulses; }
 const Settings& World::settings() const { return impl_->settings; }
 double World::time() const { return impl_->time; }
 std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }
