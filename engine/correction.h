@@ -34,7 +34,8 @@ struct Shift {
 
 class CorrectionBalance {
  public:
-  // Settles one island. shifts: per body of the world. free: no wall is near. Returns by how much the pushes act on the velocities [1/s]; 0: not.
+  // Settles one island. shifts: per body of the world. free: no wall is near. Returns by how much the pushes act on the
+  // velocities [1/s]; 0: not.
   double Settle(const Vector3& gravity_W, std::span<const int> members, std::span<const Push> pushes,
                 std::span<const Shift> shifts, bool free, std::span<Body> bodies);
 
