@@ -19,7 +19,8 @@
 namespace islet::peers {
 namespace {
 
-constexpr int kPointsPerBody = 16;  // room for contacts
+// Room for contacts, points a body: the first with which MuJoCo can allocate the model (its sizes have 31 bits).
+constexpr int kRooms[] = {16, 8, 6, 4};
 constexpr int kNoslipIterations = 10;
 
 [[noreturn]] void Fail(const char* message) { throw std::runtime_error(message); }
@@ -30,7 +31,7 @@ void EndRun(const char* message) {
   std::_Exit(kRefusedExit);
 }
 
-std::string Model(const WorldPlan& plan, const Setting& setting) {
+std::string Model(const WorldPlan& plan, const Setting& setting, int points_per_body) {
   const bool stiff = setting.solver == "stiff", elliptic = stiff || setting.solver == "elliptic";
   const char* solver = setting.solver == "CG" ? "CG" : "Newton";
   const auto moving = std::ranges::count_if(plan.bodies, &BodyPlan::Moves);
@@ -39,7 +40,7 @@ std::string Model(const WorldPlan& plan, const Setting& setting) {
   const auto vector = [&](const char* name, const Vector3& v) {
     xml << ' ' << name << "='" << v.x() << ' ' << v.y() << ' ' << v.z() << '\'';
   };
-  const long contacts = kPointsPerBody * moving + 64;
+  const long contacts = points_per_body * moving + 64;
   xml << "<mujoco><size nconmax='" << contacts << "' njmax='" << contacts * (elliptic ? 3 : 4)
       << "'/><option timestep='" << setting.dt << "' cone='" << (elliptic ? "elliptic" : "pyramidal") << "' solver='"
       << solver << '\'';
@@ -79,17 +80,11 @@ class MujocoPeer final : public Peer {
   MujocoPeer(const WorldPlan& plan, const Setting& setting) : plan_(plan) {
     mju_user_error = EndRun;
     mju_user_warning = [](const char*) {};
-    const std::string xml = Model(plan, setting);
-    const auto files = std::make_unique<mjVFS>();
-    mj_defaultVFS(files.get());
-    if (mj_makeEmptyFileVFS(files.get(), "model.xml", static_cast<int>(xml.size())) != 0) Fail("no virtual file");
-    std::memcpy(files->filedata[0], xml.data(), xml.size());
-    char error[1000] = "";
-    model_.reset(mj_loadXML("model.xml", files.get(), error, sizeof error));
-    mj_deleteVFS(files.get());
-    if (!model_) throw std::runtime_error(error);
-    data_.reset(mj_makeData(model_.get()));
-    if (!data_) Fail("mj_makeData: not enough memory");
+    std::string error;
+    for (const int room : kRooms) {
+      if (Allocate(Model(plan, setting, room), &error)) break;
+    }
+    if (!data_) throw std::runtime_error(error);
     int joint = 0;
     for (size_t i = 0; i < plan.bodies.size(); ++i) {
       joints_.push_back(plan.bodies[i].Moves() ? joint++ : -1);
@@ -122,6 +117,19 @@ class MujocoPeer final : public Peer {
   int Contacts() const override { return data_->ncon; }
 
  private:
+  bool Allocate(const std::string& xml, std::string* error) {
+    const auto files = std::make_unique<mjVFS>();
+    mj_defaultVFS(files.get());
+    if (mj_makeEmptyFileVFS(files.get(), "model.xml", static_cast<int>(xml.size())) != 0) Fail("no virtual file");
+    std::memcpy(files->filedata[0], xml.data(), xml.size());
+    char text[1000] = "";
+    model_.reset(mj_loadXML("model.xml", files.get(), text, sizeof text));
+    mj_deleteVFS(files.get());
+    if (model_) data_.reset(mj_makeData(model_.get()));
+    if (!data_) *error = model_ ? "mj_makeData: not enough memory" : text;
+    return data_ != nullptr;
+  }
+
   struct Free {
     void operator()(mjModel* model) const { mj_deleteModel(model); }
     void operator()(mjData* data) const { mj_deleteData(data); }
