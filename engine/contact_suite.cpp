@@ -14,7 +14,6 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
-constexpr double kDraftTolerance = 1e-4;  // bodies wake by a thousandth of what gravity does in a step
 
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
@@ -39,9 +38,7 @@ bool Earlier(const Contact& x, const Contact& y) {
 
 ContactSuite::ContactSuite(const Settings& settings, parallel::WorkerPool* pool) : impl_(std::make_unique<Impl>()) {
   settings.Validate();
-  impl_->settings = impl_->draft_settings = settings;
-  impl_->draft_settings.tier = Tier::kSwept;
-  impl_->draft_settings.tolerance = std::max(settings.tolerance, kDraftTolerance);
+  impl_->settings = settings;
   impl_->pool = pool;
   impl_->workers.resize(pool->num_workers());
 }

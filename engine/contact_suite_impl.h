@@ -22,7 +22,7 @@ namespace islet {
 inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 
 struct ContactSuite::Impl : SuiteMemory {
-  Settings settings, draft_settings;  // the latter stop after the sweeps
+  Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
 

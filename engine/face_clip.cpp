@@ -14,6 +14,8 @@ std::uint32_t FaceFeature(const ClipInput& input, int edge_in, int edge_out) {
          bits(input.incident_face, 7) << 16 | bits(edge_in, 8) << 8 | bits(edge_out, 8);
 }
 
+double CutSlack(const ClipInput& input) { return 1e-9 * input.size; }
+
 }  // namespace
 
 // Sutherland-Hodgman: keeps what lies behind the plane. Corners within the slack count as behind, so that faces whose
@@ -58,7 +60,7 @@ double FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) 
   for (int k = 0; k < input.num_incident; ++k) {
     polygon_.push_back({input.incident[k], sides + (k > 0 ? k : input.num_incident) - 1, sides + k});
   }
-  const double slack = 1e-9 * input.size;
+  const double slack = CutSlack(input);
   for (int k = 0; k < sides && !polygon_.empty(); ++k) {
     const Vector3& from = input.reference[k];
     const Vector3& to = input.reference[k + 1 < sides ? k + 1 : 0];
@@ -87,6 +89,24 @@ void FaceClip::AppendCorners(const ClipInput& input, double highest, std::vector
     const double gap = input.normal.dot(corner.point - input.reference[0]);
     if (gap <= highest) Emit(input, corner, gap, contacts);
   }
+}
+
+bool FaceClip::AppendCornersBeside(const ClipInput& input, double highest, double beside,
+                                   std::vector<Contact>* contacts) const {
+  const int sides = input.num_reference;
+  const size_t first = contacts->size();
+  for (int k = 0; k < input.num_incident; ++k) {
+    const Vector3& point = input.incident[k];
+    const double gap = input.normal.dot(point - input.reference[0]);
+    if (gap > highest) continue;
+    double outside = 0;  // [m] of the farthest side plane
+    for (int s = 0; s < sides; ++s) {
+      const Vector3 &from = input.reference[s], &to = input.reference[s + 1 < sides ? s + 1 : 0];
+      outside = std::max(outside, (to - from).cross(input.normal).normalized().dot(point - from));
+    }
+    if (outside > CutSlack(input) && outside <= beside) Emit(input, {point, 255, sides + k}, gap, contacts);
+  }
+  return contacts->size() > first;
 }
 
 }  // namespace islet

@@ -39,6 +39,10 @@ class FaceClip {
   // Appends the corners of the incident face up to `highest` over the reference plane, wherever they lie along it.
   void AppendCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const;
 
+  // Appends the corners of the incident face up to `highest` over the reference plane that lie beside the reference face, but
+  // not farther from it than `beside` [m]. Returns whether there was one.
+  bool AppendCornersBeside(const ClipInput& input, double highest, double beside, std::vector<Contact>* contacts) const;
+
  private:
   struct Corner {
     Vector3 point;

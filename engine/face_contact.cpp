@@ -59,7 +59,9 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
   }
   Contact contact = ToContact(closest, pose_a);
   if (closest.distance <= TouchSlack(input.size)) {
-    // A face that is about to rest keeps its corners; the point that they miss joins them along their normal.
+    // A face that is about to rest keeps its corners; those that it misses by a hair join them along their normal, both
+    // ends of an edge too, or the point between the bodies if it is no corner.
+    if (clip.AppendCornersBeside(input, axis.separation + slack, TouchSlack(input.size), contacts)) return;
     contact.gap *= contact.normal_W.dot(axis.normal_W);
     contact.normal_W = axis.normal_W;
     if (contact.gap < std::min(least, input.reach)) contacts->push_back(contact);

@@ -4,29 +4,27 @@
 #include <cmath>
 
 #include "engine/rotation.h"
+#include "engine/suite_frame.h"
 
 namespace islet {
 namespace {
 
-// Two that fly side by side and touch, closing at less than this share of their speed, are parted by a correction: to stop both
-// would cost more than to move them aside, and in a falling crowd everyone would wait for everyone.
-constexpr double kHeadOn = 0.5;
-constexpr double kSameMoment = 1e-12;  // of a duration: two bodies fly on together
-constexpr double kPolished = 1e-3;     // of the overlap tolerance: a gap that small is none
-constexpr int kForwardRounds = 4;      // later ones only go back, so that they end
-constexpr double kBegins = 1e-2;  // of the overlap tolerance: contacts open by more at the start are met on the way
+constexpr double kPolished = 1e-3;  // of the overlap tolerance: a gap that small is none
+constexpr int kForwardRounds = 4;   // later ones only go back, so that they end
+constexpr double kBegins = 1e-2;    // of the overlap tolerance: contacts open by more at the start are met on the way
 
 }  // namespace
 
-void Flights::Begin(std::span<const double> durations, std::span<const Motion> motions, std::span<const Twist> before,
-                    std::span<const Body> bodies) {
-  motions_.assign(motions.begin(), motions.end());
+void Flights::Begin(std::span<const double> durations, std::span<const std::uint8_t> flies,
+                    std::span<const Twist> before, std::span<const Body> bodies) {
+  flies_.assign(flies.begin(), flies.end());
   left_.assign(bodies.size(), 0.0);
   paths_.resize(bodies.size());
+  walls_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
     if (!body.Moves()) Ground(static_cast<int>(i));
-    if (!flies(static_cast<int>(i))) continue;
+    if (!flies_[i]) continue;
     paths_[i] = {
         body.position_W, body.rotation_WB, before[i], {body.linear_velocity_W, body.angular_velocity_W}, durations[i]};
   }
@@ -58,8 +56,13 @@ void Flights::Place(int body, Body* moved) const {
       AngularVelocityAfter(moved->inertia_B, path.rotation_WB, now.angular_W, moved->rotation_WB);
 }
 
-bool Flights::GlidesOn(int body, const Body& other) const {
-  return motions_[body] == Motion::kGlides && other.kind != BodyKind::kDynamic;
+bool Flights::AnyStopped() const {
+  return std::any_of(left_.begin(), left_.end(), [](double left) { return left > 0; });
+}
+
+Vector3 Flights::Missing(int body, double mass) const {
+  const Path& path = paths_[body];
+  return -mass * left_[body] / path.duration * (path.end.linear_W - path.begin.linear_W);
 }
 
 bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::span<const double> gaps,
@@ -70,41 +73,36 @@ bool Flights::FindMoments(int round, std::span<const Contact> contacts, std::spa
   bool changes = false;
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
-    const int a = contact.body_a, b = contact.body_b;
-    if (!flies(a) && !flies(b)) continue;
-    if (GlidesOn(a, bodies[b]) || GlidesOn(b, bodies[a])) continue;
-    // Who has more time left was stopped by something else and stands; the other one comes to meet it.
-    const bool both = flies(a) && flies(b);
-    const bool together = both && std::abs(left_[a] - left_[b]) <= kSameMoment * paths_[a].duration;
-    const bool a_moves = together || (both ? left_[a] < left_[b] : flies(a));
-    const bool b_moves = together || (both ? left_[b] < left_[a] : flies(b));
-    const int mover = a_moves ? a : b;
-    const double tolerance = std::min(tolerances[a], tolerances[b]);
+    const bool a_flies = flies(contact.body_a);
+    if (!a_flies && !flies(contact.body_b)) continue;
+    const int mover = a_flies ? contact.body_a : contact.body_b, wall = a_flies ? contact.body_b : contact.body_a;
+    if (bodies[wall].kind == BodyKind::kDynamic || !StandsStill(bodies[wall])) continue;
+    const double tolerance = std::min(tolerances[mover], tolerances[wall]);
     const bool on_the_way = round == 0 && contact.gap > kBegins * tolerance;
     const bool met = gaps[c] < (on_the_way ? 0 : -0.5 * tolerance);
     if (!met && left_[mover] == 0) continue;
-    double closing = 0;  // [m/s]
-    if (a_moves) closing += contact.normal_W.dot(PointVelocity(a, contact, bodies[a]));
-    if (b_moves) closing -= contact.normal_W.dot(PointVelocity(b, contact, bodies[b]));
-    if (closing <= 0 || (together && closing < kHeadOn * std::max(Speed(a), Speed(b)))) continue;
+    const double speed = contact.normal_W.dot(PointVelocity(mover, contact, bodies[mover]));
+    const double closing = a_flies ? speed : -speed;
+    if (closing <= 0) continue;
     const double moment = left_[mover] - gaps[c] / closing;
-    const double begin = together ? std::min(paths_[a].duration, paths_[b].duration) : paths_[mover].duration;
-    if (!(moment <= (both && !together ? std::max(left_[a], left_[b]) : begin))) continue;
+    if (!(moment <= paths_[mover].duration)) continue;
     (*handled)[c] = 1;
-    if (a_moves) wanted_[a] = std::max(wanted_[a], moment);
-    if (b_moves) wanted_[b] = std::max(wanted_[b], moment);
+    if (moment > wanted_[mover]) {
+      wanted_[mover] = moment;
+      walls_[mover] = contact;
+    }
     changes = changes || met || std::abs(gaps[c]) > kPolished * tolerance;
   }
   bool moved = false;
   for (size_t i = 0; i < left_.size(); ++i) {
     if (round >= kForwardRounds) wanted_[i] = std::max(wanted_[i], left_[i]);
-    if (!flies(static_cast<int>(i)) || wanted_[i] == left_[i]) continue;
+    if (!flies_[i] || wanted_[i] == left_[i]) continue;
     if (wanted_[i] == 0) changes = true;
     moved = true;
   }
   if (!changes || !moved) return false;
   for (size_t i = 0; i < left_.size(); ++i)
-    if (flies(static_cast<int>(i))) left_[i] = wanted_[i];
+    if (flies_[i]) left_[i] = wanted_[i];
   return true;
 }
 

@@ -16,6 +16,7 @@ constexpr double kMeets = 1e-2;  // of the overlap tolerance: contacts that are 
 void FlightMemory::AddBody() {
   unflown.push_back(0);
   flew.push_back(1);
+  walls.emplace_back();
 }
 
 void FlightMemory::Forget(int body) {
@@ -44,11 +45,15 @@ void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebou
   durations_.assign(bodies.size(), dt);
   for (size_t i = 0; i < bodies.size(); ++i) durations_[i] += bodies[i].Moves() ? memory.unflown[i] : 0;
   loads_.clear();
+  gained_.clear();
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (durations_[i] == dt) continue;
     Body& body = bodies[i];
     loads_.push_back({static_cast<int>(i), body.force_W, body.torque_W});
     const double share = durations_[i] / dt;
+    const Vector3 more_W = (share - 1) * (body.force_W + body.mass * gravity_W) * dt;  // [N s]
+    const Contact& wall = memory.walls[i];
+    gained_.push_back({wall, wall.body_b == static_cast<int>(i) ? more_W : Vector3(-more_W)});
     body.force_W = share * body.force_W + (share - 1) * body.mass * gravity_W;
     body.torque_W *= share;
   }
@@ -57,24 +62,17 @@ void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebou
 MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                                   std::span<const Contact> resolved, std::span<Body> bodies) {
   const std::span<const Vector3> holding = suite.memory().previous_holding;  // of this step, by now
-  motions_.assign(bodies.size(), Motion::kFlies);
+  flies_.assign(bodies.size(), 1);
   for (size_t c = 0; c < resolved.size(); ++c) {
-    const Contact& contact = resolved[c];
-    const bool wall =
-        bodies[contact.body_a].kind == BodyKind::kFixed || bodies[contact.body_b].kind == BodyKind::kFixed;
-    const bool rebounds =
-        contact.rebounds && NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) < 0;
-    for (const int i : {contact.body_a, contact.body_b}) {
-      if (Pushes(holding[c], gravity_W, dt, bodies[i]))
-        motions_[i] = std::min(motions_[i], wall && !rebounds ? Motion::kGlides : Motion::kPushed);
-    }
+    for (const int i : {resolved[c].body_a, resolved[c].body_b})
+      if (Pushes(holding[c], gravity_W, dt, bodies[i])) flies_[i] = 0;
   }
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   RestoreBounced(dt, gravity_W, bodies, resolved, holding, &before_);
   // A solver's rounding is no push, but enough for the suite to take a body for caught.
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})
-      if (motions_[i] == Motion::kFlies && bodies[i].Moves()) before_[i] = BeforeForces(dt, gravity_W, bodies[i]);
+      if (flies_[i] && bodies[i].Moves()) before_[i] = BeforeForces(dt, gravity_W, bodies[i]);
   // Where no force acts during the step, impulses are those of its beginning: to move on with half of them would leave the
   // angular momentum behind.
   for (size_t i = 0; i < bodies.size() && gravity_W.isZero(0); ++i)
@@ -83,14 +81,41 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
     bodies[load.body].force_W = load.force_W;
     bodies[load.body].torque_W = load.torque_W;
   }
-  return {dt, durations_, motions_, before_};
+  return {dt, durations_, flies_, before_};
+}
+
+void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,
+                                std::vector<Vector3>* impulses) const {
+  // Taken from what the wall gave in the bounce, where that is in the list.
+  for (const Attributed& gained : gained_) {
+    const auto same = [&](const Contact& c) {
+      return c.body_a == gained.contact.body_a && c.body_b == gained.contact.body_b;
+    };
+    const auto found = std::find_if(contacts->begin(), contacts->end(), same);
+    if (found != contacts->end()) {
+      (*impulses)[found - contacts->begin()] += gained.impulse_W;
+    } else {
+      contacts->push_back(gained.contact);
+      impulses->push_back(gained.impulse_W);
+    }
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const int number = static_cast<int>(i);
+    if (!bodies[i].Moves() || mover.flights().left(number) == 0) continue;
+    const Contact& wall = mover.flights().wall(number);
+    const Vector3 missing = mover.flights().Missing(number, bodies[i].mass);
+    contacts->push_back(wall);
+    impulses->push_back(wall.body_b == number ? missing : Vector3(-missing));
+  }
 }
 
 void FlightTime::EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const {
   for (size_t i = 0; i < bodies.size(); ++i) {
-    const double unflown = bodies[i].Moves() && motions_[i] == Motion::kFlies ? mover.left()[i] : 0;
+    const int number = static_cast<int>(i);
+    const double unflown = bodies[i].Moves() ? mover.flights().left(number) : 0;
     memory->unflown[i] = std::min(unflown, dt);
-    memory->flew[i] = motions_[i] == Motion::kFlies && mover.flew(static_cast<int>(i)) && unflown == 0;
+    if (unflown > 0) memory->walls[i] = mover.flights().wall(number);
+    memory->flew[i] = flies_[i] && mover.flights().flies(number) && unflown == 0;
   }
 }
 

@@ -21,6 +21,7 @@ namespace islet {
 struct FlightMemory {
   std::vector<double> unflown;     // [s] per body: what its last flight left
   std::vector<std::uint8_t> flew;  // per body: no contact pushed it in the last step, and it met nothing
+  std::vector<Contact> walls;      // per body: what cut that flight short
 
   void AddBody();
   void Forget(int body);
@@ -33,6 +34,7 @@ class FlightTime {
                  std::span<const Contact> near_contacts, const FlightMemory& memory);
   // A body in flight meets what is there when it gets there, however slow it is and however near.
   bool Ignores(const Contact& contact) const;
+  bool InFlight(int body) const { return in_flight_[body] != 0; }
 
   // What a flight left is added if the body now leaves all that it touches. The suite knows one time step only: forces make up
   // for it until PlanMotion. resolved: gets its rebounds (rebound.h) if `rebound`.
@@ -41,7 +43,11 @@ class FlightTime {
   // After the suite. The plan refers to this object.
   MotionPlan PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                         std::span<const Contact> resolved, std::span<Body> bodies);
-  // After the move.
+  // After the move. A body that stopped at a wall lacks what gravity would have given it in the time left, and in the next step
+  // it has that much more: as far as anybody can tell the wall took it and gives it back. These impulses [N s] on body_b join
+  // those of the contacts.
+  void ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,
+                      std::vector<Vector3>* impulses) const;
   void EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const;
 
  private:
@@ -49,13 +55,18 @@ class FlightTime {
     int body;
     Vector3 force_W, torque_W;
   };
+  struct Attributed {
+    Contact contact;
+    Vector3 impulse_W;  // [N s] on body_b
+  };
   bool Meets(const Contact& contact) const;
 
   std::span<const double> tolerances_;   // of BeginStep, during the step
   std::vector<std::uint8_t> in_flight_;  // per body: flew, and nothing stops it yet
   std::vector<double> durations_;        // [s] per body
   std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
-  std::vector<Motion> motions_;          // per body
+  std::vector<std::uint8_t> flies_;      // per body: no contact pushes it in this step
+  std::vector<Attributed> gained_;       // what bodies that move for longer than the step got for that
   std::vector<Twist> before_;            // per body: velocities that its motion begins with
 };
 

@@ -12,6 +12,8 @@ namespace {
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
 constexpr double kRestShare = 1.5;    // times the floor of v_ref: nothing approaches faster than a resting load would
+constexpr double kDraftTolerance =
+    1e-4;  // of the floor of v_ref: bodies wake by a thousandth of what gravity does in a step
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
 constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
@@ -97,9 +99,14 @@ bool IslandResponder::LowerRestitution(int attempt) {
   return true;
 }
 
-void IslandResponder::Solve(const Settings& settings, double v_ref, bool expect_rest, ResponseOutcome* outcome) {
+void IslandResponder::Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest,
+                            ResponseOutcome* outcome) {
   qp::Settings solver_settings = SolverSettings(settings, v_ref);
   solver_settings.expect_rest = expect_rest;
+  if (draft_) {
+    solver_settings.tier = qp::Tier::kSwept;
+    solver_settings.coulomb_tolerance = kDraftTolerance * speed_floor / v_ref;
+  }
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = KineticEnergy(problem_, nullptr);
   const bool bounces =
@@ -178,7 +185,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (free_[c] < -threshold)
       problem_.contacts[c].target = ReboundSpeed(contacts.contacts[touching.contacts[c]], -free_[c]);
   }
-  Solve(settings, v_ref, false, &outcome);
+  Solve(settings, v_ref, speed_floor, false, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
@@ -219,7 +226,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   // gravity the floor is a thousandth of the fastest approach.)
   const double left = (settings.gravity.isZero(0) ? 1e3 : 10) * settings.tolerance * speed_floor;
   if (!rubs && touching <= left && FallsFreely(island, contacts, bodies)) return outcome;
-  Solve(settings, v_ref, v_ref <= kRestShare * speed_floor, &outcome);
+  Solve(settings, v_ref, speed_floor, v_ref <= kRestShare * speed_floor, &outcome);
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

@@ -47,6 +47,8 @@ class IslandResponder {
                                     std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
+  // Stops after the sweeps, as soon as they tell which bodies wake.
+  void SetDraft(bool draft) { draft_ = draft; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }
   const qp::Solution& solution() const { return solution_; }
@@ -57,12 +59,13 @@ class IslandResponder {
                                  std::span<Vector3> impulses);
 
  private:
-  void Solve(const Settings& settings, double v_ref, bool expect_rest, ResponseOutcome* outcome);
+  void Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
   void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 
+  bool draft_ = false;
   IslandGatherer gatherer_;
   qp::Problem problem_;
   qp::Solution solution_;

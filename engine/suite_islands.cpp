@@ -84,10 +84,10 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   const IslandView view = View(island);
   Outcome& outcome = outcomes[island];
   const bool draft = pass != Pass::kCertify && MayDraft(view);
-  const Settings& how = draft ? draft_settings : settings;
+  worker->responder.SetDraft(draft);
   if (pass != Pass::kWoken || WokenWereHit(view)) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, how, frame.speed_floor,
+    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
                                                             frame.threshold, frame.bodies, frame.collisions);
     if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   } else {
@@ -102,7 +102,7 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
     body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
     if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, how, frame.speed_floor, frame.dt,
+  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
   outcome.collision.draft = outcome.resting.draft = draft;

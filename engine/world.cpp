@@ -28,7 +28,8 @@ struct WorldState {
   std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
-  std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
+  std::vector<Contact> resolved;       // touching ones at the start of the last step, then those that the motion braked
+  std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
   FlightMemory flights;
@@ -76,6 +77,7 @@ struct World::Impl : WorldState {
   bool Touches(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
+  void MoveImpulses(const MotionPlan& plan);
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
@@ -271,7 +273,7 @@ void World::Impl::SelectResolved(double dt) {
     resolved.push_back(c);
     const bool passes = Passes(dt, {}, &resolved.back());
     resolved.back().touches = touches && !passes;
-    if (passes && touches && !(IsSupported(c.body_a, dt) && IsSupported(c.body_b, dt))) resolved.pop_back();
+    if (passes && touches && (flight_time.InFlight(c.body_a) || flight_time.InFlight(c.body_b))) resolved.pop_back();
   }
 }
 
@@ -304,6 +306,16 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   if (shapes[sphere].kind() != ShapeKind::kSphere) return false;
   const std::span<const Contact> own(beds.data() + bed_start[sphere], beds.data() + bed_start[sphere + 1]);
   return PassesBy(traveller(a), traveller(b), own, contact);
+}
+
+// The impulses of the step, as they acted while the bodies moved.
+void World::Impl::MoveImpulses(const MotionPlan& plan) {
+  mover.CentreImpulses(plan.dt, plan.before, resolved, suite.memory().previous_holding, near_contacts, bodies);
+  impulses.assign(suite.impulses().begin(), suite.impulses().end());
+  for (size_t c = 0; c < impulses.size(); ++c) impulses[c] += mover.impulse_changes()[c];
+  resolved.insert(resolved.end(), mover.paid_contacts().begin(), mover.paid_contacts().end());
+  impulses.insert(impulses.end(), mover.paid_impulses().begin(), mover.paid_impulses().end());
+  flight_time.ReportImpulses(mover, bodies, &resolved, &impulses);
 }
 
 void World::CheckInitialOverlap() {
@@ -362,6 +374,7 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
+  w.MoveImpulses(plan);
   w.flight_time.EndStep(dt, w.bodies, w.mover, &w.flights);
   w.SelectTouching();
   finish(&report.seconds.move);
@@ -391,7 +404,7 @@ const Body& World::body(int number) const { return impl_->bodies.at(number); }
 const Shape& World::shape(int number) const { return impl_->shapes.at(number); }
 std::span<const Contact> World::contacts() const { return impl_->touching; }
 std::span<const Contact> World::resolved_contacts() const { return impl_->resolved; }
-std::span<const Vector3> World::impulses() const { return impl_->suite.impulses(); }
+std::span<const Vector3> World::impulses() const { return impl_->impulses; }
 const Settings& World::settings() const { return impl_->settings; }
 double World::time() const { return impl_->time; }
 std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }

@@ -17,6 +17,8 @@ constexpr double kEnoughRms = 3;      // times the tolerance: natural map at whi
 constexpr double kEnoughMax = 30;
 constexpr int kRestIterations = 14;       // resting islands take 9 to 12
 constexpr double kGuessShare = 0.5;       // of the natural map of no impulses: what a guess must reach to be of use
+constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to
+constexpr double kLostRms = 1e-3;         // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
@@ -33,15 +35,6 @@ double Slip(const Vector3& u, double friction, Cone cone) {
   return friction * largest;
 }
 
-Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
-  const double tangent = TangentSize(x);
-  if (tangent <= friction * x[0]) return x;
-  if (x[0] + friction * tangent <= 0) return Vector3::Zero();
-  const double normal = (x[0] + friction * tangent) / (1 + friction * friction);
-  const double share = tangent > 0 ? friction * normal / tangent : 0;
-  return {normal, share * x[1], share * x[2]};
-}
-
 void CopyFreeVelocities(const Problem& problem, std::vector<double>* velocities) {
   velocities->clear();
   for (const BodyTerm& body : problem.bodies)
@@ -53,11 +46,6 @@ bool AnyFriction(const Problem& problem) {
                      [](const ContactTerm& c) { return c.friction > 0; });
 }
 
-bool AnyBounces(const Problem& problem) {
-  return std::any_of(problem.contacts.begin(), problem.contacts.end(),
-                     [](const ContactTerm& c) { return c.target > 0; });
-}
-
 // One contact: exact Coulomb on the circular cone, and without friction every model, is a formula.
 bool HasClosedForm(const Problem& problem, const Settings& settings) {
   if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
@@ -65,39 +53,23 @@ bool HasClosedForm(const Problem& problem, const Settings& settings) {
   return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
 }
 
+// Between a floor and a ceiling impulses can grow without bound and do nothing; the interior point goes to where they are
+// largest.
+bool Sprawls(const Problem& problem, const Settings& settings, const Solution& solution) {
+  double mass = 0, pressed = 0;
+  for (const BodyTerm& body : problem.bodies) mass += body.mass;
+  for (const Vector3& j : solution.impulses) pressed += j[0];
+  return pressed > kSprawl * mass * settings.velocity_scale;
+}
+
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
 
-double ImpulseScale(const Problem& problem, const ContactTerm& contact) {
-  return 3 / DelassusBlock(problem, contact).trace();
-}
-
-template <typename Scale>
-NaturalMap MapOf(const Problem& problem, const std::vector<double>& velocities, const std::vector<Vector3>& impulses,
-                 const Scale& rho_of) {
-  double sum = 0, largest = 0;
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    const ContactTerm& contact = problem.contacts[c];
-    const double rho = rho_of(c);
-    Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
-    u[0] += contact.friction * TangentSize(u) - contact.target;
-    const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho * u, contact.friction)) / rho;
-    sum += map.squaredNorm();
-    largest = std::max(largest, map.squaredNorm());
-  }
-  return {std::sqrt(largest), std::sqrt(sum / std::max(1, problem.num_contacts()))};
-}
-
 }  // namespace
 
-NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
-                      const std::vector<Vector3>& impulses) {
-  return MapOf(problem, velocities, impulses, [&](int c) { return ImpulseScale(problem, problem.contacts[c]); });
-}
-
 NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {
-  return MapOf(problem, swept_velocities_, swept_impulses_, [this](int c) { return scales_[c]; });
+  return CoulombMap(problem, swept_velocities_, swept_impulses_, scales_);
 }
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
@@ -155,7 +127,7 @@ double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
 // rounding of thousands of increments.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   const double scale = settings.velocity_scale, goal = share * settings.coulomb_tolerance;
-  if (CoulombMap(problem, swept_velocities_, swept_impulses_).max > goal * scale) return false;
+  if (MapOfSwept(problem).max > goal * scale) return false;
   CopyFreeVelocities(problem, &swept_velocities_);
   for (int c = 0; c < problem.num_contacts(); ++c)
     ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
@@ -181,8 +153,8 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
   return true;
 }
 
-// With bounces the problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a
-// sliding contact to open by mu |u_t| more than it should, and a jammed pile has no room for that.
+// The problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a sliding contact
+// to open by mu |u_t| more than it should, and a jammed pile, or a body between walls that pass by, has no room for that.
 void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
@@ -198,6 +170,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
+  ImpulseScales(problem, &scales_);
   if (circular) gauss_seidel_.Prepare(problem);
   const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
@@ -214,12 +187,12 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     trial_.rounds = round;
     if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
       if (!std::isfinite(best)) *solution = trial_;
-      if (round > 1 || !circular || !AnyBounces(problem)) break;
+      if (round > 1 || !circular) break;
       FindFirstSlips(problem, goal);
       if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
       continue;
     }
-    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses).rms;
+    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms;
     swept_impulses_ = trial_.impulses;
     swept_velocities_ = trial_.velocities;
     if (accurate && (map < best || !circular)) {
@@ -235,7 +208,13 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     accurate = small || settled;  // a rough round places the slips, but is no answer
   }
   solution->iterations = iterations;
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <= goal || !circular;
+  if (circular && Sprawls(problem, settings, *solution)) {
+    StartFrom(problem, {});
+    Search(problem, settings);
+    AcceptSweeps(problem, settings, kAcceptShare, solution);
+  }
+  solution->coulomb_reached =
+      CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
 }
 
 // Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
@@ -262,6 +241,19 @@ void IslandSolver::Search(const Problem& problem, const Settings& settings) {
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
 }
 
+// Sweeps carry loads slowly: in a tower of hundreds they do not get to the ground. What the convex problem without slips
+// says is nearer then, if it has a solution. Returns the iterations that took.
+int IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings) {
+  const double rms = MapOfSwept(problem).rms;
+  std::fill(slips_.begin(), slips_.end(), 0.0);
+  interior_point_.Solve(problem, settings, slips_, &trial_);
+  if (trial_.status != Status::kSolved || CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > rms)
+    return trial_.iterations;
+  swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+  Search(problem, settings);
+  return trial_.iterations;
+}
+
 // Takes over impulses from the caller, or none if those are of no use.
 void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
@@ -283,9 +275,8 @@ void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> st
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
+  ImpulseScales(problem, &scales_);
   gauss_seidel_.Prepare(problem);
-  scales_.clear();
-  for (const ContactTerm& contact : problem.contacts) scales_.push_back(ImpulseScale(problem, contact));
   StartFrom(problem, start);
   int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;
@@ -297,6 +288,9 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
     if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
   Search(problem, settings);
+  if (certified && MapOfSwept(problem).rms > kLostRms * settings.velocity_scale) {
+    iterations += SearchFromConvex(problem, settings);
+  }
   const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
@@ -305,7 +299,7 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
     solution->rounds = 1;
   }
   solution->iterations = iterations;
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses).rms <=
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
                               settings.coulomb_tolerance * settings.velocity_scale;
 }
 

@@ -14,17 +14,12 @@
 
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
+#include "qp/natural_map.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
 
 namespace islet::qp {
-
-// [velocity] |j - P_K(j - rho u_hat)| / rho over the contacts, rho = 3 / tr W_cc, u_hat = u - target n + mu |u_t| n: the natural
-// map of exact Coulomb friction, zero at a solution.
-struct NaturalMap {
-  double max, rms;
-};
 
 class IslandSolver {
  public:
@@ -39,6 +34,7 @@ class IslandSolver {
                        Solution* solution);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
+  int SearchFromConvex(const Problem& problem, const Settings& settings);
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);

@@ -47,8 +47,19 @@ std::string Quantity(const Measurement& m) {
   return text;
 }
 
-std::string CheckLine(const Check& check) {
-  return fmt::format("{:<4} {} ({})\n", check.id, check.name, NameOf(check.gate));
+// "T4   sliding cube stops (G1): within bounds coulomb 40 of 40, convex 3 of 10"
+std::string CheckLine(const Check& check, std::span<const VerifyRow> rows, const std::vector<std::string>& models) {
+  std::string line = fmt::format("{:<4} {} ({})", check.id, check.name, NameOf(check.gate));
+  for (const std::string& model : models) {
+    int all = 0, passed = 0;
+    for (const VerifyRow& row : rows) {
+      if (row.check != &check || row.setting->model != model) continue;
+      ++all;
+      passed += row.Pass();
+    }
+    line += fmt::format("{} {} {} of {}", &model == &models[0] ? ": within bounds" : ",", model, passed, all);
+  }
+  return line + "\n";
 }
 
 std::string NoteLine(const VerifyRow& row) {
@@ -99,13 +110,14 @@ std::string RowLine(const VerifyRow& row) {
                      Short(m.reference), Short(m.measured), Error(m), fmt::format("{:.1e}", m.bound), Verdict(row));
 }
 
-std::string OneModelTable(const std::vector<Group>& groups, bool all_settings) {
+std::string OneModelTable(std::span<const VerifyRow> all, const std::vector<Group>& groups,
+                          const std::vector<std::string>& models, bool all_settings) {
   std::string table;
   const Check* check = nullptr;
   for (const Group& group : groups) {
     for (const std::vector<const VerifyRow*>& rows : group.by_model) {
       if (rows.empty()) continue;
-      if (check != rows[0]->check) table += CheckLine(*(check = rows[0]->check));
+      if (check != rows[0]->check) table += CheckLine(*(check = rows[0]->check), all, models);
       if (all_settings) {
         for (const VerifyRow* const row : rows) table += RowLine(*row) + NoteLine(*row);
       } else {
@@ -116,7 +128,8 @@ std::string OneModelTable(const std::vector<Group>& groups, bool all_settings) {
   return table;
 }
 
-std::string SideBySideTable(const std::vector<Group>& groups) {
+std::string SideBySideTable(std::span<const VerifyRow> all, const std::vector<Group>& groups,
+                            const std::vector<std::string>& models) {
   std::string table;
   const Check* check = nullptr;
   for (const Group& group : groups) {
@@ -128,7 +141,7 @@ std::string SideBySideTable(const std::vector<Group>& groups) {
       if (worst && !first) first = worst;
       if (worst && (worst->broken || worst->GateFailed())) notes += NoteLine(*worst);
     }
-    if (check != first->check) table += CheckLine(*(check = first->check));
+    if (check != first->check) table += CheckLine(*(check = first->check), all, models);
     table += fmt::format("{:<{}} {:>12} {:>8}{}\n", Quantity(first->measurement), kQuantityWidth,
                          Short(first->measurement.reference), fmt::format("{:.1e}", first->measurement.bound), cells);
     table += notes;
@@ -157,7 +170,8 @@ std::string VerifyHeader(std::span<const Setting> settings, bool all_settings) {
 std::string VerifyTable(std::span<const VerifyRow> rows, std::span<const Setting> settings, bool all_settings) {
   const std::vector<std::string> models = ModelsOf(settings);
   const std::vector<Group> groups = GroupRows(rows, models);
-  return models.size() == 1 || all_settings ? OneModelTable(groups, all_settings) : SideBySideTable(groups);
+  return models.size() == 1 || all_settings ? OneModelTable(rows, groups, models, all_settings)
+                                            : SideBySideTable(rows, groups, models);
 }
 
 std::string VerifyJson(std::span<const VerifyRow> rows, double tolerance) {

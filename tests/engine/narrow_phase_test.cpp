@@ -263,6 +263,25 @@ TEST(BoxBox, CubeOnAWallOf70Metres) {
   }
 }
 
+// The top edges of two leaning cards, parallel but for 1e-8 rad: the edge lies a hair beside the other's face, and still both of
+// its ends touch.
+TEST(BoxBox, NearlyParallelEdgesTouchAtBothEnds) {
+  const double lean = 0.5, half = 0.5, thick = 0.01, width = 0.3;
+  for (const double turn : {0.0, 1e-9, -1e-8, 1e-7}) {
+    const auto card = [&](double sign) -> Placement {
+      const Matrix3 rotation =
+          (Eigen::AngleAxisd(sign > 0 ? turn : 0, Vector3::UnitZ()) * Eigen::AngleAxisd(-sign * lean, Vector3::UnitY()))
+              .toRotationMatrix();
+      const double x = half * std::sin(lean) + thick * std::cos(lean);
+      return {Vector3(sign * (x + 1e-7), 0, 0), rotation};
+    };
+    const Shape shape = Shape::Box({thick, width, half});
+    const auto contacts = Collide(shape, card(-1), shape, card(1), 0.01);
+    ASSERT_EQ(contacts.size(), 2u) << turn;
+    EXPECT_NEAR(std::abs(contacts[0].point_W.y() - contacts[1].point_W.y()), 2 * width, 1e-3) << turn;
+  }
+}
+
 TEST(BoxBox, FeaturesStayWhileTheBodiesJitter) {
   Rng rng(8);
   const Shape cube = Shape::Box({0.5, 0.5, 0.5});

@@ -24,6 +24,8 @@ using testing::kGravity;
 using testing::StepTimes;
 using testing::Turn;
 
+constexpr double kFrame = 1.0 / 60;  // [s]
+
 constexpr double kDt = 1.0 / 60;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -379,6 +381,31 @@ TEST(World, FastSpinInACornerLeavesNothingInsideTheWalls) {
       EXPECT_EQ(world.Step(1.0 / 30).motion_failures, 0) << trial << " " << frame;
       for (const Contact& c : world.contacts()) ASSERT_GE(c.gap, -1e-3 * 0.1) << trial << " " << frame;
     }
+  }
+}
+
+// Sweeps alone do not carry the load of hundreds of cubes to the floor.
+TEST(World, ATallColumnStandsOnItsWholeWeight) {
+  World world;
+  const int floor = world.Add(Floor());
+  for (int i = 0; i < 300; ++i) world.Add(Cube({0, 0, 0.5 + i}));
+  for (int frame = 0; frame < 2; ++frame) {
+    const StepReport report = world.Step(kFrame);
+    EXPECT_EQ(report.static_qp.coulomb_capped, 0);
+    EXPECT_NEAR(-ImpulseOn(world, floor).z(), 300 * kGravity * kFrame, 1e-6 * 300 * kGravity * kFrame);
+  }
+  EXPECT_LT(world.body(300).linear_velocity_W.norm(), 1e-6);
+}
+
+// What presses between a floor and a ceiling is not told by the motion; it must not be without bound.
+TEST(World, ACubeThatJustFitsBelowACeilingIsNotSqueezed) {
+  World world;
+  const int floor = world.Add(Floor());
+  world.Add({.shape = Shape::Box({1, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, 1.5}});
+  world.Add(Cube({0, 0, 0.5}));
+  for (int frame = 0; frame < 3; ++frame) {
+    world.Step(kFrame);
+    EXPECT_LT(-ImpulseOn(world, floor).z(), 5 * kGravity * kFrame);
   }
 }
 

@@ -1,0 +1,167 @@
+// Runs scenes with every setting of one engine (the one that is linked in) and appends a row each to a CSV file.
+//
+//   chart_islet --out islet.csv --scene stack10 --quick
+//   chart_bullet --list
+//
+// A new file begins with lines that start with # and tell machine, compiler, commit, engine; then the names of the columns.
+// Rows also hold the load of the machine when the run began: timings under load are no more than upper bounds.
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bench/charts/run.h"
+
+namespace islet::charts {
+namespace {
+
+struct Options {
+  std::string out;
+  std::vector<std::string> scenes;
+  bool quick = false;
+  bool list = false;
+  double limit = 0;  // [s]; 0: the scene's own
+};
+
+std::string FirstLineOf(const char* command) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "r"), pclose);
+  char line[256] = "";
+  if (!pipe || std::fgets(line, sizeof line, pipe.get()) == nullptr) return "unknown";
+  std::string text = line;
+  text.erase(text.find_last_not_of('\n') + 1);
+  return text;
+}
+
+std::string Processor() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    if (line.starts_with("model name")) return line.substr(line.find(": ") + 2);
+  }
+  return "unknown processor";
+}
+
+std::string Loads() {
+  double load[1] = {-1};
+  getloadavg(load, 1);
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f", load[0]);
+  return text;
+}
+
+void WriteHead(const peers::Engine& engine, std::ostream& out) {
+  utsname system{};
+  uname(&system);
+  out << "# machine: " << Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname << ' '
+      << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
+      << FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
+      << "\n# engine: " << engine.name << ' ' << engine.version << ", " << engine.precision
+      << "\n# load average of the machine: at the start " << Loads() << "; of each run in its row\n"
+      << "scene,engine,version,precision,solver,sweep,dt,iterations,tolerance,sleeping,threads,default,failed,error,"
+         "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,jitter,kinetic_end,energy_gain,energy_ratio,"
+         "momentum_error,fell_at,lost,simulated_s,wall_per_s,cpu_per_s,step_median,step_p99,memory_mib,contacts_mean,"
+         "state_hash,repeats,repeatable,load\n";
+}
+
+void WriteRow(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting, const RunResult& run,
+              const std::string& load, std::ostream& out) {
+  const Measures& m = run.measures;
+  const double per_second = run.simulated > 0 ? 1 / run.simulated : 0;
+  char hash[20];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(run.hash));
+  out.precision(6);
+  out << scene.name << ',' << engine.name << ',' << engine.version << ',' << engine.precision << ',' << setting.solver
+      << ',' << setting.sweep << ',' << setting.dt << ',' << setting.iterations << ',' << setting.tolerance << ','
+      << setting.sleeping << ',' << setting.threads << ',' << setting.is_default << ',' << run.failed << ','
+      << run.error << ',' << m.overlap_max << ',' << m.overlap_mean << ',' << m.overlap_end << ',' << m.drift << ','
+      << m.drift_max << ',' << m.creep << ',' << m.jitter << ',' << m.kinetic_end << ',' << m.energy_gain << ','
+      << m.energy_ratio << ',' << m.momentum_error << ',' << m.fell_at << ',' << m.lost << ',' << run.simulated << ','
+      << run.wall * per_second << ',' << run.cpu * per_second << ',' << run.step_median << ',' << run.step_p99 << ','
+      << run.memory_kib / 1024 << ',' << run.contacts_mean << ',' << hash << ',' << run.repeats << ',' << run.repeatable
+      << ',' << load << '\n'
+      << std::flush;
+}
+
+void List(const peers::Engine& engine) {
+  for (const ChartScene& scene : AllChartScenes()) {
+    std::cout << scene.name << '\t' << scene.quick << '\t' << scene.seconds << '\t' << scene.summary << '\t'
+              << scene.error_name << '\t' << scene.why << '\n';
+  }
+  std::cerr << engine.name << ' ' << engine.version << ": " << engine.settings.size() << " settings\n";
+}
+
+// Settings of one sweep come in the order of their cost: once one was cut, the rest of its sweep is not tried.
+void RunSettings(const ChartScene& scene, const peers::Engine& engine, const Options& options, std::ostream& out) {
+  Limits limits;
+  limits.stepping = options.limit > 0 ? options.limit : scene.limit;
+  std::set<std::string> cut;
+  for (const peers::Setting& setting : engine.settings) {
+    if (options.quick && !setting.quick) continue;
+    const std::string sweep = setting.solver + '/' + setting.sweep + (setting.sleeping ? "/sleeping/" : "/awake/") +
+                              std::to_string(setting.threads);
+    const std::string load = Loads();
+    RunResult result;
+    if (cut.contains(sweep)) {
+      std::snprintf(result.failed, sizeof result.failed, "not run");
+    } else {
+      result = RunApart(scene, engine, setting, limits);
+    }
+    if (std::string_view(result.failed) == "time limit" || std::string_view(result.failed) == "refused")
+      cut.insert(sweep);
+    WriteRow(scene, engine, setting, result, load, out);
+  }
+}
+
+int RunAll(const Options& options, const peers::Engine& engine) {
+  const bool fresh = !std::filesystem::exists(options.out);
+  std::ofstream out(options.out, std::ios::app);
+  if (!out) {
+    std::cerr << "cannot write " << options.out << '\n';
+    return EXIT_FAILURE;
+  }
+  if (fresh) WriteHead(engine, out);
+  for (const std::string& name : options.scenes) {
+    const ChartScene* scene = FindChartScene(name);
+    if (scene == nullptr) {
+      std::cerr << "no scene is called " << name << '\n';
+      return 2;
+    }
+    RunSettings(*scene, engine, options, out);
+  }
+  return EXIT_SUCCESS;
+}
+
+int Main(int argc, char** argv) {
+  const peers::Engine engine = peers::TheEngine();
+  Options options;
+  CLI::App app("Charts: every setting of " + engine.name + " " + engine.version);
+  app.add_option("--out", options.out, "CSV file to append to");
+  app.add_option("--scene", options.scenes, "scenes, in this order");
+  app.add_flag("--quick", options.quick, "only the settings of chart-quick");
+  app.add_flag("--list", options.list, "the scenes: name, quick, seconds, what, error, why");
+  app.add_option("--limit", options.limit, "[s] of stepping, after which a run is cut; default: the scene's own");
+  CLI11_PARSE(app, argc, argv);
+  if (options.list) {
+    List(engine);
+    return EXIT_SUCCESS;
+  }
+  if (options.out.empty() || options.scenes.empty()) {
+    std::cerr << "--out and --scene are needed, or --list\n";
+    return 2;
+  }
+  return RunAll(options, engine);
+}
+
+}  // namespace
+}  // namespace islet::charts
+
+int main(int argc, char** argv) { return islet::charts::Main(argc, argv); }

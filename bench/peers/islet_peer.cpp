@@ -1,0 +1,79 @@
+// islet as it stands, through its front door. Lines: the certified tier, the swept tier, the convex model. Freezing is off
+// unless the setting says sleeping. The tolerance of the QPs is swept too; it has no knob called iterations.
+#include "bench/peers/peer.h"
+#include "engine/world.h"
+
+namespace islet::peers {
+namespace {
+
+islet::Settings SettingsOf(const WorldPlan& plan, const Setting& setting) {
+  islet::Settings settings;
+  settings.gravity = plan.gravity;
+  settings.threads = setting.threads;
+  settings.freezing = setting.sleeping ? Freezing::kCertified : Freezing::kOff;
+  if (setting.solver == "swept") settings.tier = Tier::kSwept;
+  if (setting.solver == "convex") settings.model = Model::kConvex;
+  if (setting.tolerance > 0) settings.tolerance = setting.tolerance;
+  return settings;
+}
+
+class IsletPeer final : public Peer {
+ public:
+  IsletPeer(const WorldPlan& plan, const Setting& setting) : world_(SettingsOf(plan, setting)) {
+    for (const BodyPlan& body : plan.bodies) {
+      BodyDefinition definition{.shape = body.form == BodyPlan::Form::kBox ? Shape::Box(body.half_extents)
+                                                                           : Shape::Sphere(body.radius)};
+      definition.kind = body.Moves() ? BodyKind::kDynamic : BodyKind::kFixed;
+      if (body.Moves()) definition.mass = body.mass;
+      definition.position_W = body.start.position_W;
+      definition.rotation_WB = body.start.rotation_WB;
+      definition.linear_velocity_W = body.start.linear_velocity_W;
+      definition.angular_velocity_W = body.start.angular_velocity_W;
+      definition.friction = plan.friction;
+      definition.restitution = plan.restitution;
+      world_.Add(definition);
+    }
+  }
+
+  void Step(double dt) override { contacts_ = world_.Step(dt).contacts; }
+
+  State Read(int body) const override {
+    const Body& b = world_.body(body);
+    return {b.position_W, b.rotation_WB, b.linear_velocity_W, b.angular_velocity_W};
+  }
+
+  int Contacts() const override { return contacts_; }
+
+ private:
+  World world_;
+  int contacts_ = 0;
+};
+
+std::unique_ptr<Peer> Make(const WorldPlan& plan, const Setting& setting) {
+  return std::make_unique<IsletPeer>(plan, setting);
+}
+
+}  // namespace
+
+Engine TheEngine() {
+  constexpr int kRates[] = {15, 30, 60, 120, 240, 480}, kQuickRates[] = {30, 60, 240}, kFewRates[] = {30, 60, 120};
+  constexpr double kTolerances[] = {1e-3, 1e-4, 1e-5, 1e-7, 1e-8};
+  Engine engine{.name = "islet", .version = ISLET_VERSION, .precision = "double", .settings = {}, .make = Make};
+  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
+  AddTimeSteps({.solver = "swept", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
+  AddTimeSteps({.solver = "convex", .dt = 1.0 / 30}, kFewRates, {}, &engine.settings);
+  for (const double tolerance : kTolerances) {
+    engine.settings.push_back({.solver = "certified",
+                               .sweep = "tolerance",
+                               .dt = 1.0 / 30,
+                               .tolerance = tolerance,
+                               .quick = tolerance == 1e-4});
+  }
+  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .sleeping = true, .is_default = true}, kRates, kQuickRates,
+               &engine.settings);
+  AddTimeSteps({.solver = "swept", .dt = 1.0 / 30, .sleeping = true}, kFewRates, {}, &engine.settings);
+  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .threads = 2}, kFewRates, {}, &engine.settings);
+  return engine;
+}
+
+}  // namespace islet::peers
