@@ -294,7 +294,8 @@ def publish(folder, target):
         for old in target.glob(pattern):
             old.unlink()
         for path in folder.glob(pattern):
-            shutil.copy(path, target)
+            if path.name != "overview.svg":  # large; the bitmap will do
+                shutil.copy(path, target)
     shutil.copy(folder / "overview.png", target)
 
 
