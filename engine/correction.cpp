@@ -3,11 +3,48 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
+
 namespace islet {
 namespace {
 
+constexpr double kFlat = 1e-9;  // of the largest moment of inertia
+
 Matrix3 AboutPoint(double mass, const Vector3& r) {  // [kg m^2] of a point mass
   return mass * (r.squaredNorm() * Matrix3::Identity() - r * r.transpose());
+}
+
+// Takes energy [J] from what the centres do besides a rigid motion; both momenta stay.
+void SlowDown(double energy, std::span<const int> members, std::span<Body> bodies) {
+  double mass = 0, kinetic = 0;
+  Vector3 centre = Vector3::Zero(), velocity = Vector3::Zero(), momentum = Vector3::Zero();
+  for (const int i : members) {
+    mass += bodies[i].mass;
+    centre += bodies[i].mass * bodies[i].position_W;
+    velocity += bodies[i].mass * bodies[i].linear_velocity_W;
+  }
+  centre /= mass;
+  velocity /= mass;
+  Matrix3 inertia = Matrix3::Zero();
+  for (const int i : members) {
+    const Vector3 arm = bodies[i].position_W - centre, own = bodies[i].linear_velocity_W - velocity;
+    inertia += AboutPoint(bodies[i].mass, arm);
+    momentum += arm.cross(bodies[i].mass * own);
+    kinetic += 0.5 * bodies[i].mass * own.squaredNorm();
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3> axes(inertia);
+  Vector3 spin = Vector3::Zero();
+  for (int k = 0; k < 3; ++k) {
+    if (axes.eigenvalues()[k] <= kFlat * axes.eigenvalues()[2]) continue;  // points in line do not turn about it
+    spin += axes.eigenvectors().col(k).dot(momentum) / axes.eigenvalues()[k] * axes.eigenvectors().col(k);
+  }
+  const double beside = kinetic - 0.5 * spin.dot(momentum);
+  if (beside <= 0) return;
+  const double share = std::sqrt(std::max(0.0, 1 - energy / beside));
+  for (const int i : members) {
+    const Vector3 rigid = velocity + spin.cross(bodies[i].position_W - centre);
+    bodies[i].linear_velocity_W = rigid + share * (bodies[i].linear_velocity_W - rigid);
+  }
 }
 
 }  // namespace
@@ -68,13 +105,17 @@ double CorrectionBalance::Settle(const Vector3& gravity_W, std::span<const int> 
     kick.angular = body.InverseInertiaW() * torque;
     curvature += body.mass * kick.linear.squaredNorm() + torque.dot(kick.angular);
   }
-  if (slope == 0 || (slope > 0 && lift > 0)) return 0;
-  const double root = slope * slope - 2 * curvature * owed;
-  const double scale = root > 0 ? 2 * owed / (-slope + std::copysign(std::sqrt(root), -slope)) : -slope / curvature;
+  double scale = 0;
+  if (slope != 0 && !(slope > 0 && lift > 0)) {
+    const double root = slope * slope - 2 * curvature * owed;
+    scale = root > 0 ? 2 * owed / (-slope + std::copysign(std::sqrt(root), -slope)) : -slope / curvature;
+  }
   for (size_t k = 0; k < members.size(); ++k) {
     bodies[members[k]].linear_velocity_W += scale * kicks_[k].linear;
     bodies[members[k]].angular_velocity_W += scale * kicks_[k].angular;
   }
+  const double left = owed + scale * (slope + 0.5 * scale * curvature);
+  if (free && left > 0) SlowDown(left, members, bodies);
   return scale;
 }
 

@@ -5,6 +5,7 @@
 //   energy             the impulses that corrected act on the velocities too, scaled so that the energy is what it was. That is
 //                      what happened: the bodies met before the step's end and went on slower. Momentum is kept, and what acts on
 //                      walls is known. What does not approach pays nothing: impulses never push it.
+//                      What they cannot pay of a turn, bodies that touch no wall pay by moving less beside each other.
 //
 //   in:  an island at its poses after the pass, what the pass shifted, the pushes that did it     out: velocities, scale
 //   threads: islands in parallel, each by one thread; frozen bodies get their share afterwards

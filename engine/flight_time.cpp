@@ -9,19 +9,21 @@
 namespace islet {
 namespace {
 
+// Steps without a push, or one after a rebound: a ball that rolls over a crest is without one for a step, too.
+constexpr int kInFlight = 2;
 constexpr double kMeets = 1e-2;  // of the overlap tolerance: contacts that are open by less have met
 
 }  // namespace
 
 void FlightMemory::AddBody() {
   unflown.push_back(0);
-  flew.push_back(1);
+  flew.push_back(kInFlight);
   walls.emplace_back();
 }
 
 void FlightMemory::Forget(int body) {
   unflown[body] = 0;
-  flew[body] = 1;
+  flew[body] = kInFlight;
 }
 
 bool FlightTime::Meets(const Contact& c) const {
@@ -32,16 +34,17 @@ void FlightTime::BeginStep(std::span<const Body> bodies, std::span<const double>
                            std::span<const Contact> near_contacts, const FlightMemory& memory) {
   tolerances_ = tolerances;
   in_flight_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) in_flight_[i] = bodies[i].Moves() && memory.flew[i];
+  for (size_t i = 0; i < bodies.size(); ++i) in_flight_[i] = bodies[i].Moves() && memory.flew[i] >= kInFlight;
   for (const Contact& c : near_contacts)
     if (Meets(c)) in_flight_[c.body_a] = in_flight_[c.body_b] = 0;
 }
 
-bool FlightTime::Ignores(const Contact& c) const { return (in_flight_[c.body_a] || in_flight_[c.body_b]) && !Meets(c); }
-
 void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebound, const SuiteMemory& suite,
                                  const FlightMemory& memory, std::span<Body> bodies, std::span<Contact> resolved) {
   if (rebound) SetRebounds(bodies, suite.previous_contacts, suite.previous_holding, resolved);
+  rebounded_.assign(bodies.size(), 0);
+  for (const Contact& c : resolved)
+    if (c.rebounds) rebounded_[c.body_a] = rebounded_[c.body_b] = 1;
   durations_.assign(bodies.size(), dt);
   for (size_t i = 0; i < bodies.size(); ++i) durations_[i] += bodies[i].Moves() ? memory.unflown[i] : 0;
   loads_.clear();
@@ -115,7 +118,8 @@ void FlightTime::EndStep(double dt, std::span<const Body> bodies, const Mover& m
     const double unflown = bodies[i].Moves() ? mover.flights().left(number) : 0;
     memory->unflown[i] = std::min(unflown, dt);
     if (unflown > 0) memory->walls[i] = mover.flights().wall(number);
-    memory->flew[i] = flies_[i] && mover.flights().flies(number) && unflown == 0;
+    const bool flew = flies_[i] && mover.flights().flies(number) && unflown == 0;
+    memory->flew[i] = static_cast<std::uint8_t>(flew ? std::min(kInFlight, memory->flew[i] + 1 + rebounded_[i]) : 0);
   }
 }
 

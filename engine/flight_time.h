@@ -19,9 +19,10 @@ namespace islet {
 
 // What one step leaves for the next.
 struct FlightMemory {
-  std::vector<double> unflown;     // [s] per body: what its last flight left
-  std::vector<std::uint8_t> flew;  // per body: no contact pushed it in the last step, and it met nothing
-  std::vector<Contact> walls;      // per body: what cut that flight short
+  std::vector<double> unflown;  // [s] per body: what its last flight left
+  std::vector<std::uint8_t>
+      flew;                    // per body: steps in which no contact pushed it and it met nothing, as far as they count
+  std::vector<Contact> walls;  // per body: what cut that flight short
 
   void AddBody();
   void Forget(int body);
@@ -32,9 +33,13 @@ class FlightTime {
   // tolerances: [m] of overlap, per body.
   void BeginStep(std::span<const Body> bodies, std::span<const double> tolerances,
                  std::span<const Contact> near_contacts, const FlightMemory& memory);
-  // A body in flight meets what is there when it gets there, however slow it is and however near.
-  bool Ignores(const Contact& contact) const;
-  bool InFlight(int body) const { return in_flight_[body] != 0; }
+  // A body in flight meets what is there when it gets there, however slow it is and however near: a rebound from a little
+  // above would be too high. Without rebound that makes no difference.
+  bool Ignores(const Contact& contact) const { return InFlight(contact) && !Meets(contact); }
+  // One of the two bodies is, and would rebound.
+  bool InFlight(const Contact& contact) const {
+    return contact.restitution > 0 && (in_flight_[contact.body_a] || in_flight_[contact.body_b]);
+  }
 
   // What a flight left is added if the body now leaves all that it touches. The suite knows one time step only: forces make up
   // for it until PlanMotion. resolved: gets its rebounds (rebound.h) if `rebound`.
@@ -65,6 +70,7 @@ class FlightTime {
   std::vector<std::uint8_t> in_flight_;  // per body: flew, and nothing stops it yet
   std::vector<double> durations_;        // [s] per body
   std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
+  std::vector<std::uint8_t> rebounded_;  // per body: a contact rebounds in this step
   std::vector<std::uint8_t> flies_;      // per body: no contact pushes it in this step
   std::vector<Attributed> gained_;       // what bodies that move for longer than the step got for that
   std::vector<Twist> before_;            // per body: velocities that its motion begins with

@@ -109,6 +109,11 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
+  at_once_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    at_once_[i] = bodies[i].Moves() && bodies[i].linear_velocity_W == plan.before[i].linear_W &&
+                  bodies[i].angular_velocity_W == plan.before[i].angular_W;
+  }
   paid_contacts_.clear();
   paid_impulses_.clear();
   held_.assign(bodies.size(), 0);
@@ -350,6 +355,7 @@ void Mover::CentreImpulses(double dt, std::span<const Twist> before_gravity, std
                            std::span<const Vector3> holding, std::span<const Contact> now, std::span<Body> bodies) {
   origins_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) origins_[i] = bodies[i].position_W - free_travel_[i];
+  for (size_t i = 0; i < bodies.size(); ++i) held_[i] |= at_once_[i];
   midstep_.Move({dt, before_gravity, origins_}, resolved, holding, now, held_, bodies);
 }
 

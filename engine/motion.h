@@ -119,6 +119,7 @@ class Mover {
   std::vector<Pose> pass_start_;               // per body
   std::vector<Shift> shifts_;                  // per body, of this pass
   std::vector<std::uint8_t> cut_, wanted_, held_;
+  std::vector<std::uint8_t> at_once_;  // per body: took its static impulses at the start of the step
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;

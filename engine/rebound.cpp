@@ -38,14 +38,12 @@ void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_con
                  std::span<const Vector3> last_holding, std::span<Contact> contacts) {
   size_t p = 0;
   for (Contact& contact : contacts) {
-    contact.rebounds = contact.touches && contact.restitution > 0;
+    const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
+    contact.rebounds = contact.touches && contact.restitution > 0 && approach > 0;
     contact.fading = 0;
     while (p < last_contacts.size() && Key(last_contacts[p]) < Key(contact)) ++p;
-    if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact) || !contact.rebounds ||
-        !(last_holding[p][0] > 0))
-      continue;
-    const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
-    if (approach <= 0) continue;
+    if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact)) continue;
+    if (!contact.rebounds || !(last_holding[p][0] > 0)) continue;
     // What a blow from elsewhere adds to the approach rebounds by Newton's law.
     const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
     contact.fading = std::min(lost, contact.restitution * approach);

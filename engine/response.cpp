@@ -225,8 +225,10 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   // What still approaches without a load is what the collision problem's tolerance left, or will meet on its way. (Without
   // gravity the floor is a thousandth of the fastest approach.)
   const double left = (settings.gravity.isZero(0) ? 1e3 : 10) * settings.tolerance * speed_floor;
-  if (!rubs && touching <= left && FallsFreely(island, contacts, bodies)) return outcome;
+  const bool free = !rubs && FallsFreely(island, contacts, bodies);
+  if (free && touching <= left) return outcome;
   Solve(settings, v_ref, speed_floor, v_ref <= kRestShare * speed_floor, &outcome);
+  if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

@@ -273,7 +273,7 @@ void World::Impl::SelectResolved(double dt) {
     resolved.push_back(c);
     const bool passes = Passes(dt, {}, &resolved.back());
     resolved.back().touches = touches && !passes;
-    if (passes && touches && (flight_time.InFlight(c.body_a) || flight_time.InFlight(c.body_b))) resolved.pop_back();
+    if (passes && touches && flight_time.InFlight(c)) resolved.pop_back();
   }
 }
 
