@@ -299,11 +299,4 @@ void Mover::Settle(std::span<Body> bodies, const std::vector<Contact>& contacts)
   }
 }
 
-void Mover::CentreImpulses(double dt, std::span<const Twist> before_gravity, std::span<const Contact> resolved,
-                           std::span<const Vector3> holding, std::span<const Contact> now, std::span<Body> bodies) {
-  origins_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) origins_[i] = bodies[i].position_W - free_travel_[i];
-  midstep_.Move({dt, before_gravity, origins_}, resolved, holding, now, held_, bodies);
-}
-
 }  // namespace islet

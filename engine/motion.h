@@ -7,8 +7,7 @@
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   what it owes     corrections neither make energy nor change momentum: see correction.h; and static impulses act where they
-//                    were halfway along the step: see midstep.h
+//   what it owes     corrections neither make energy nor change momentum: see correction.h
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -20,7 +19,6 @@
 #include "engine/contact_suite.h"
 #include "engine/correction.h"
 #include "engine/island_problem.h"
-#include "engine/midstep.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
 #include "qp/island_solver.h"
@@ -44,11 +42,6 @@ class Mover {
   // smaller one. detect is called after each pass.
   MotionOutcome Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
                      const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts);
-
-  // After Move: the static impulses [N s] (n, t1, t2) at the contacts of the step's start become those of the middle.
-  void CentreImpulses(double dt, std::span<const Twist> before_gravity, std::span<const Contact> resolved,
-                      std::span<const Vector3> holding, std::span<const Contact> now, std::span<Body> bodies);
-  std::span<const Vector3> impulse_changes() const { return midstep_.changes(); }  // [N s] per resolved contact, W
 
   // Contacts at which the last Move braked what it had to push apart, and by how much: [N s] on body_b, W. One may come twice.
   std::span<const Contact> paid_contacts() const { return paid_contacts_; }
@@ -96,7 +89,6 @@ class Mover {
   std::vector<Vector3> free_turns_;    // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;        // [m] per body
   std::vector<Vector3> free_travel_;   // [m] per body
-  std::vector<Vector3> origins_;       // [m] per body: from where free travel would have led to where it is
   std::vector<Pose> start_, end_;      // per body, of this step
   std::vector<Pose> pass_start_;       // per body
   std::vector<Shift> shifts_;          // per body, of this pass
@@ -110,7 +102,6 @@ class Mover {
   std::vector<Vector3> met_;            // [m] per contact: its point after the pass
   std::vector<Contact> paid_contacts_;  // of all passes of this step
   std::vector<Vector3> paid_impulses_;
-  MidstepImpulses midstep_;
   islands::Partition partition_;
   std::vector<Worker> workers_;
 };

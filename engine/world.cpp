@@ -73,7 +73,7 @@ struct World::Impl : WorldState {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void MoveImpulses(double dt);
+  void TellPaidImpulses();
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
@@ -294,12 +294,9 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
-// The impulses of the step, as they acted while the bodies moved.
-void World::Impl::MoveImpulses(double dt) {
-  mover.CentreImpulses(dt, suite.velocities_before_gravity(), resolved, suite.memory().previous_holding, near_contacts,
-                       bodies);
+// What holds bodies apart in the move counts among the impulses of the step.
+void World::Impl::TellPaidImpulses() {
   impulses.assign(suite.impulses().begin(), suite.impulses().end());
-  for (size_t c = 0; c < impulses.size(); ++c) impulses[c] += mover.impulse_changes()[c];
   resolved.insert(resolved.end(), mover.paid_contacts().begin(), mover.paid_contacts().end());
   impulses.insert(impulses.end(), mover.paid_impulses().begin(), mover.paid_impulses().end());
 }
@@ -357,7 +354,7 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(dt, before, w.tolerances, detect, w.bodies, &w.near_contacts);
-  w.MoveImpulses(dt);
+  w.TellPaidImpulses();
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;
