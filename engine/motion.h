@@ -7,7 +7,8 @@
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   what it owes     corrections neither make energy nor change momentum: see correction.h
+//   energy           a body held back from falling lacks the work of gravity that its velocity claims, a body lifted by a
+//                    correction has got height for nothing: its kinetic energy is reduced by that
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -17,7 +18,6 @@
 #include <vector>
 
 #include "engine/contact_suite.h"
-#include "engine/correction.h"
 #include "engine/island_problem.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
@@ -43,10 +43,6 @@ class Mover {
   MotionOutcome Move(double dt, std::span<const Twist> before_gravity, std::span<const double> tolerances,
                      const DetectContacts& detect, std::span<Body> bodies, std::vector<Contact>* contacts);
 
-  // Contacts at which the last Move braked what it had to push apart, and by how much: [N s] on body_b, W. One may come twice.
-  std::span<const Contact> paid_contacts() const { return paid_contacts_; }
-  std::span<const Vector3> paid_impulses() const { return paid_impulses_; }
-
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // [m] where free motion would take each body; zero for those that stand still.
@@ -67,8 +63,6 @@ class Mover {
     qp::Solution solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
-    CorrectionBalance balance;
-    std::vector<Push> pushes;
   };
   void PlanFreeMotion(double dt, std::span<const Twist> before_gravity, std::span<const Body> bodies);
   double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
@@ -77,31 +71,23 @@ class Mover {
                    const std::vector<Contact>& contacts);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
-  void Settle(std::span<Body> bodies, const std::vector<Contact>& contacts);
-  void SettleIsland(int island, Worker* worker, std::span<Body> bodies, const std::vector<Contact>& contacts);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
                 std::vector<Contact>* contacts, MotionOutcome* outcome);
+  void TakeBackWork(std::span<Body> bodies) const;
 
   Settings settings_;
   parallel::WorkerPool* pool_;
   std::vector<Displacement> planned_;  // of this pass
+  std::vector<double> allowed_lift_;   // [m] per body
   std::vector<Vector3> free_turns_;    // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_;        // [m] per body
-  std::vector<Vector3> free_travel_;   // [m] per body
+  std::vector<Vector3> travel_, aim_;  // [m] per body; aim: where free motion ends
   std::vector<Pose> start_, end_;      // per body, of this step
-  std::vector<Pose> pass_start_;       // per body
-  std::vector<Shift> shifts_;          // per body, of this pass
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
-  std::vector<double> pushes_;          // [kg m] per contact of this pass, along its normal
-  std::vector<double> scales_;          // [1/s] per contact: how much of that acts on the velocities
-  std::vector<Vector3> met_;            // [m] per contact: its point after the pass
-  std::vector<Contact> paid_contacts_;  // of all passes of this step
-  std::vector<Vector3> paid_impulses_;
   islands::Partition partition_;
   std::vector<Worker> workers_;
 };

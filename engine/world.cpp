@@ -27,8 +27,7 @@ struct WorldState {
   std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
-  std::vector<Contact> resolved;       // touching ones at the start of the last step, then those that the motion braked
-  std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
+  std::vector<Contact> resolved;       // touching ones at the start of the last step, whose impulses the suite holds
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
   bool stale = true;                   // near_contacts do not belong to the current poses
@@ -73,7 +72,6 @@ struct World::Impl : WorldState {
   void WakeBeforeMovers(double dt);
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void TellPaidImpulses();
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
@@ -294,13 +292,6 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
-// What holds bodies apart in the move counts among the impulses of the step.
-void World::Impl::TellPaidImpulses() {
-  impulses.assign(suite.impulses().begin(), suite.impulses().end());
-  resolved.insert(resolved.end(), mover.paid_contacts().begin(), mover.paid_contacts().end());
-  impulses.insert(impulses.end(), mover.paid_impulses().begin(), mover.paid_impulses().end());
-}
-
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) {
@@ -354,7 +345,6 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(dt, before, w.tolerances, detect, w.bodies, &w.near_contacts);
-  w.TellPaidImpulses();
   w.SelectTouching();
   finish(&report.seconds.move);
   report.seconds.move -= detect_seconds;
@@ -383,7 +373,7 @@ const Body& World::body(int number) const { return impl_->bodies.at(number); }
 const Shape& World::shape(int number) const { return impl_->shapes.at(number); }
 std::span<const Contact> World::contacts() const { return impl_->touching; }
 std::span<const Contact> World::resolved_contacts() const { return impl_->resolved; }
-std::span<const Vector3> World::impulses() const { return impl_->impulses; }
+std::span<const Vector3> World::impulses() const { return impl_->suite.impulses(); }
 const Settings& World::settings() const { return impl_->settings; }
 double World::time() const { return impl_->time; }
 std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }
