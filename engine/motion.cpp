@@ -96,9 +96,9 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
     if (!flights_.flies(number)) continue;
     if (flights_move_) {
       flights_.Place(number, &bodies[i]);
+      aim_[i] = bodies[i].position_W;
       planned_[i].linear -= flown_[i].linear;
       planned_[i].angular -= flown_[i].angular;
-      free_travel_[i] = bodies[i].position_W - start_[i].position_W;
     }
     free_turns_[i].setZero();
     if (all || !planned_[i].linear.isZero(0) || !planned_[i].angular.isZero(0)) flights_.Ground(number);
@@ -109,20 +109,13 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
-  at_once_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    at_once_[i] = bodies[i].Moves() && bodies[i].linear_velocity_W == plan.before[i].linear_W &&
-                  bodies[i].angular_velocity_W == plan.before[i].angular_W;
-  }
-  paid_contacts_.clear();
-  paid_impulses_.clear();
-  held_.assign(bodies.size(), 0);
+  aim_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) aim_[i] = bodies[i].position_W + planned_[i].linear;
+  allowed_lift_.assign(tolerances.begin(), tolerances.end());
   start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
   free_turns_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
-  free_travel_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) free_travel_[i] = planned_[i].linear;
   MotionOutcome outcome;
   outcome.reached = false;
   for (outcome.passes = 0;; ++outcome.passes) {
@@ -130,8 +123,9 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     const bool corrected = !outcome.reached && Correct(tolerances, bodies, *contacts);
     if (outcome.passes > 0 && !corrected && !flights_move_) break;
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
+    if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) Settle(bodies, *contacts);
+    if (corrected) RestoreSpins(outcome.passes == 0, bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -145,6 +139,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
+  TakeBackWork(bodies);
   return outcome;
 }
 
@@ -165,6 +160,7 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
   const MotionOutcome before = *outcome;
   end_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) end_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
+  held_.assign(bodies.size(), 0);
   for (int round = 0; round < settings_.motion_passes && !outcome->reached; ++round) {
     bool holds = false;
     const auto hold = [&](int i) {
@@ -200,15 +196,12 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
 // Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would.
 bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
                     const std::vector<Contact>& contacts) {
-  gaps_.resize(contacts.size());
   double deepest = 0;
   for (size_t c = 0; c < contacts.size(); ++c) {
     gaps_[c] = PredictedGap(contacts[c], bodies);
     if (handled_[c]) continue;
     if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
   }
-  shifts_.assign(bodies.size(), {});
-  pushes_.assign(contacts.size(), 0.0);
   if (deepest == 0) return false;
   cut_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) cut_[i] = !bodies[i].Moves();
@@ -257,11 +250,33 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   if (!SolveDisplacements(scale, &w)) return;
   for (size_t i = 0; i < members.size(); ++i) {
     const double* d = &w.solution.velocities[6 * i];
-    shifts_[members[i]].linear = Vector3(d[0], d[1], d[2]);
-    planned_[members[i]].linear += shifts_[members[i]].linear;
+    planned_[members[i]].linear += Vector3(d[0], d[1], d[2]);
     planned_[members[i]].angular += Vector3(d[3], d[4], d[5]);
   }
-  for (size_t k = 0; k < numbers.size(); ++k) pushes_[numbers[k]] = w.solution.impulses[k][0];
+}
+
+// Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.
+void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+  spins_.assign(partition_.num_islands(), {});
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+      const Contact& contact = contacts[island_contacts_[k]];
+      if (cut_[contact.body_a] || cut_[contact.body_b]) wanted_[i] = 0;
+    }
+    if (wanted_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
+  }
+}
+
+// Together they were not lifted, so gravity has done what their velocities claim.
+void Mover::RestoreSpins(bool first, std::span<Body> bodies) {
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    if (!wanted_[i]) continue;
+    RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
+    for (const int member : partition_.bodies_of(i)) {
+      aim_[member] = first ? bodies[member].position_W : Vector3(aim_[member] + planned_[member].linear);
+      flights_.Ground(member);
+    }
+  }
 }
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work.
@@ -285,78 +300,50 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
 // The free turn keeps the angular momentum. A correction only puts the body elsewhere: it turns the velocity along with the
 // body, so that the kinetic energy stays.
 void Mover::Apply(std::span<Body> bodies) {
-  pass_start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& body = bodies[i];
-    pass_start_[i] = {body.position_W, body.rotation_WB};
     body.position_W += planned_[i].linear;
     if (planned_[i].angular.isZero(0)) continue;
     const Quaternion turned = Quaternion(Exp(planned_[i].angular) * body.rotation_WB).normalized();
     if (body.Moves()) {
       const Quaternion free = Exp(free_turns_[i]) * body.rotation_WB;
-      const Vector3 kept = body.AngularMomentumW();
       body.angular_velocity_W = AngularVelocityAfter(body.inertia_B, body.rotation_WB, body.angular_velocity_W, free);
-      if (!(free_turns_[i] - planned_[i].angular).isZero(0)) {
+      if (!(free_turns_[i] - planned_[i].angular).isZero(0))
         body.angular_velocity_W = turned * (free.conjugate() * body.angular_velocity_W);
-        const Vector3 spin = turned * (body.inertia_B * (turned.conjugate() * body.angular_velocity_W));
-        shifts_[i].spin = spin - kept;
-      }
     }
     body.rotation_WB = turned;
   }
   for (Vector3& turn : free_turns_) turn.setZero();  // later passes only correct
 }
 
-// Where the two material points that a contact joined are now.
-void Mover::SettleIsland(int island, Worker* worker, std::span<Body> bodies, const std::vector<Contact>& contacts) {
-  const std::span<const int> members = partition_.bodies_of(island);
-  worker->pushes.clear();
-  bool free = true;
-  for (int k = partition_.contact_start[island]; k < partition_.contact_start[island + 1]; ++k) {
-    const int c = island_contacts_[k];
-    const Contact& contact = contacts[c];
-    free = free && bodies[contact.body_a].Moves() && bodies[contact.body_b].Moves();
-    if (pushes_[c] == 0) continue;
-    const auto now = [&](int i, double side) -> Vector3 {
-      const Vector3 point = contact.point_W + side * 0.5 * contact.gap * contact.normal_W;
-      const Quaternion turn = bodies[i].rotation_WB * pass_start_[i].rotation_WB.conjugate();
-      return bodies[i].position_W + turn * (point - pass_start_[i].position_W);
-    };
-    met_[c] = 0.5 * (now(contact.body_a, -1) + now(contact.body_b, 1));
-    worker->pushes.push_back({c, contact.body_a, contact.body_b, met_[c], pushes_[c] * contact.normal_W});
+// v1 holds the energy of a motion to `aim_`. Where the body ended higher, gravity (and external force) did not do that work,
+// or the correction lifted the body: its kinetic energy pays, first that of its speed against the correction, then the rest.
+void Mover::TakeBackWork(std::span<Body> bodies) const {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    if (!body.Moves()) continue;
+    const Vector3 correction = body.position_W - aim_[i];
+    const double length = correction.norm();
+    if (length == 0) continue;
+    double work = -(body.mass * settings_.gravity + body.force_W).dot(correction);  // [J] not done
+    if (work <= 0) continue;
+    const Vector3 direction = correction / length;
+    const double speed = body.linear_velocity_W.dot(direction);
+    if (speed < 0) {
+      const double available = 0.5 * body.mass * speed * speed;
+      const double left = std::sqrt(std::max(0.0, 1 - work / available));
+      body.linear_velocity_W -= (1 - left) * speed * direction;
+      work -= available;
+    }
+    // What is left is a lift. Second-order lifts, within what may overlap anyway, are not charged: they would brake a cube
+    // that slides slowly.
+    work -= body.mass * settings_.gravity.norm() * allowed_lift_[i];
+    if (work <= 0) continue;
+    const double energy = body.KineticEnergy();
+    const double share = energy > work ? std::sqrt(1 - work / energy) : 0;
+    body.linear_velocity_W *= share;
+    body.angular_velocity_W *= share;
   }
-  const double scale = worker->balance.Settle(settings_.gravity, members, worker->pushes, shifts_, free, bodies);
-  for (const Push& push : worker->pushes) scales_[push.contact] = scale;
-}
-
-// Frozen bodies are walls to the islands beside them; what those put on them the next step finds as momentum that their
-// supports have to take.
-void Mover::Settle(std::span<Body> bodies, const std::vector<Contact>& contacts) {
-  scales_.assign(contacts.size(), 0.0);
-  met_.resize(contacts.size());
-  pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
-    if (wanted_[island]) SettleIsland(island, &workers_[worker], bodies, contacts);
-  });
-  for (int island = 0; island < partition_.num_islands(); ++island)
-    if (wanted_[island])
-      for (const int member : partition_.bodies_of(island)) flights_.Ground(member);
-  for (size_t c = 0; c < contacts.size(); ++c) {
-    if (scales_[c] == 0 || pushes_[c] == 0) continue;
-    const Vector3 impulse = scales_[c] * pushes_[c] * contacts[c].normal_W;
-    paid_contacts_.push_back(contacts[c]);
-    paid_contacts_.back().point_W = met_[c];
-    paid_impulses_.push_back(impulse);
-    if (bodies[contacts[c].body_a].frozen) bodies[contacts[c].body_a].ApplyImpulse(-impulse, met_[c]);
-    if (bodies[contacts[c].body_b].frozen) bodies[contacts[c].body_b].ApplyImpulse(impulse, met_[c]);
-  }
-}
-
-void Mover::CentreImpulses(double dt, std::span<const Twist> before_gravity, std::span<const Contact> resolved,
-                           std::span<const Vector3> holding, std::span<const Contact> now, std::span<Body> bodies) {
-  origins_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) origins_[i] = bodies[i].position_W - free_travel_[i];
-  for (size_t i = 0; i < bodies.size(); ++i) held_[i] |= at_once_[i];
-  midstep_.Move({dt, before_gravity, origins_}, resolved, holding, now, held_, bodies);
 }
 
 }  // namespace islet

@@ -3,13 +3,13 @@
 //
 //   free motion      x += dt (v0 + v1) / 2, v0 after the collisions, v1 after the static contacts: exact for free flight and
 //                    for sliding under constant friction; rotation by rotation.h
-//   flights          a body that nothing pushes stops at the moment at which it meets a wall, see flight.h
+//   flights          a body that no contact pushes stops at the moment at which it meets a wall, see flight.h
 //   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   what it owes     corrections neither make energy nor change momentum: see correction.h; and static impulses act where they
-//                    were halfway along the step: see midstep.h
+//   energy           a body held back from falling lacks the work of gravity that its velocity claims, a body lifted by a
+//                    correction has got height for nothing: its kinetic energy is reduced by that
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -19,10 +19,9 @@
 #include <vector>
 
 #include "engine/contact_suite.h"
-#include "engine/correction.h"
 #include "engine/flight.h"
 #include "engine/island_problem.h"
-#include "engine/midstep.h"
+#include "engine/island_spin.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
 #include "qp/island_solver.h"
@@ -54,17 +53,9 @@ class Mover {
   // smaller one. detect is called after each pass.
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
+
   // Of the last move.
   const Flights& flights() const { return flights_; }
-
-  // After Move: the static impulses [N s] (n, t1, t2) at the contacts of the step's start become those of the middle.
-  void CentreImpulses(double dt, std::span<const Twist> before_gravity, std::span<const Contact> resolved,
-                      std::span<const Vector3> holding, std::span<const Contact> now, std::span<Body> bodies);
-  std::span<const Vector3> impulse_changes() const { return midstep_.changes(); }  // [N s] per resolved contact, W
-
-  // Contacts at which the last Move braked what it had to push apart, and by how much: [N s] on body_b, W. One may come twice.
-  std::span<const Contact> paid_contacts() const { return paid_contacts_; }
-  std::span<const Vector3> paid_impulses() const { return paid_impulses_; }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
@@ -86,8 +77,6 @@ class Mover {
     qp::Solution solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
-    CorrectionBalance balance;
-    std::vector<Push> pushes;
   };
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
@@ -97,13 +86,14 @@ class Mover {
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
+  void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  void RestoreSpins(bool first, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
-  void Settle(std::span<Body> bodies, const std::vector<Contact>& contacts);
-  void SettleIsland(int island, Worker* worker, std::span<Body> bodies, const std::vector<Contact>& contacts);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
                 std::vector<Contact>* contacts, MotionOutcome* outcome);
+  void TakeBackWork(std::span<Body> bodies) const;
 
   Settings settings_;
   parallel::WorkerPool* pool_;
@@ -111,26 +101,17 @@ class Mover {
   bool flights_move_ = false;                  // in this pass
   std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
   std::vector<std::uint8_t> handled_;          // per contact: left to the flights
+  std::vector<double> allowed_lift_;           // [m] per body
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_;                // [m] per body
-  std::vector<Vector3> free_travel_;           // [m] per body
-  std::vector<Vector3> origins_;               // [m] per body: from where free travel would have led to where it is
+  std::vector<Vector3> travel_, aim_;          // [m] per body; aim: where free motion ends
   std::vector<Pose> start_, end_;              // per body, of this step
-  std::vector<Pose> pass_start_;               // per body
-  std::vector<Shift> shifts_;                  // per body, of this pass
   std::vector<std::uint8_t> cut_, wanted_, held_;
-  std::vector<std::uint8_t> at_once_;  // per body: took its static impulses at the start of the step
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
-  std::vector<double> pushes_;          // [kg m] per contact of this pass, along its normal
-  std::vector<double> scales_;          // [1/s] per contact: how much of that acts on the velocities
-  std::vector<Vector3> met_;            // [m] per contact: its point after the pass
-  std::vector<Contact> paid_contacts_;  // of all passes of this step
-  std::vector<Vector3> paid_impulses_;
-  MidstepImpulses midstep_;
   islands::Partition partition_;
+  std::vector<IslandSpin> spins_;  // per island
   std::vector<Worker> workers_;
 };
 

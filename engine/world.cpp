@@ -28,7 +28,7 @@ struct WorldState {
   std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
-  std::vector<Contact> resolved;       // touching ones at the start of the last step, then those that the motion braked
+  std::vector<Contact> resolved;       // touching ones at the start of the last step, then walls that stopped flights
   std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
@@ -77,7 +77,6 @@ struct World::Impl : WorldState {
   bool Touches(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void MoveImpulses(const MotionPlan& plan);
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
 };
@@ -308,16 +307,6 @@ bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* co
   return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
-// The impulses of the step, as they acted while the bodies moved.
-void World::Impl::MoveImpulses(const MotionPlan& plan) {
-  mover.CentreImpulses(plan.dt, plan.before, resolved, suite.memory().previous_holding, near_contacts, bodies);
-  impulses.assign(suite.impulses().begin(), suite.impulses().end());
-  for (size_t c = 0; c < impulses.size(); ++c) impulses[c] += mover.impulse_changes()[c];
-  resolved.insert(resolved.end(), mover.paid_contacts().begin(), mover.paid_contacts().end());
-  impulses.insert(impulses.end(), mover.paid_impulses().begin(), mover.paid_impulses().end());
-  flight_time.ReportImpulses(mover, bodies, &resolved, &impulses);
-}
-
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) {
@@ -374,7 +363,8 @@ StepReport World::Step(double dt) {
     detect_seconds += Seconds() - start;
   };
   const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
-  w.MoveImpulses(plan);
+  w.impulses.assign(w.suite.impulses().begin(), w.suite.impulses().end());
+  w.flight_time.ReportImpulses(w.mover, w.bodies, &w.resolved, &w.impulses);
   w.flight_time.EndStep(dt, w.bodies, w.mover, &w.flights);
   w.SelectTouching();
   finish(&report.seconds.move);

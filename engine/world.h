@@ -86,7 +86,7 @@ class World {
   const Body& body(int number) const;
   const Shape& shape(int number) const;
   std::span<const Contact> contacts() const;           // touching, at the current poses
-  std::span<const Contact> resolved_contacts() const;  // those that touched when the last step began, then braked ones
+  std::span<const Contact> resolved_contacts() const;  // those that touched when the last step began
   std::span<const Vector3> impulses() const;           // [N s] of the last step at the resolved contacts, W, on body_b
   const Settings& settings() const;
   double time() const;              // [s]

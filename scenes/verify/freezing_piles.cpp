@@ -108,6 +108,7 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
       name + "cubes that wake within 15 steps, of those that move", "", woken / std::max(1.0, 1.0 * moved), 2,
       "beside a body at 10 m/s the solver's tolerance leaves up to 1e-4 m/s, also if nothing is ever frozen: more than "
       "a frozen body may have");
+  out->Open();
 }
 
 void MeasureRest(const CheckSettings& s, Measurements* out) {

@@ -42,9 +42,12 @@ void WeighGlass(const CheckSettings& settings, const char* scene, int count, dou
   // The pieces started at rest; what momentum they have at the end the scale has not felt yet.
   const double mean = -on_container.z() / time;
   const std::string note =
-      "certified: the balance of a frozen body may lack 1e-5 of its load, 1e-3 beside moving ones (certified_freezing.cpp)";
+      "a body that the motion lifts to undo an overlap pays for the height with speed (motion.cpp): momentum that no "
+      "impulse tells of";
   out->Relative("mean force on the container" + name, "N", weight + Momentum(world).z() / time, mean, 1e-6, note);
+  out->Open();
   out->AtMost("momentum that no impulse explains, worst step" + name, "weight x dt", worst_step, 1e-6, note);
+  out->Open();
 }
 
 }  // namespace

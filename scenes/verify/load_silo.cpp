@@ -114,7 +114,7 @@ double MeasureFill(const CheckSettings& settings, int layers, Measurements* out)
   const std::string name = ", " + std::to_string(silo.grains.size()) + " spheres";
   out->AtMost(
       "base + walls - momentum gained - weight" + name, "of the weight", loads.unexplained, 1e-6,
-      "certified: the balance of a frozen body may lack 1e-5 of its load, 1e-3 beside moving ones (certified_freezing.cpp)");
+      "motion.cpp brakes what it had to lift out of an overlap (TakeBackWork), and no contact reports that impulse");
   const double length = loads.height / HeightOverLength(loads.base / weight);
   const double sine = std::sin(std::atan(kFriction));
   out->Absolute("K from the base's share, against Jaky's 1 - sin f" + name, "", 1 - sine,

@@ -52,8 +52,11 @@ void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_ch
     return;
   }
   const int failed = CountFailedGates(rows);
-  fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds; {}\n", num_checks,
-             passed, coulomb,
+  const auto open = std::count_if(rows.begin(), rows.end(), [](const VerifyRow& row) {
+    return row.measurement.open && !row.Pass() && row.setting->settings.engine.model == Model::kCoulomb;
+  });
+  fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds, {} open; {}\n",
+             num_checks, passed, coulomb, open,
              failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s"));
 }
 

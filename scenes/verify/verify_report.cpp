@@ -30,6 +30,7 @@ bool Same(const VerifyRow& a, const VerifyRow& b) {
 std::string Verdict(const VerifyRow& row) {
   if (row.Pass()) return "pass";
   if (row.GateFailed()) return "FAIL";
+  if (row.measurement.open) return "OPEN";
   return row.setting->settings.engine.model == Model::kCoulomb ? "outside" : "differs";
 }
 
@@ -193,6 +194,7 @@ std::string VerifyJson(std::span<const VerifyRow> rows, double tolerance) {
                         {"relative", m.relative},
                         {"bound", m.bound},
                         {"pass", row.Pass()},
+                        {"open", m.open},
                         {"note", m.note}});
   }
   return list.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

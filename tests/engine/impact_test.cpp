@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/bounce.h"
+#include "engine/island_spin.h"
 #include "engine/world.h"
 #include "tests/support/worlds.h"
 
@@ -191,6 +192,32 @@ TEST(Impact, FreeCloudKeepsAngularMomentum) {
       energy = Energy(world.bodies(), 0);
     }
     EXPECT_LT((testing::AngularMomentum(world.bodies()) - start).norm(), 1e-10) << restitution;
+  }
+}
+
+TEST(IslandSpin, ShiftedBodiesGetTheirMomentaAndEnergyBack) {
+  std::mt19937 rng(2);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto vector = [&] { return Vector3(uniform(rng), uniform(rng), uniform(rng)); };
+  for (const int count : {2, 3, 8}) {
+    std::vector<Body> bodies(count);
+    std::vector<int> members;
+    for (int i = 0; i < count; ++i) {
+      bodies[i].mass = 1.5 + uniform(rng);
+      bodies[i].inertia_B = Vector3(0.3, 0.4, 0.5).asDiagonal();
+      bodies[i].position_W = 2 * vector();
+      bodies[i].linear_velocity_W = vector();
+      bodies[i].angular_velocity_W = vector();
+      members.push_back(i);
+    }
+    const IslandSpin before = SpinOf(members, bodies);
+    const Vector3 momentum = testing::Momentum(bodies), angular = testing::AngularMomentum(bodies);
+    const double energy = Energy(bodies, 0);
+    for (Body& body : bodies) body.position_W += 0.01 * vector() / body.mass;
+    RestoreSpin(before, members, bodies);
+    EXPECT_LT((testing::Momentum(bodies) - momentum).norm(), 1e-13) << count;
+    EXPECT_LT((testing::AngularMomentum(bodies) - angular).norm(), 1e-12) << count;
+    EXPECT_NEAR(Energy(bodies, 0), energy, 1e-12) << count;
   }
 }
 

@@ -258,7 +258,7 @@ TEST(VerifyJson, HasEveryFieldOfEverySetting) {
   ASSERT_EQ(list.size(), 6u * 3u);
   const std::set<std::string> fields{"id",       "name",   "gate",      "quantity",  "unit",     "dt",
                                      "model",    "freeze", "tolerance", "reference", "measured", "error",
-                                     "relative", "bound",  "pass",      "note"};
+                                     "relative", "bound",  "pass", "open", "note"};
   for (const nlohmann::json& entry : list) {
     std::set<std::string> found;
     for (const auto& [key, value] : entry.items()) found.insert(key);
@@ -270,6 +270,24 @@ TEST(VerifyJson, HasEveryFieldOfEverySetting) {
   EXPECT_NEAR(list[1]["error"].get<double>(), 5e-10, 1e-12);
   EXPECT_EQ(list[0]["dt"], 1.0 / 60);
   EXPECT_TRUE(list.back()["measured"].is_null());  // NaN has no number in JSON
+}
+
+void MeasureOpen(const CheckSettings&, Measurements* out) {
+  out->AtMost("asked for", "m", 2, 1, "why it does not hold yet");
+  out->Open();
+}
+
+TEST(VerifyRun, WhatIsKnownToBeOpenIsShownAndFailsNothing) {
+  const std::vector<Setting> settings = Defaults();
+  const Check check = MakeCheck("T1", MeasureOpen);
+  const std::vector<VerifyRow> rows = Rows(check, settings);
+  for (const VerifyRow& row : rows) {
+    EXPECT_FALSE(row.Pass());
+    EXPECT_FALSE(row.GateFailed());
+  }
+  const std::string table = VerifyTable(rows, settings, false);
+  EXPECT_NE(table.find("OPEN"), std::string::npos);
+  EXPECT_NE(table.find("why it does not hold yet"), std::string::npos);
 }
 
 TEST(VerifyCommand, TrueIfNoGateFailed) {
