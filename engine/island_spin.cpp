@@ -9,6 +9,7 @@ namespace islet {
 namespace {
 
 constexpr double kNoise = 1e-9;       // of the kinetic energy: what bodies move relative to each other may be rounding
+constexpr double kFlat = 1e-5;        // of the largest moment of inertia: no turn about such an axis
 constexpr double kRounding = 1e-15;   // of the angular momenta's sizes
 constexpr double kShiftShare = 1e-2;  // of what shifts contribute where bodies can turn as well
 constexpr int kRounds = 8;
@@ -47,7 +48,7 @@ Vector3 LeastTurn(const Matrix3& inertia, const Vector3& momentum) {
   const Eigen::SelfAdjointEigenSolver<Matrix3> axes(inertia);
   Vector3 turn = Vector3::Zero();
   for (int k = 0; k < 3; ++k) {
-    if (axes.eigenvalues()[k] <= kNoise * axes.eigenvalues()[2]) continue;
+    if (axes.eigenvalues()[k] <= kFlat * axes.eigenvalues()[2]) continue;
     turn += axes.eigenvectors().col(k).dot(momentum) / axes.eigenvalues()[k] * axes.eigenvectors().col(k);
   }
   return turn;

@@ -108,12 +108,17 @@ void MeasureSphereLattice(const CheckSettings& settings, Measurements* out) {
     out->AtMost("deepest overlap" + which, "m", deepest, 2.5e-4 * 0.2,
                 "2.5e-4 of a diameter: Settings::overlap_tolerance");
     out->AtMost("mean squared overlap at the end" + which, "m^2", squares / 216, 1e-9);
-    out->AtMost("rise of energy in a frame" + which, "", rise, 1e-6);
-    if (restitution == 1) {
-      out->AtMost(
-          "energy off" + which, "", off, 1e-3,
-          "balls that hit one another while the floor stops one of them are moved aside, which may cost energy");
-    }
+    // What a correction lifts by less than its tolerance is free: 2.5e-4 of a diameter, of one ball in 216 that hold 1 m each.
+    const std::string note =
+        "in the crowd, at 1/60 s, balls that run into one which the floor has just stopped are moved aside: motion.cpp "
+        "charges "
+        "a lift to the ball that it lifts and gives nothing for a push down. Why a few of such frames gain is not "
+        "known";
+    out->AtMost("rise of energy in a frame" + which, "", rise, 1e-6, restitution == 1 ? note : "");
+    if (restitution < 1) continue;
+    out->Open();
+    out->AtMost("energy off" + which, "", off, 1e-3, note);
+    out->Open();
   }
 }
 

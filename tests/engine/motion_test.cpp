@@ -273,8 +273,7 @@ std::vector<BodyDefinition> Cloud(unsigned seed, double friction, double restitu
   return cloud;
 }
 
-// T31: momentum to rounding, energy never up. (The position update keeps momentum, not angular momentum; where it turns a box
-// the kinetic energy may change by a little.)
+// T31: momentum to rounding, energy never up. For the angular momentum see impact_test.cpp.
 TEST(Mover, FreeCloudKeepsMomentumAndNeverGainsEnergy) {
   for (const bool boxes : {false, true}) {
     for (const double restitution : {0.0, 0.5, 1.0}) {
