@@ -12,7 +12,7 @@ set(allowed_scenes qp parallel engine scenes)
 set(folders qp islands parallel engine scenes)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|solve|frame_log|output_file|picture|progress)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
