@@ -9,7 +9,7 @@
 namespace islet {
 namespace {
 
-constexpr double kPolished = 1e-3;  // of the overlap tolerance: a gap that small is none
+constexpr double kPolished = 1e-5;  // of the overlap tolerance: a gap that small is none
 constexpr int kForwardRounds = 4;   // later ones only go back, so that they end
 constexpr double kBegins = 1e-2;    // of the overlap tolerance: contacts open by more at the start are met on the way
 

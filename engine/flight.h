@@ -4,7 +4,7 @@
 // other are parted by corrections: to stop both would cost a falling crowd more time than it has.)
 //
 //   path      x(s) = x0 + s v0 + s^2 a / 2, a the mean acceleration of the step; rotation by rotation.h; velocities to match
-//   moment    Newton steps on the gap of the nearest contact, one for each detection: to a thousandth of the overlap tolerance
+//   moment    Newton steps on the gap of the nearest contact, one for each detection: to 1e-5 of the overlap tolerance
 //   threads: pure functions of what is given; one Flights serves one caller at a time
 //   allocation: none after warm-up
 #pragma once

@@ -8,7 +8,7 @@
 namespace islet {
 namespace {
 
-constexpr double kRounding = 1e-10;  // of the body's own weight times dt
+constexpr double kRounding = 1e-5;   // of the weight times dt: what a solver leaves at contacts that do not push
 constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
 
 auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
