@@ -17,13 +17,13 @@ constexpr double kMeets = 1e-2;  // of the overlap tolerance: contacts that are 
 
 void FlightMemory::AddBody() {
   unflown.push_back(0);
-  flew.push_back(kInFlight);
+  flew.push_back(0);
   walls.emplace_back();
 }
 
 void FlightMemory::Forget(int body) {
   unflown[body] = 0;
-  flew[body] = kInFlight;
+  flew[body] = 0;
 }
 
 bool FlightTime::Meets(const Contact& c) const {

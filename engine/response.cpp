@@ -212,8 +212,9 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     if (!contact.touches) {
       problem_.contacts[c].target = -contact.gap / dt;
     } else if (contact.rebounds) {
+      // Fades out towards what solvers leave: no step in the answer where bodies come to rest.
       const double rebound = SpeedBeforeForces(contact, settings.gravity, dt, bodies);
-      if (rebound > 10 * settings.tolerance * speed_floor) problem_.contacts[c].target = -rebound;
+      problem_.contacts[c].target = -std::clamp(2 * rebound - 20 * settings.tolerance * speed_floor, 0.0, std::max(0.0, rebound));
     }
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
