@@ -214,7 +214,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     } else if (contact.rebounds) {
       // Fades out towards what solvers leave: no step in the answer where bodies come to rest.
       const double rebound = SpeedBeforeForces(contact, settings.gravity, dt, bodies);
-      problem_.contacts[c].target = -std::clamp(2 * rebound - 20 * settings.tolerance * speed_floor, 0.0, std::max(0.0, rebound));
+      problem_.contacts[c].target =
+          -std::clamp(2 * rebound - 100 * settings.tolerance * speed_floor, 0.0, std::max(0.0, rebound));
     }
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
