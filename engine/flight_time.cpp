@@ -34,14 +34,14 @@ void FlightTime::BeginStep(std::span<const Body> bodies, std::span<const double>
                            std::span<const Contact> near_contacts, const FlightMemory& memory) {
   tolerances_ = tolerances;
   in_flight_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) in_flight_[i] = bodies[i].Moves() && memory.flew[i] >= kInFlight;
+  for (size_t i = 0; i < bodies.size(); ++i) in_flight_[i] = exact_ && bodies[i].Moves() && memory.flew[i] >= kInFlight;
   for (const Contact& c : near_contacts)
     if (Meets(c)) in_flight_[c.body_a] = in_flight_[c.body_b] = 0;
 }
 
-void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebound, const SuiteMemory& suite,
+void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, const SuiteMemory& suite,
                                  const FlightMemory& memory, std::span<Body> bodies, std::span<Contact> resolved) {
-  if (rebound) SetRebounds(bodies, suite.previous_contacts, suite.previous_holding, resolved);
+  if (exact_) SetRebounds(bodies, suite.previous_contacts, suite.previous_holding, resolved);
   rebounded_.assign(bodies.size(), 0);
   for (const Contact& c : resolved)
     if (c.rebounds) rebounded_[c.body_a] = rebounded_[c.body_b] = 1;
@@ -65,13 +65,13 @@ void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, bool rebou
 MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                                   std::span<const Contact> resolved, std::span<Body> bodies) {
   const std::span<const Vector3> holding = suite.memory().previous_holding;  // of this step, by now
-  flies_.assign(bodies.size(), 1);
+  flies_.assign(bodies.size(), exact_);
   for (size_t c = 0; c < resolved.size(); ++c) {
     for (const int i : {resolved[c].body_a, resolved[c].body_b})
       if (Pushes(holding[c], gravity_W, dt, bodies[i])) flies_[i] = 0;
   }
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
-  RestoreBounced(dt, gravity_W, bodies, resolved, holding, &before_);
+  bounced_.Restore(dt, gravity_W, bodies, resolved, holding, &before_);
   // A solver's rounding is no push, but enough for the suite to take a body for caught.
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})

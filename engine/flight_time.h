@@ -14,6 +14,7 @@
 #include "engine/contact.h"
 #include "engine/contact_suite.h"
 #include "engine/motion.h"
+#include "engine/rebound.h"
 
 namespace islet {
 
@@ -30,6 +31,9 @@ struct FlightMemory {
 
 class FlightTime {
  public:
+  // exact: with the law BounceLaw::kExact. Without it (as in the paper) nobody flies and nothing rebounds within a step.
+  explicit FlightTime(bool exact) : exact_(exact) {}
+
   // tolerances: [m] of overlap, per body.
   void BeginStep(std::span<const Body> bodies, std::span<const double> tolerances,
                  std::span<const Contact> near_contacts, const FlightMemory& memory);
@@ -42,9 +46,9 @@ class FlightTime {
   }
 
   // What a flight left is added if the body now leaves all that it touches. The suite knows one time step only: forces make up
-  // for it until PlanMotion. resolved: gets its rebounds (rebound.h) if `rebound`.
-  void ChooseDurations(double dt, const Vector3& gravity_W, bool rebound, const SuiteMemory& suite,
-                       const FlightMemory& memory, std::span<Body> bodies, std::span<Contact> resolved);
+  // for it until PlanMotion. resolved: gets its rebounds (rebound.h).
+  void ChooseDurations(double dt, const Vector3& gravity_W, const SuiteMemory& suite, const FlightMemory& memory,
+                       std::span<Body> bodies, std::span<Contact> resolved);
   // After the suite. The plan refers to this object.
   MotionPlan PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                         std::span<const Contact> resolved, std::span<Body> bodies);
@@ -66,6 +70,8 @@ class FlightTime {
   };
   bool Meets(const Contact& contact) const;
 
+  bool exact_;
+  BouncedMotion bounced_;
   std::span<const double> tolerances_;   // of BeginStep, during the step
   std::vector<std::uint8_t> in_flight_;  // per body: flew, and nothing stops it yet
   std::vector<double> durations_;        // [s] per body

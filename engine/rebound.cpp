@@ -11,7 +11,17 @@ namespace {
 constexpr double kRounding = 1e-5;   // of the weight times dt: what a solver leaves at contacts that do not push
 constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
 
+constexpr std::uint8_t kBounced = 1, kGains = 2;
+
 auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
+
+// [m/s] of the contact if its bodies had these velocities.
+double NormalSpeed(const Contact& contact, const Twist& a, const Twist& b, std::span<const Body> bodies) {
+  const auto velocity = [&](int i, const Twist& twist) -> Vector3 {
+    return twist.linear_W + twist.angular_W.cross(contact.point_W - bodies[i].position_W);
+  };
+  return contact.normal_W.dot(velocity(contact.body_b, b) - velocity(contact.body_a, a));
+}
 
 // [1/kg] normal velocity per normal impulse.
 double NormalResponse(const Contact& contact, std::span<const Body> bodies) {
@@ -60,64 +70,51 @@ Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body) {
 }
 
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies) {
-  const auto velocity = [&](int i) -> Vector3 {
-    const Twist twist = BeforeForces(dt, gravity_W, bodies[i]);
-    return twist.linear_W + twist.angular_W.cross(contact.point_W - bodies[i].position_W);
-  };
-  return contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a));
+  return NormalSpeed(contact, BeforeForces(dt, gravity_W, bodies[contact.body_a]),
+                     BeforeForces(dt, gravity_W, bodies[contact.body_b]), bodies);
 }
 
-void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
-                    std::span<const Contact> contacts, std::span<const Vector3> holding, std::vector<Twist>* before) {
+void BouncedMotion::Restore(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
+                            std::span<const Contact> contacts, std::span<const Vector3> holding,
+                            std::vector<Twist>* before) {
   const double trembling = kTrembling * gravity_W.norm() * dt;
   const auto held = [&](size_t c) {
     const auto pushes = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
     return contacts[c].touches && (pushes(contacts[c].body_a) || pushes(contacts[c].body_b));
   };
-  std::vector<int> bounced;
+  bool any = false;
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (!contacts[c].rebounds || !held(c)) continue;
     const int a = contacts[c].body_a, b = contacts[c].body_b;
-    if (NormalVelocity(contacts[c], bodies[a], bodies[b]) >= -trembling) continue;
+    if (!contacts[c].rebounds || !held(c) || NormalVelocity(contacts[c], bodies[a], bodies[b]) >= -trembling) continue;
+    if (!any) bounced_.assign(bodies.size(), 0);
+    any = true;
     for (const int i : {a, b})
-      if (bodies[i].Moves()) bounced.push_back(i);
+      if (bodies[i].Moves()) bounced_[i] = kBounced;
   }
-  if (bounced.empty()) return;
-  std::sort(bounced.begin(), bounced.end());
-  bounced.erase(std::unique(bounced.begin(), bounced.end()), bounced.end());
-  const auto place = [&](int body) {
-    const auto found = std::lower_bound(bounced.begin(), bounced.end(), body);
-    return found != bounced.end() && *found == body ? static_cast<int>(found - bounced.begin()) : -1;
-  };
-  std::vector<Body> earlier;
-  for (const int i : bounced) {
-    earlier.push_back(bodies[i]);
-    SetTwist(BeforeForces(dt, gravity_W, bodies[i]), &earlier.back());
-  }
+  if (!any) return;
+  earlier_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i)
+    earlier_[i] = bounced_[i] ? BeforeForces(dt, gravity_W, bodies[i]) : TwistOf(bodies[i]);
   for (size_t c = 0; c < contacts.size(); ++c) {
     if (holding[c].isZero(0)) continue;
-    const int a = place(contacts[c].body_a), b = place(contacts[c].body_b);
-    if (a < 0 && b < 0) continue;
     const Vector3 impulse_W = ContactFrame(contacts[c].normal_W) * holding[c];
-    if (a >= 0) earlier[a].ApplyImpulse(impulse_W, contacts[c].point_W);
-    if (b >= 0) earlier[b].ApplyImpulse(-impulse_W, contacts[c].point_W);
+    for (const int i : {contacts[c].body_a, contacts[c].body_b}) {
+      if (!bounced_[i]) continue;
+      const Vector3 taken = i == contacts[c].body_a ? impulse_W : Vector3(-impulse_W);
+      earlier_[i].linear_W += taken / bodies[i].mass;
+      earlier_[i].angular_W += bodies[i].InverseInertiaW() * (contacts[c].point_W - bodies[i].position_W).cross(taken);
+    }
   }
   // Where a contact of theirs would do work all the same, they keep their final velocities.
-  std::vector<std::uint8_t> gains(bounced.size(), 0);
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (!held(c)) continue;
-    const int a = place(contacts[c].body_a), b = place(contacts[c].body_b);
-    if (a < 0 && b < 0) continue;
-    const Body& before_a = a >= 0 ? earlier[a] : bodies[contacts[c].body_a];
-    const Body& before_b = b >= 0 ? earlier[b] : bodies[contacts[c].body_b];
-    const double mean = NormalVelocity(contacts[c], before_a, before_b) +
-                        NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]);
-    if (mean <= trembling) continue;
-    if (a >= 0) gains[a] = 1;
-    if (b >= 0) gains[b] = 1;
+    const int a = contacts[c].body_a, b = contacts[c].body_b;
+    if (((bounced_[a] | bounced_[b]) & kBounced) && held(c) &&
+        NormalSpeed(contacts[c], earlier_[a], earlier_[b], bodies) + NormalVelocity(contacts[c], bodies[a], bodies[b]) >
+            trembling)
+      bounced_[a] |= kGains, bounced_[b] |= kGains;
   }
-  for (size_t k = 0; k < bounced.size(); ++k)
-    if (!gains[k]) (*before)[bounced[k]] = TwistOf(earlier[k]);
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (bounced_[i] == kBounced) (*before)[i] = earlier_[i];
 }
 
 }  // namespace islet

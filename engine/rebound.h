@@ -10,7 +10,8 @@
 // where W j = a h - 2 u0 is what the contact's static impulse j changed: Newton's law less Contact::fading = (1 - e) W j / 2.
 // It ends after 2 v / ((1 - e) a), which is the sum of the times of all bounces; with e = 1 it never ends.
 // Only contacts that were approached rebound: one that opens since a ball rolls over a crest does not.
-//   threads: pure functions
+//   threads: pure functions; one BouncedMotion serves one caller at a time
+//   allocation: none after warm-up
 #pragma once
 
 #include <cstdint>
@@ -37,9 +38,18 @@ double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, doubl
 // Velocity of a body that nothing pushed before gravity and external force acted on it for dt.
 Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body);
 
-// Velocities before gravity of the bodies that end the step approaching on a contact which holds them: where these bounce
-// within the step. `before` comes from the suite, which gives caught bodies their final velocities instead.
-void RestoreBounced(double dt, const Vector3& gravity_W, std::span<const Body> bodies,
-                    std::span<const Contact> contacts, std::span<const Vector3> holding, std::vector<Twist>* before);
+// Where bodies bounce within the step.
+class BouncedMotion {
+ public:
+  // Sets velocities before gravity of the bodies that end the step approaching on a contact which holds them. `before` comes from
+  // the suite, which gives caught bodies their final velocities instead.
+  void Restore(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Contact> contacts,
+               std::span<const Vector3> holding, std::vector<Twist>* before);
+
+ private:
+  std::vector<std::uint8_t> bounced_;  // per body
+  std::vector<Twist>
+      earlier_;  // per body: before gravity and the static impulses, of those that bounced; now, of others
+};
 
 }  // namespace islet

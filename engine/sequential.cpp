@@ -83,7 +83,7 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
   tied_.assign(1, queue_.top());
   tied_bodies_.clear();
   const double slowest = (1 - kTie) * queue_.top_key();
-  for (size_t k = 0; k < tied_.size() && tied_.size() <= kMostTied; ++k) {
+  for (size_t k = 0; k == 0 || (k < tied_.size() && tied_.size() <= kMostTied); ++k) {
     for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
       if (!locals_[side].moves() || std::find(tied_bodies_.begin(), tied_bodies_.end(), side) != tied_bodies_.end())
         continue;
@@ -177,6 +177,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
         exact && tied_.size() > 1 && tied_.size() <= kMostTied && BounceTogether(group_contacts, contacts, impulses);
     if (!together) {
       const auto [a, b] = sides_[c];
+      tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
       const Vector3 impulse =
           BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], settings.bounce_law);
       impulses[number] += impulse;

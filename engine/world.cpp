@@ -64,7 +64,8 @@ struct World::Impl : WorldState {
         pool(p ? p : own_pool.get()),
         suite(s, pool),
         detector(pool),
-        mover(s, pool) {}
+        mover(s, pool),
+        flight_time(s.bounce_law == BounceLaw::kExact) {}
 
   Body& At(int number);
   void DetectAll();
@@ -341,8 +342,7 @@ StepReport World::Step(double dt) {
   w.WakeBeforeMovers(dt);
   w.flight_time.BeginStep(w.bodies, w.tolerances, w.near_contacts, w.flights);
   w.SelectResolved(dt);
-  w.flight_time.ChooseDurations(dt, w.settings.gravity, w.settings.bounce_law == BounceLaw::kExact, w.suite.memory(),
-                                w.flights, w.bodies, w.resolved);
+  w.flight_time.ChooseDurations(dt, w.settings.gravity, w.suite.memory(), w.flights, w.bodies, w.resolved);
   finish(&report.seconds.detect);
 
   w.suite.Resolve(dt, w.bodies, w.resolved, &report);  // steps 1 to 4

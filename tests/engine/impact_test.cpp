@@ -9,7 +9,9 @@
 
 #include "engine/bounce.h"
 #include "engine/island_spin.h"
+#include "engine/rebound.h"
 #include "engine/world.h"
+#include "tests/support/no_alloc.h"
 #include "tests/support/worlds.h"
 
 namespace islet {
@@ -71,12 +73,47 @@ TEST(Impact, ZenosBallComesToRestOnTime) {
 TEST(Impact, ElasticBallNeverStopsHoweverLowItBounces) {
   World world(Awake());
   world.Add(Floor(0, 1));
-  world.Add(Ball({0, 0, 0.5 + 1e-5}, 0.5, 0, 1));
-  world.Add(Cube({3, 0, 0.5 + 1e-4}, 0, 1));
+  BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1), cube = Cube({3, 0, 0.5}, 0, 1);
+  ball.linear_velocity_W.z() = -std::sqrt(2e-5 * kGravity);
+  cube.linear_velocity_W.z() = -std::sqrt(2e-4 * kGravity);
+  world.Add(ball);
+  world.Add(cube);
   const double start = Energy(world.bodies());
   for (int i = 0; i < 600; ++i) world.Step(1.0 / 60);
   EXPECT_NEAR(Energy(world.bodies()), start, 1e-10);
   EXPECT_NEAR(std::abs(world.body(1).linear_velocity_W.z()), std::sqrt(2e-5 * kGravity), 2e-4);
+}
+
+// A ball that left the floor at 0.01 m/s and is back: it began the step with that speed, and it takes no memory to know it.
+TEST(Impact, WhatBouncedBeganTheStepAtItsReboundSpeed) {
+  constexpr double kDt = 1.0 / 60, kSpeed = 0.01;
+  const Vector3 gravity(0, 0, -kGravity);
+  std::vector<Body> bodies(2);
+  bodies[0].kind = BodyKind::kFixed;
+  bodies[1].position_W = {0, 0, 0.5};
+  bodies[1].linear_velocity_W = {0, 0, -kSpeed};
+  const std::vector<Contact> contacts{{.body_a = 0, .body_b = 1, .normal_W = Vector3::UnitZ(), .rebounds = true}};
+  const std::vector<Vector3> holding{{bodies[1].mass * (kGravity * kDt - 2 * kSpeed), 0, 0}};
+  BouncedMotion motion;
+  std::vector<Twist> before(2);
+  motion.Restore(kDt, gravity, bodies, contacts, holding, &before);
+  EXPECT_NEAR(before[1].linear_W.z(), kSpeed, 1e-15);
+  const testing::AllocationCounter counter;
+  motion.Restore(kDt, gravity, bodies, contacts, holding, &before);
+  EXPECT_EQ(counter.count(), 0);
+}
+
+// As in the paper: no impact rules of ours.
+TEST(Impact, PaperHasNoReboundsWithinAStep) {
+  Settings settings = Settings::Paper();
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0, 1));
+  BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1);
+  ball.linear_velocity_W.z() = -0.01;
+  world.Add(ball);
+  testing::StepTimes(&world, 3);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.z(), 0, 1e-9);
 }
 
 // Both roll or lie on the floor. They used to be slowed down in the step before they met.
