@@ -35,6 +35,7 @@ constexpr double kRestShare = 3;        // times g dt: slower islands are expect
 constexpr int kRounds = 30;             // of lagged slip, as islet solve
 constexpr double kRepeatSeconds = 0.1;  // an attempt is repeated until so much time has gone
 constexpr int kRepeats = 5;
+constexpr double kSaturationSeconds = 0.02;  // where that costs something, the same bits at two rungs end the ladder
 
 struct Options {
   std::string out;
@@ -218,12 +219,15 @@ std::vector<fs::path> Choose(const Options& options) {
 }
 
 void Measure(const StudyProblem& problem, const Solver& solver, double limit, StudyCsv* csv) {
+  std::uint64_t last = 0;
   for (const double tolerance : kLadder) {
     const Attempt a = solver.run(problem, tolerance, limit);
     csv->Row(problem.family, problem.name, problem.num_contacts(), problem.solve.bodies, solver.name, NameOf(solver.model),
              solver.cone == qp::Cone::kOctagon ? "octagon" : "circular", tolerance, a.solved, a.iterations, a.wall, a.cpu,
              a.repeats, a.exactness.law, a.exactness.coulomb, a.exactness.coulomb_max, Hex(a.hash));
     if (a.exactness.law <= kExactEnough || a.wall > limit) break;
+    if (a.hash == last && a.wall > kSaturationSeconds) break;
+    last = a.hash;
   }
 }
 

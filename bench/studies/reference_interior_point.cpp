@@ -136,8 +136,10 @@ class InteriorPoint {
       Residuals();
       answer.solved = Gap() <= kGapPerSquare * limits.tolerance * limits.tolerance &&
                       Worst() <= kResidualShare * limits.tolerance;
+      Keep();
       if (answer.solved || clock.Wall() > limits.seconds || !Iterate()) break;
     }
+    v_ = best_v_, z_ = best_z_;
     answer.v = unit_ * v_;
     answer.j.resize(3 * m_);
     for (int c = 0; c < m_; ++c) answer.j.segment<3>(3 * c) = unit_ * scale_[c] * Stretch(c).cwiseProduct(z_[c]);
@@ -231,22 +233,38 @@ class InteriorPoint {
     return worst;
   }
 
+  // The point with the least complementarity and residual so far: towards the end rounding wins.
+  void Keep() {
+    const double merit = std::max(std::sqrt(std::max(0.0, Gap())), Worst());
+    if (!(merit < best_merit_)) return;
+    best_merit_ = merit, best_v_ = v_, best_z_ = z_;
+  }
+
+  // The condensed matrix times x.
+  VectorXd Multiply(const VectorXd& x) const {
+    VectorXd out = problem_.mass * x;
+    for (int c = 0; c < m_; ++c) AddTransposed(c, scalings_[c].inverse_squared * Rows(c, x), &out);
+    return out;
+  }
+
   // The direction in which W^-1 ds + W dz = target.
   void Direction(const std::vector<Vector3>& target) {
     VectorXd right = -dual_residual_;
     for (int c = 0; c < m_; ++c)
       AddTransposed(c, scalings_[c].inverse_squared * (scalings_[c].w * target[c] + primal_residual_[c]), &right);
     dv_ = condensed_->Solve(right);
+    dv_ += condensed_->Solve(right - Multiply(dv_));  // one step of refinement
     ds_.resize(m_), dz_.resize(m_);
-    for (int c = 0; c < m_; ++c) {  // both in scaled coordinates: W^-1 ds, W dz
-      dz_[c] = target[c] + scalings_[c].inverse * (primal_residual_[c] - Rows(c, dv_));
-      ds_[c] = target[c] - dz_[c];
+    for (int c = 0; c < m_; ++c) {  // so that the residuals of both equations vanish to rounding
+      const Vector3 change = Rows(c, dv_);
+      ds_[c] = change - primal_residual_[c];
+      dz_[c] = scalings_[c].inverse_squared * (scalings_[c].w * target[c] + primal_residual_[c] - change);
     }
   }
   double StepLength() const {
     double step = 1 / kStepShare;
     for (int c = 0; c < m_; ++c)
-      step = std::min({step, lorentz::StepToBoundary(lambda_[c], ds_[c]), lorentz::StepToBoundary(lambda_[c], dz_[c])});
+      step = std::min({step, lorentz::StepToBoundary(s_[c], ds_[c]), lorentz::StepToBoundary(z_[c], dz_[c])});
     return std::min(1.0, kStepShare * step);
   }
 
@@ -265,7 +283,8 @@ class InteriorPoint {
     Direction(target);
     const double predicted = StepLength(), centring = std::pow(1 - predicted, 3), gap = Gap();
     for (int c = 0; c < m_; ++c) {
-      Vector3 d = -lorentz::Product(lambda_[c], lambda_[c]) - lorentz::Product(ds_[c], dz_[c]);
+      Vector3 d = -lorentz::Product(lambda_[c], lambda_[c]) -
+                  lorentz::Product(scalings_[c].inverse * ds_[c], scalings_[c].w * dz_[c]);
       d[0] += centring * gap;
       target[c] = lorentz::Quotient(d, lambda_[c]);
     }
@@ -274,8 +293,8 @@ class InteriorPoint {
     if (!(step > kLeastStep) || !dv_.allFinite()) return false;
     v_ += step * dv_;
     for (int c = 0; c < m_; ++c) {
-      s_[c] += step * (scalings_[c].w * ds_[c]);
-      z_[c] += step * (scalings_[c].inverse * dz_[c]);
+      s_[c] += step * ds_[c];
+      z_[c] += step * dz_[c];
     }
     return std::all_of(s_.begin(), s_.end(), [](const Vector3& x) { return lorentz::Determinant(x) > 0; }) &&
            std::all_of(z_.begin(), z_.end(), [](const Vector3& x) { return lorentz::Determinant(x) > 0; });
@@ -292,6 +311,9 @@ class InteriorPoint {
   VectorXd v_, dv_, dual_residual_;
   std::vector<Vector3> s_, z_, lambda_, ds_, dz_, primal_residual_;
   std::vector<lorentz::Scaling> scalings_;
+  double best_merit_ = 1e300;
+  VectorXd best_v_;
+  std::vector<Vector3> best_z_;
 };
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -38,10 +39,10 @@ struct Options {
 };
 
 struct Row {
-  std::string part, scene, setting;
+  std::string part = {}, scene = {}, setting = {};
   int n = 0, bodies = 0, contacts = 0, threads = 1, steps = 0;
   double wall = 0, cpu = 0;  // [s] of a step
-  StageSeconds stages;
+  StageSeconds stages = {};
   double largest_share = 0;  // of the contacts, in the largest island
   double map = 0;            // natural map of exact Coulomb over v_ref, part solver alone
   std::uint64_t hash = 0;
