@@ -40,20 +40,23 @@ inline double StepToBoundary(const Vector3& x, const Vector3& d) {
 
 // Symmetric W with W z = W^-1 s.
 struct Scaling {
-  Matrix3 w, inverse, inverse_squared;
+  Matrix3 w, inverse;
+  Matrix3 inverse_squared;  // for the matrix; vectors: InverseTwice
 
   Scaling(const Vector3& s, const Vector3& z) {
     const double det_s = Determinant(s), det_z = Determinant(z);
     const Vector3 s_unit = s / std::sqrt(det_s), z_unit = z / std::sqrt(det_z);
     const double gamma = std::sqrt(0.5 * (1 + s_unit.dot(z_unit)));
-    const Vector3 p = (s_unit + Mirror(z_unit)) / (2 * gamma);
+    Vector3 p = (s_unit + Mirror(z_unit)) / (2 * gamma);
+    p[0] = std::sqrt(1 + p.tail<2>().squaredNorm());  // det p = 1: near the boundary rounding moves it
     const double eta = std::pow(det_s / det_z, 0.25);
     w = eta * Boost(p);
     inverse = Boost(Mirror(p)) / eta;
-    const Vector3 q = Mirror(p);
-    inverse_squared = (2 * q * q.transpose()) / (eta * eta);
-    inverse_squared.diagonal() += Vector3(-1, 1, 1) / (eta * eta);
+    inverse_squared = inverse * inverse;
   }
+
+  // W^-2 x to more digits than inverse_squared * x: the condition of W^2 is up to the square of that of W.
+  Vector3 InverseTwice(const Vector3& x) const { return inverse * (inverse * x); }
 
  private:
   static Matrix3 Boost(const Vector3& p) {

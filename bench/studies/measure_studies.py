@@ -21,11 +21,11 @@ import time
 
 STUDIES = ("profile", "scaling", "freezing")
 FRAMES = "3,5,8,12,16,20,25,30,40,50,60,80,100,150,200,300"
-GLASS_FRAMES = "20,40,60,80,100,120,150,180,210,240"
+GLASS_FRAMES = "20,40,60,80,100,120,150,180"
 # name, arguments of `islet run`, frames, frames whose problems are taken
 EXPORTS = [("stack", ["stack", "--drop", "0.3"], 300, FRAMES), ("csstack", ["csstack"], 300, FRAMES),
            ("cubejam", ["cubejam"], 300, FRAMES), ("manystacks", ["manystacks", "--count", "20", "--drop", "0.3"], 100, FRAMES),
-           ("cubeglass", ["cubeglass"], 240, GLASS_FRAMES)]
+           ("cubeglass", ["cubeglass"], 180, GLASS_FRAMES)]
 QUICK_EXPORTS = EXPORTS[:4] + [("cubeglass300", ["cubeglass", "--count", "300"], 120, GLASS_FRAMES)]
 # [s], without what a last problem or size takes beyond it
 BUDGETS = {"profile": 330, "outside": 100, "scaling": 110, "freezing": 240}
@@ -60,7 +60,7 @@ class Session:
     def profile(self):
         program, out = self.arguments.bin / "study_profile", self.arguments.out
         folders = self.export()
-        per_class, limit = (2, 3) if self.arguments.quick else (6, 10)
+        per_class, limit = (2, 3) if self.arguments.quick else (6, 6)
         self.call(f"profile, at most about {self.budgets['profile']:.0f} s",
                   [program, "--out", out / "profile.csv", "--budget", self.budgets["profile"], "--per-class", per_class,
                    "--limit", limit, "--problems", *folders])

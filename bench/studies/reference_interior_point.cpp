@@ -26,6 +26,7 @@ using Eigen::VectorXd;
 constexpr double kMostEntries = 3e7;     // of all contacts' blocks: more is not worth the memory
 constexpr double kStepShare = 0.99;      // of the way to the boundary
 constexpr double kLeastStep = 1e-8;      // shorter steps make no progress
+constexpr int kRefinements = 2;        // of a direction
 constexpr double kGapPerSquare = 1e-2;   // complementarity over tolerance^2
 constexpr double kResidualShare = 0.1;   // residuals over the tolerance
 
@@ -49,7 +50,7 @@ class Condensed {
   Condensed(const SparseMatrix& mass, std::vector<ContactRows>* rows) {
     UseOneThread();
     cholmod_start(&common_);
-    common_.supernodal = CHOLMOD_SUPERNODAL;
+    common_.supernodal = CHOLMOD_SUPERNODAL, common_.print = 0;
     MakePattern(mass, rows);
     view_.nrow = view_.ncol = static_cast<size_t>(lower_.rows());
     view_.nzmax = static_cast<size_t>(lower_.nonZeros());
@@ -240,26 +241,33 @@ class InteriorPoint {
     best_merit_ = merit, best_v_ = v_, best_z_ = z_;
   }
 
-  // The condensed matrix times x.
-  VectorXd Multiply(const VectorXd& x) const {
-    VectorXd out = problem_.mass * x;
-    for (int c = 0; c < m_; ++c) AddTransposed(c, scalings_[c].inverse_squared * Rows(c, x), &out);
-    return out;
+  // M dv - G^T dz = dual, G dv + W^2 dz = cone: condensed on dv.
+  void SolveCondensed(const VectorXd& dual, const std::vector<Vector3>& cone, VectorXd* dv, std::vector<Vector3>* dz) {
+    VectorXd right = dual;
+    for (int c = 0; c < m_; ++c) AddTransposed(c, scalings_[c].InverseTwice(cone[c]), &right);
+    *dv = condensed_->Solve(right);
+    dz->resize(m_);
+    for (int c = 0; c < m_; ++c) (*dz)[c] = scalings_[c].InverseTwice(cone[c] - Rows(c, *dv));
   }
 
-  // The direction in which W^-1 ds + W dz = target.
+  // The direction in which W^-1 ds + W dz = target. Refined on the whole system: where a contact slides, W^-2 is so large that
+  // the condensed one alone leaves half of the digits.
   void Direction(const std::vector<Vector3>& target) {
-    VectorXd right = -dual_residual_;
-    for (int c = 0; c < m_; ++c)
-      AddTransposed(c, scalings_[c].inverse_squared * (scalings_[c].w * target[c] + primal_residual_[c]), &right);
-    dv_ = condensed_->Solve(right);
-    dv_ += condensed_->Solve(right - Multiply(dv_));  // one step of refinement
-    ds_.resize(m_), dz_.resize(m_);
-    for (int c = 0; c < m_; ++c) {  // so that the residuals of both equations vanish to rounding
-      const Vector3 change = Rows(c, dv_);
-      ds_[c] = change - primal_residual_[c];
-      dz_[c] = scalings_[c].inverse_squared * (scalings_[c].w * target[c] + primal_residual_[c] - change);
+    std::vector<Vector3> cone(m_), cone_left(m_), dz_change;
+    for (int c = 0; c < m_; ++c) cone[c] = scalings_[c].w * target[c] + primal_residual_[c];
+    SolveCondensed(-dual_residual_, cone, &dv_, &dz_);
+    for (int refinement = 0; refinement < kRefinements; ++refinement) {
+      VectorXd dual_left = -dual_residual_ - problem_.mass * dv_, dv_change;
+      for (int c = 0; c < m_; ++c) {
+        AddTransposed(c, dz_[c], &dual_left);
+        cone_left[c] = cone[c] - Rows(c, dv_) - scalings_[c].w * (scalings_[c].w * dz_[c]);
+      }
+      SolveCondensed(dual_left, cone_left, &dv_change, &dz_change);
+      dv_ += dv_change;
+      for (int c = 0; c < m_; ++c) dz_[c] += dz_change[c];
     }
+    ds_.resize(m_);
+    for (int c = 0; c < m_; ++c) ds_[c] = Rows(c, dv_) - primal_residual_[c];
   }
   double StepLength() const {
     double step = 1 / kStepShare;
