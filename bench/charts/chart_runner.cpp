@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -16,7 +17,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
-#include <set>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,7 +32,8 @@ constexpr int kCutExit = 4;  // the budget was spent before all settings had run
 struct Options {
   std::string out;
   std::vector<std::string> scenes;
-  bool quick = false;
+  bool quick = false, rest = false;
+  std::vector<std::string> cuts;
   bool list = false;
   int start = 0;
   double limit = 0;   // [s]; 0: the scene's own
@@ -100,35 +102,55 @@ void WriteRow(const ChartScene& scene, const peers::Engine& engine, const peers:
 
 void List(const peers::Engine& engine) {
   for (const ChartScene& scene : AllChartScenes()) {
-    std::cout << scene.name << '\t' << scene.quick << '\t' << scene.starts << '\t' << scene.few << '\t' << scene.seconds
-              << '\t' << scene.summary << '\t' << scene.error_name << '\t' << scene.why << '\n';
+    std::cout << scene.name << '\t' << scene.quick << '\t' << scene.starts << '\t' << scene.few << '\t' << scene.limit
+              << '\t' << scene.seconds << '\t' << scene.summary << '\t' << scene.error_name << '\t' << scene.why
+              << '\n';
   }
   std::cerr << engine.name << ' ' << engine.version << ": " << engine.settings.size() << " settings\n";
 }
 
-// Settings of one sweep come in the order of their cost: once one was cut, the rest of its sweep is not tried.
-// False: no time was left for all of them.
+// Whether a setting of the same sweep is at least as costly as one that was cut.
+bool AsCostly(const peers::Setting& setting, const peers::Setting& cut) {
+  constexpr double kSame = 1e-4;  // as printed in a CSV file
+  return setting.solver == cut.solver && setting.sweep == cut.sweep && setting.sleeping == cut.sleeping &&
+         setting.threads == cut.threads && setting.dt <= cut.dt * (1 + kSame) && setting.iterations >= cut.iterations &&
+         setting.tolerance <= cut.tolerance * (1 + kSame);
+}
+
+// "SI,dt,0,1,0.00416667,10,0": solver, sweep, sleeping, threads, dt, iterations, tolerance, as in the CSV file.
+peers::Setting ParseCut(const std::string& text) {
+  std::istringstream in(text);
+  peers::Setting setting;
+  char comma = 0;
+  std::getline(in, setting.solver, ',');
+  std::getline(in, setting.sweep, ',');
+  in >> setting.sleeping >> comma >> setting.threads >> comma >> setting.dt >> comma >> setting.iterations >> comma >>
+      setting.tolerance;
+  if (!in) throw CLI::ValidationError("--cut", text + " is no setting");
+  return setting;
+}
+
+// Once a setting was cut, costlier ones of its sweep are not tried. False: no time was left for all of them.
 bool RunSettings(const ChartScene& scene, const peers::Engine& engine, const Options& options, std::ostream& out) {
   Limits limits;
   limits.stepping = options.limit > 0 ? options.limit : scene.limit;
   limits.start = options.start;
   const auto began = std::chrono::steady_clock::now();
-  std::set<std::string> cut;
+  std::vector<peers::Setting> cuts;
+  for (const std::string& text : options.cuts) cuts.push_back(ParseCut(text));
   for (const peers::Setting& setting : engine.settings) {
-    if (options.quick && !setting.quick) continue;
+    if (setting.quick ? options.rest : options.quick) continue;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - began;
     if (options.budget > 0 && spent.count() > options.budget) return false;
-    const std::string sweep = setting.solver + '/' + setting.sweep + (setting.sleeping ? "/sleeping/" : "/awake/") +
-                              std::to_string(setting.threads);
     const std::string load = Loads();
     RunResult result;
-    if (cut.contains(sweep)) {
+    if (std::ranges::any_of(cuts, [&](const peers::Setting& cut) { return AsCostly(setting, cut); })) {
       std::snprintf(result.failed, sizeof result.failed, "not run");
     } else {
       result = RunApart(scene, engine, setting, limits);
     }
     if (std::string_view(result.failed) == "time limit" || std::string_view(result.failed) == "refused")
-      cut.insert(sweep);
+      cuts.push_back(setting);
     WriteRow(scene, engine, setting, result, options.start, load, out);
   }
   return true;
@@ -164,7 +186,9 @@ int Main(int argc, char** argv) {
   app.add_option("--out", options.out, "CSV file to append to");
   app.add_option("--scene", options.scenes, "scenes, in this order");
   app.add_flag("--quick", options.quick, "only the settings of chart-quick");
-  app.add_flag("--list", options.list, "the scenes: name, quick, starts, few, seconds, what, error, why");
+  app.add_flag("--rest", options.rest, "only the other settings")->excludes("--quick");
+  app.add_option("--cut", options.cuts, "settings known to take too long: theirs and costlier ones are not run");
+  app.add_flag("--list", options.list, "the scenes: name, quick, starts, few, limit, seconds, what, error, why");
   app.add_option("--start", options.start, "which of the scene's starts, from 0");
   app.add_option("--budget", options.budget, "[s] after which no further setting is begun (exit code 4)");
   app.add_option("--limit", options.limit, "[s] of stepping, after which a run is cut; default: the scene's own");

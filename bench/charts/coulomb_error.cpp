@@ -9,10 +9,13 @@ namespace {
 
 using peers::State;
 
-constexpr double kTouch = 5e-3;         // [m] farther apart than that and than what closes in the step: no contact
-constexpr double kUnitTime = 1.0 / 60;  // [s] velocities count in units of what gravity gives in that time
-constexpr double kConverged = 1e-7;     // of a step of the fit, relative to the momentum of gravity
-constexpr double kWork = 4e5;           // updates of contacts a fit may take
+constexpr double kTouch = 5e-3;          // [m] farther apart than that and than what closes in the step: no contact
+constexpr double kCollision = 1.0 / 60;  // [s] approach at what gravity gives in that time is a collision
+constexpr double kClosed = 1e-6;         // [m] an open contact may close at any speed: it is the next step's
+constexpr double kUnitTime = 1.0 / 60;   // [s] velocities count in units of what gravity gives in that time
+constexpr double kConverged = 1e-7;      // of a step of the fit, relative to the momentum of gravity
+constexpr int kFarHops = 2;              // bodies nearer than that to a collision are not judged
+constexpr double kWork = 4e5;            // updates of contacts a fit may take
 constexpr int kMostIterations = 3000, kLeastIterations = 100;
 
 Vector3 VelocityAt(const State& state, const Vector3& arm) {
@@ -23,7 +26,6 @@ Vector3 VelocityAt(const State& state, const Vector3& arm) {
 
 CoulombMeter::CoulombMeter(const peers::WorldPlan& plan) : plan_(plan) {
   if (plan.gravity.isZero()) throw std::invalid_argument("gravity = 0: the Coulomb error has no unit");
-  moving_ = static_cast<int>(std::ranges::count_if(plan.bodies, &peers::BodyPlan::Moves));
 }
 
 CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<const State> after, double dt) {
@@ -36,6 +38,23 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
   CoulombError result{.contacts = static_cast<int>(contacts_.size())};
   result.iterations = contacts_.empty() ? 0 : Fit(mass * unit * unit);
   Explain(&Fitted::impulse);
+
+  // Bodies that collide, and those that touch them.
+  std::vector<int> hops(plan_.bodies.size(), kFarHops);
+  for (const Fitted& c : contacts_) {
+    if (c.collides) hops[c.body_a] = hops[c.body_b] = 0;
+  }
+  for (int hop = 1; hop < kFarHops; ++hop) {
+    const auto reach = [&](int from, int to) {
+      if (plan_.bodies[from].Moves() && hops[from] == hop - 1) hops[to] = std::min(hops[to], hop);
+    };
+    for (const Fitted& c : contacts_) {
+      reach(c.body_a, c.body_b);
+      reach(c.body_b, c.body_a);
+    }
+  }
+  for (size_t i = 0; i < hops.size(); ++i) result.judged += plan_.bodies[i].Moves() && hops[i] == kFarHops;
+  if (result.judged == 0) return result;
 
   std::vector<double> momentum(plan_.bodies.size()), map(plan_.bodies.size());  // [J] twice the energy
   for (size_t i = 0; i < plan_.bodies.size(); ++i) {
@@ -51,11 +70,11 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
     map[c.body_b] += both ? 0.5 * square : square;
   }
   for (size_t i = 0; i < plan_.bodies.size(); ++i) {
-    if (!plan_.bodies[i].Moves()) continue;
-    const double scale = 1 / (plan_.bodies[i].mass * unit * unit * moving_);
+    if (!plan_.bodies[i].Moves() || hops[i] < kFarHops) continue;
+    const double scale = 1 / (plan_.bodies[i].mass * unit * unit * result.judged);
     result.momentum += scale * momentum[i];
     result.natural_map += scale * map[i];
-    result.error += std::min(1.0, std::sqrt(scale * moving_ * (momentum[i] + map[i]))) / moving_;
+    result.error += std::min(1.0, std::sqrt(scale * result.judged * (momentum[i] + map[i]))) / result.judged;
   }
   result.momentum = std::sqrt(result.momentum);
   result.natural_map = std::sqrt(result.natural_map);
@@ -105,12 +124,13 @@ void CoulombMeter::FindContacts(std::span<const State> before, std::span<const S
     const Vector3 u = relative(after);
     double normal_speed = c.normal.dot(u);
     const Vector3 tangential = u - normal_speed * c.normal;
-    // The dead zone: [-gap / dt, restitution * approach].
-    const double least = -std::max(0.0, point.gap) / dt, most = plan_.restitution * approach;
-    normal_speed = normal_speed < 0 ? std::min(0.0, normal_speed - least) : std::max(0.0, normal_speed - most);
+    const double most = plan_.restitution * approach;
+    if (normal_speed > 0) normal_speed = std::max(0.0, normal_speed - most);
+    if (point.gap > kClosed) normal_speed = std::max(0.0, normal_speed);
     const Vector3 lifted = tangential + plan_.friction * tangential.norm() * c.normal;
     c.slip = dt / kUnitTime * (lifted + normal_speed * c.normal);
     c.offer = dt / kUnitTime * (lifted + std::max(0.0, normal_speed) * c.normal);
+    c.collides = approach > kCollision * plan_.gravity.norm();
     contacts_.push_back(c);
   }
   const bool warm = remembered_.size() == contacts_.size();

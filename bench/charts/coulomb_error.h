@@ -10,10 +10,12 @@
 //   e_b^2 = ( |J^T f - p|^2_b in M^-1 + its part of sum W_c |f_c - P_K(f_c - s u^_c / W_c)|^2 ) / (m_b (g dt)^2)
 // the second being the natural map with W_c = a third of the trace of the contact's inverse mass; of a contact of two moving
 // bodies each gets half. With s = dt / (1/60 s) errors of forces count in units of gravity and errors of velocities in units
-// of g/60 s = 0.16 m/s, whatever dt is. The error of the step is the mean of min(1, e_b) over the moving bodies: 0 exact, 1 a
+// of g/60 s = 0.16 m/s, whatever dt is. The error of the step is the mean of min(1, e_b) over the bodies that are judged: 0 exact, 1 a
 // world that takes no notice of contacts or gravity.
 //
-// Free of charge: approaching at up to gap / dt; separating at up to restitution times the approach before the step.
+// Not judged: bodies in a collision (a contact that closed at more than g/60 s before the step) and those that touch them. What
+// is right there is a matter of the law of impact, and laws differ.
+// Free of charge: approaching where there was a gap before the step; separating at up to restitution times the approach.
 // Charged: velocity that pushes overlapping bodies apart, forces at a distance, and what our fit has not converged to.
 //   in:  plan, states before and after one step of dt [s]    errors: std::invalid_argument without gravity (g is the unit)
 //   threads: one meter a thread
@@ -31,6 +33,7 @@ struct CoulombError {
   double error = 0;                      // as above
   double momentum = 0, natural_map = 0;  // its two parts, root mean squares over the bodies, not cut off at 1
   int contacts = 0, iterations = 0;
+  int judged = 0;  // bodies; 0: no error can be told
 };
 
 class CoulombMeter {
@@ -45,9 +48,10 @@ class CoulombMeter {
   };
   struct Fitted {  // one contact
     int body_a = 0, body_b = 0;
-    Vector3 arm_a = Vector3::Zero(), arm_b = Vector3::Zero();   // [m] from the centres of mass
-    Vector3 normal = Vector3::Zero();                           // from a to b
-    Vector3 slip = Vector3::Zero(), offer = Vector3::Zero();    // [m/s] s u^ and s u^+ after the step
+    Vector3 arm_a = Vector3::Zero(), arm_b = Vector3::Zero();  // [m] from the centres of mass
+    Vector3 normal = Vector3::Zero();                          // from a to b
+    Vector3 slip = Vector3::Zero(), offer = Vector3::Zero();   // [m/s] s u^ and s u^+ after the step
+    bool collides = false;
     double response = 0;                                        // [1/kg] W_c
     double slope = 0;                                           // [1/kg] at least the curvature that its impulse sees
     Vector3 impulse = Vector3::Zero(), last = Vector3::Zero();  // [N s] on body b
@@ -63,7 +67,6 @@ class CoulombMeter {
   Vector3 Project(const Vector3& impulse, const Vector3& normal) const;
 
   const peers::WorldPlan& plan_;
-  int moving_ = 0;
   std::vector<Matrix3> inverse_inertia_;  // [1/(kg m^2)] W, before the step; zero: static
   std::vector<double> inverse_mass_;      // [1/kg]
   std::vector<Twist> gained_;             // [N s, N m s] p

@@ -35,7 +35,8 @@ bool Judge::WantsStep() const { return coulomb_ && measures_.finite && samples_ 
 
 void Judge::SampleStep(double time, std::span<const State> before, std::span<const State> after, double dt) {
   if (!std::ranges::all_of(before, Finite) || !std::ranges::all_of(after, Finite)) return;
-  steps_.push_back({time, coulomb_->Measure(before, after, dt).error});
+  const CoulombError error = coulomb_->Measure(before, after, dt);
+  steps_.push_back({time, error.error, error.judged});
 }
 
 void Judge::Sample(double time, std::span<const State> states) {
@@ -92,17 +93,18 @@ void Judge::IncludeInLastSecond(double deepest, std::span<const State> states) {
 Measures Judge::Result() const {
   Measures result = measures_;
   if (samples_ > 1) result.overlap_mean = overlap_sum_ / (samples_ - 1);
-  if (!steps_.empty()) {
-    double sum = 0, last_sum = 0;
-    int last = 0;
+  const auto mean_since = [this](double time) {
+    double sum = 0, bodies = 0;
     for (const Step& step : steps_) {
-      sum += step.error;
-      if (step.time < steps_.back().time - 1) continue;
-      last_sum += step.error;
-      ++last;
+      if (step.time < time) continue;
+      sum += step.judged * step.error;
+      bodies += step.judged;
     }
-    result.coulomb_error = sum / static_cast<double>(steps_.size());
-    result.coulomb_end = last_sum / last;
+    return bodies > 0 ? sum / bodies : -1;
+  };
+  if (!steps_.empty()) {
+    result.coulomb_error = mean_since(0);
+    result.coulomb_end = mean_since(steps_.back().time - 1);
   }
   if (recent_.empty()) return result;
   double squares = 0;

@@ -25,7 +25,7 @@ struct Measures {
   double drift = 0;           // [m] farthest that a centre is at the end from where it began
   double drift_max = 0;       // [m] the same at any time
   double creep = 0;           // [m] farthest that a centre moved in the last second
-  double coulomb_error = -1;  // mean over the steps that were looked at (coulomb_error.h); -1: there is no gravity
+  double coulomb_error = -1;  // mean over bodies and steps that were judged (coulomb_error.h); -1: none was
   double coulomb_end = -1;    // the same over the last second
   double jitter = 0;          // [m/s] root mean square speed of the centres in the last second
   double kinetic_end = 0;     // [J]
@@ -63,6 +63,7 @@ class Judge {
 
   struct Step {
     double time, error;  // [s], 1
+    int judged;          // bodies
   };
 
   const peers::WorldPlan& plan_;

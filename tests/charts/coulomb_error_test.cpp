@@ -111,15 +111,34 @@ TEST(CoulombError, AGapMayBeUsedUp) {
   WorldPlan plan = CubeOnFloor();
   plan.bodies[1].start.position_W.z() += 1e-3;
   EXPECT_LT(ErrorOf(plan, {0, 0, 0}, {0, 0, -0.9e-3 / kDt}), kFitted);
-  EXPECT_GT(ErrorOf(plan, {0, 0, 0}, {0, 0, -2e-3 / kDt}), 0.1);
+  EXPECT_LT(ErrorOf(plan, {0, 0, -1}, {0, 0, -1 - kG * kDt}), 1e-12);  // even if it closes within the step
+  EXPECT_GT(ErrorOf(plan, {0, 0, 0.2}, {0, 0, 0.2}), 0.5);             // but it holds nothing up that leaves
 }
 
 TEST(CoulombError, ABounceMayKeepItsShareOfTheSpeed) {
   WorldPlan plan = CubeOnFloor();
-  EXPECT_GT(ErrorOf(plan, {0, 0, -1}, {0, 0, 0.2}), 0.5);
-  plan.restitution = 0.2;
-  EXPECT_LT(ErrorOf(plan, {0, 0, -1}, {0, 0, 0.2}), kFitted);
-  EXPECT_GT(ErrorOf(plan, {0, 0, -1}, {0, 0, 0.7}), 0.5);
+  EXPECT_GT(ErrorOf(plan, {0, 0, -0.1}, {0, 0, 0.05}), 0.2);
+  plan.restitution = 0.5;
+  EXPECT_LT(ErrorOf(plan, {0, 0, -0.1}, {0, 0, 0.05}), kFitted);
+  EXPECT_GT(ErrorOf(plan, {0, 0, -0.1}, {0, 0, 0.1}), 0.2);
+}
+
+// A cube on another one, which is on the floor; a third one far away floats, which is all error.
+TEST(CoulombError, CollidingBodiesAndTheirNeighboursAreNotJudged) {
+  WorldPlan plan = CubeOnFloor();
+  plan.bodies.resize(4);
+  plan.bodies[2].start.position_W = {0, 0, 1.5};
+  plan.bodies[3].start.position_W = {5, 0, 3};
+  std::vector<State> before;
+  for (const BodyPlan& body : plan.bodies) before.push_back(body.start);
+  const CoulombError at_rest = CoulombMeter(plan).Measure(before, before, kDt);
+  EXPECT_EQ(at_rest.judged, 3);
+  EXPECT_NEAR(at_rest.error, 1.0 / 3, 1e-4);
+  std::vector<State> after = before;
+  before[2].linear_velocity_W.z() = -1;
+  const CoulombError collision = CoulombMeter(plan).Measure(before, after, kDt);
+  EXPECT_EQ(collision.judged, 1);
+  EXPECT_NEAR(collision.error, 1, 1e-12);
 }
 
 TEST(CoulombError, ATowerAtRestIsExplained) {
