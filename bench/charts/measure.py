@@ -22,6 +22,12 @@ import time
 
 QUICK = {"budget": 235, "limit": 4}
 FULL = {"budget": 3250, "limit": 0}  # 0: each scene's own
+# [s] expected of the first pass in a scene, all engines, and how much more one engine has to do than others. Only shares matter.
+SECONDS = {"cubeglass": 330, "cubeglass7": 330, "cubeglass300": 150, "cubejam": 150, "manystacks": 100, "cloud666": 100,
+           "elastic666": 100, "stack100": 80}
+USUAL_SECONDS = 40
+PASS_FACTOR = {"first": 1.0, "starts": 0.5, "rest": 1.5}
+ENGINE_FACTOR = {"islet": 2.5, "dart": 0.7, "simbody": 0.5}
 SHARE = 2.0   # of what is left, over the plain share, that a unit may take
 LEAST = 4.0   # [s] a unit gets, if there is any time left
 CUT_EXIT = 4  # of a chart program
@@ -52,7 +58,9 @@ class Unit:
     def __init__(self, scene, start, rest, program):
         self.scene, self.start, self.rest, self.program = scene, start, rest, program
         self.key = f"{scene['name']}.{start}.{'rest' if rest else 'quick'}.{name_of(program)}"
-        self.weight = scene["limit"] * (2 if rest else 1)
+        which = "rest" if rest else "starts" if start > 0 else "first"
+        self.weight = (SECONDS.get(scene["name"], USUAL_SECONDS) * PASS_FACTOR[which] *
+                       ENGINE_FACTOR.get(name_of(program), 1.0))
 
 
 def plan_units(scenes, found, quick):
@@ -136,16 +144,19 @@ def parse():
 def main():
     arguments = parse()
     defaults = QUICK if arguments.quick else FULL
-    budget = arguments.budget or defaults["budget"]
     limit = arguments.limit or defaults["limit"]
-    found = [p for p in programs(arguments.bin) if not arguments.engine or name_of(p) in arguments.engine]
+    found = programs(arguments.bin)
     if not found:
         sys.exit(f"no chart programs in {arguments.bin}")
     scenes = [s for s in list_scenes(found[0]) if s["quick"] or not arguments.quick]
     unknown = set(arguments.only or []) - {s["name"] for s in scenes}
     if unknown:
         sys.exit(f"no such scene: {', '.join(sorted(unknown))}")
-    units = plan_units([s for s in scenes if not arguments.only or s["name"] in arguments.only], found, arguments.quick)
+    everything = plan_units(scenes, found, arguments.quick)
+    units = [u for u in everything if (not arguments.only or u.scene["name"] in arguments.only) and
+             (not arguments.engine or name_of(u.program) in arguments.engine)]
+    # A part of all has a part of the time.
+    budget = arguments.budget or defaults["budget"] * sum(u.weight for u in units) / sum(u.weight for u in everything)
 
     parts = arguments.out / "parts"
     state_file = parts / "state.json"
