@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
+#include <utility>
 
 namespace islet::charts {
 namespace {
@@ -13,10 +15,10 @@ constexpr double kTouch = 5e-3;          // [m] farther apart than that and than
 constexpr double kCollision = 1.0 / 60;  // [s] approach at what gravity gives in that time is a collision
 constexpr double kClosed = 1e-6;         // [m] an open contact may close at any speed: it is the next step's
 constexpr double kUnitTime = 1.0 / 60;   // [s] velocities count in units of what gravity gives in that time
-constexpr double kConverged = 1e-7;      // of a step of the fit, relative to the momentum of gravity
+constexpr double kConverged = 1e-6;      // of a step of the fit, relative to the momentum of gravity
 constexpr int kFarHops = 2;              // bodies nearer than that to a collision are not judged
-constexpr double kWork = 4e5;            // updates of contacts a fit may take
-constexpr int kMostIterations = 3000, kLeastIterations = 100;
+constexpr double kWork = 2e5;            // updates of contacts a fit may take
+constexpr int kMostIterations = 3000, kLeastIterations = 200;
 
 Vector3 VelocityAt(const State& state, const Vector3& arm) {
   return state.linear_velocity_W + state.angular_velocity_W.cross(arm);
@@ -133,9 +135,12 @@ void CoulombMeter::FindContacts(std::span<const State> before, std::span<const S
     c.collides = approach > kCollision * plan_.gravity.norm();
     contacts_.push_back(c);
   }
-  const bool warm = remembered_.size() == contacts_.size();
-  for (size_t i = 0; i < contacts_.size(); ++i) {
-    contacts_[i].impulse = warm ? Project(remembered_[i], contacts_[i].normal) : Vector3::Zero();
+  // Begin with the impulses that the same pairs had when last looked at, point by point.
+  std::map<std::pair<int, int>, int> number;
+  for (Fitted& c : contacts_) {
+    c.number = number[{c.body_a, c.body_b}]++;
+    const auto known = remembered_.find({c.body_a, c.body_b, c.number});
+    c.impulse = known == remembered_.end() ? Vector3::Zero().eval() : Project(known->second, c.normal);
   }
 }
 
@@ -184,7 +189,7 @@ int CoulombMeter::Fit(double unit_energy) {
     for (Fitted& c : contacts_) c.ahead = c.impulse + share * (c.impulse - c.last);
   }
   remembered_.clear();
-  for (const Fitted& c : contacts_) remembered_.push_back(c.impulse);
+  for (const Fitted& c : contacts_) remembered_[{c.body_a, c.body_b, c.number}] = c.impulse;
   return done;
 }
 

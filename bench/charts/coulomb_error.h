@@ -21,7 +21,9 @@
 //   threads: one meter a thread
 #pragma once
 
+#include <map>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "bench/charts/contact_points.h"
@@ -51,6 +53,7 @@ class CoulombMeter {
     Vector3 arm_a = Vector3::Zero(), arm_b = Vector3::Zero();  // [m] from the centres of mass
     Vector3 normal = Vector3::Zero();                          // from a to b
     Vector3 slip = Vector3::Zero(), offer = Vector3::Zero();   // [m/s] s u^ and s u^+ after the step
+    int number = 0;                                            // within its pair
     bool collides = false;
     double response = 0;                                        // [1/kg] W_c
     double slope = 0;                                           // [1/kg] at least the curvature that its impulse sees
@@ -72,7 +75,7 @@ class CoulombMeter {
   std::vector<Twist> gained_;             // [N s, N m s] p
   std::vector<Twist> unexplained_;        // [m/s, rad/s] M^-1 (J^T f - p)
   std::vector<Fitted> contacts_;
-  std::vector<Vector3> remembered_;  // [N s] impulses of the last step, for as many contacts
+  std::map<std::tuple<int, int, int>, Vector3> remembered_;  // [N s] of the last step: bodies, number
   std::vector<ContactPoint> found_;
 };
 

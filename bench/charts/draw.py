@@ -97,7 +97,8 @@ def draw_panel(axes, rows, clock, column, label, markers):
     floor = METRICS.get(column, 0)
     if low <= floor:
         axes.axhline(floor, color="0.6", linewidth=0.6)
-        axes.text(0.01, 0.01, f"at or below {floor:.0e}: equal", transform=axes.transAxes, fontsize=7, color="0.4")
+        axes.text(0.99, floor / 1.1, f"at or below {floor:.0e}: equal", transform=axes.get_yaxis_transform(), fontsize=6, color="0.4",
+                  ha="right", va="top")
     axes.yaxis.set_minor_formatter(ticker.NullFormatter())
     axes.xaxis.set_minor_formatter(ticker.NullFormatter())
     axes.set_ylabel(label)

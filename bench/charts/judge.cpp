@@ -27,7 +27,7 @@ bool Inside(const Region& region, const Vector3& point) {
 
 Judge::Judge(const peers::WorldPlan& plan) : plan_(plan) {
   const auto moving = static_cast<double>(std::ranges::count_if(plan.bodies, &BodyPlan::Moves));
-  steps_apart_ = std::max(1, static_cast<int>(std::sqrt(moving) / 2));
+  steps_apart_ = std::max(1, static_cast<int>(0.6 * std::sqrt(moving)));
   if (!plan.gravity.isZero()) coulomb_.emplace(plan);
 }
 

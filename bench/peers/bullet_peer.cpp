@@ -126,13 +126,13 @@ Engine TheEngine() {
   Engine engine{.name = "bullet", .version = {}, .precision = "float", .settings = {}, .make = Make};
 #endif
   engine.version = std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100);
+  AddTimeSteps({.solver = "SI", .iterations = 10, .sleeping = true, .is_default = true}, kRates, kQuickRates,
+               &engine.settings);
   AddTimeSteps({.solver = "SI", .iterations = 10}, kRates, kQuickRates, &engine.settings);
   AddIterations({.solver = "SI"}, kCounts, kQuickCounts, &engine.settings);
   for (const int rate : {120, 240, 480}) {
     engine.settings.push_back({.solver = "SI", .sweep = "both", .dt = 1.0 / rate, .iterations = 50});
   }
-  AddTimeSteps({.solver = "SI", .iterations = 10, .sleeping = true, .is_default = true}, kRates, kQuickRates,
-               &engine.settings);
   AddTimeSteps({.solver = "NNCG", .iterations = 10}, kRates, kQuickRates, &engine.settings);
   if (engine.precision == "float") AddIterations({.solver = "NNCG"}, kCounts, {}, &engine.settings);
   AddTimeSteps({.solver = "Dantzig"}, kRates, kQuickRates, &engine.settings);

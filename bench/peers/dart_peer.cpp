@@ -105,7 +105,7 @@ std::unique_ptr<Peer> Make(const WorldPlan& plan, const Setting& setting) {
 }  // namespace
 
 Engine TheEngine() {
-  constexpr int kRates[] = {60, 120, 240, 480, 960}, kQuickRates[] = {60, 240};
+  constexpr int kRates[] = {60, 120, 240, 480, 960}, kQuickRates[] = {60, 960};
   constexpr int kCounts[] = {10, 100, 300};
   Engine engine{.name = "dart", .version = DART_VERSION, .precision = "double", .settings = {}, .make = Make};
   AddTimeSteps({.solver = "Dantzig", .dt = 1.0 / 960, .is_default = true}, kRates, kQuickRates, &engine.settings);

@@ -66,6 +66,8 @@ Engine TheEngine() {
   constexpr int kRates[] = {15, 30, 60, 120, 240, 480}, kQuickRates[] = {30, 60, 240}, kFewRates[] = {30, 60, 120};
   constexpr double kTolerances[] = {1e-3, 1e-4, 1e-5, 1e-7, 1e-8};
   Engine engine{.name = "islet", .version = ISLET_VERSION, .precision = "double", .settings = {}, .make = Make};
+  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .sleeping = true, .is_default = true}, kRates, kQuickRates,
+               &engine.settings);
   AddTimeSteps({.solver = "certified", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "swept", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "convex", .dt = 1.0 / 30}, kFewRates, {}, &engine.settings);
@@ -76,8 +78,6 @@ Engine TheEngine() {
                                .tolerance = tolerance,
                                .quick = tolerance == 1e-4});
   }
-  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .sleeping = true, .is_default = true}, kRates, kQuickRates,
-               &engine.settings);
   AddTimeSteps({.solver = "swept", .dt = 1.0 / 30, .sleeping = true}, kFewRates, {}, &engine.settings);
   AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .threads = 2}, kFewRates, {}, &engine.settings);
   return engine;
