@@ -9,13 +9,15 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <memory>
-#include <set>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,12 +27,17 @@
 namespace islet::charts {
 namespace {
 
+constexpr int kCutExit = 4;  // the budget was spent before all settings had run
+
 struct Options {
   std::string out;
   std::vector<std::string> scenes;
-  bool quick = false;
+  bool quick = false, rest = false;
+  std::vector<std::string> cuts;
   bool list = false;
-  double limit = 0;  // [s]; 0: the scene's own
+  int start = 0;
+  double limit = 0;   // [s]; 0: the scene's own
+  double budget = 0;  // [s]; 0: as long as it takes
 };
 
 std::string FirstLineOf(const char* command) {
@@ -66,59 +73,87 @@ void WriteHead(const peers::Engine& engine, std::ostream& out) {
       << FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
       << "\n# engine: " << engine.name << ' ' << engine.version << ", " << engine.precision
       << "\n# load average of the machine: at the start " << Loads() << "; of each run in its row\n"
-      << "scene,engine,version,precision,solver,sweep,dt,iterations,tolerance,sleeping,threads,default,failed,error,"
-         "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,jitter,kinetic_end,energy_gain,energy_ratio,"
+      << "scene,start,engine,version,precision,solver,sweep,dt,iterations,tolerance,sleeping,threads,default,failed,"
+         "error,"
+         "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,coulomb_error,coulomb_end,jitter,kinetic_end,"
+         "energy_gain,energy_ratio,"
          "momentum_error,fell_at,lost,simulated_s,wall_per_s,cpu_per_s,step_median,step_p99,memory_mib,contacts_mean,"
          "state_hash,repeats,repeatable,load\n";
 }
 
 void WriteRow(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting, const RunResult& run,
-              const std::string& load, std::ostream& out) {
+              int start, const std::string& load, std::ostream& out) {
   const Measures& m = run.measures;
   const double per_second = run.simulated > 0 ? 1 / run.simulated : 0;
   char hash[20];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(run.hash));
   out.precision(6);
-  out << scene.name << ',' << engine.name << ',' << engine.version << ',' << engine.precision << ',' << setting.solver
-      << ',' << setting.sweep << ',' << setting.dt << ',' << setting.iterations << ',' << setting.tolerance << ','
-      << setting.sleeping << ',' << setting.threads << ',' << setting.is_default << ',' << run.failed << ','
-      << run.error << ',' << m.overlap_max << ',' << m.overlap_mean << ',' << m.overlap_end << ',' << m.drift << ','
-      << m.drift_max << ',' << m.creep << ',' << m.jitter << ',' << m.kinetic_end << ',' << m.energy_gain << ','
-      << m.energy_ratio << ',' << m.momentum_error << ',' << m.fell_at << ',' << m.lost << ',' << run.simulated << ','
-      << run.wall * per_second << ',' << run.cpu * per_second << ',' << run.step_median << ',' << run.step_p99 << ','
-      << run.memory_kib / 1024 << ',' << run.contacts_mean << ',' << hash << ',' << run.repeats << ',' << run.repeatable
-      << ',' << load << '\n'
+  out << scene.name << ',' << start << ',' << engine.name << ',' << engine.version << ',' << engine.precision << ','
+      << setting.solver << ',' << setting.sweep << ',' << setting.dt << ',' << setting.iterations << ','
+      << setting.tolerance << ',' << setting.sleeping << ',' << setting.threads << ',' << setting.is_default << ','
+      << run.failed << ',' << run.error << ',' << m.overlap_max << ',' << m.overlap_mean << ',' << m.overlap_end << ','
+      << m.drift << ',' << m.drift_max << ',' << m.creep << ',' << m.coulomb_error << ',' << m.coulomb_end << ','
+      << m.jitter << ',' << m.kinetic_end << ',' << m.energy_gain << ',' << m.energy_ratio << ',' << m.momentum_error
+      << ',' << m.fell_at << ',' << m.lost << ',' << run.simulated << ',' << run.wall * per_second << ','
+      << run.cpu * per_second << ',' << run.step_median << ',' << run.step_p99 << ',' << run.memory_kib / 1024 << ','
+      << run.contacts_mean << ',' << hash << ',' << run.repeats << ',' << run.repeatable << ',' << load << '\n'
       << std::flush;
 }
 
 void List(const peers::Engine& engine) {
   for (const ChartScene& scene : AllChartScenes()) {
-    std::cout << scene.name << '\t' << scene.quick << '\t' << scene.seconds << '\t' << scene.summary << '\t'
-              << scene.error_name << '\t' << scene.why << '\n';
+    std::cout << scene.name << '\t' << scene.quick << '\t' << scene.starts << '\t' << scene.few << '\t' << scene.limit
+              << '\t' << scene.seconds << '\t' << scene.summary << '\t' << scene.error_name << '\t' << scene.why
+              << '\n';
   }
   std::cerr << engine.name << ' ' << engine.version << ": " << engine.settings.size() << " settings\n";
 }
 
-// Settings of one sweep come in the order of their cost: once one was cut, the rest of its sweep is not tried.
-void RunSettings(const ChartScene& scene, const peers::Engine& engine, const Options& options, std::ostream& out) {
+// Whether a setting of the same sweep is at least as costly as one that was cut.
+bool AsCostly(const peers::Setting& setting, const peers::Setting& cut) {
+  constexpr double kSame = 1e-4;  // as printed in a CSV file
+  return setting.solver == cut.solver && setting.sweep == cut.sweep && setting.sleeping == cut.sleeping &&
+         setting.threads == cut.threads && setting.dt <= cut.dt * (1 + kSame) && setting.iterations >= cut.iterations &&
+         setting.tolerance <= cut.tolerance * (1 + kSame);
+}
+
+// "SI,dt,0,1,0.00416667,10,0": solver, sweep, sleeping, threads, dt, iterations, tolerance, as in the CSV file.
+peers::Setting ParseCut(const std::string& text) {
+  std::istringstream in(text);
+  peers::Setting setting;
+  char comma = 0;
+  std::getline(in, setting.solver, ',');
+  std::getline(in, setting.sweep, ',');
+  in >> setting.sleeping >> comma >> setting.threads >> comma >> setting.dt >> comma >> setting.iterations >> comma >>
+      setting.tolerance;
+  if (!in) throw CLI::ValidationError("--cut", text + " is no setting");
+  return setting;
+}
+
+// Once a setting was cut, costlier ones of its sweep are not tried. False: no time was left for all of them.
+bool RunSettings(const ChartScene& scene, const peers::Engine& engine, const Options& options, std::ostream& out) {
   Limits limits;
   limits.stepping = options.limit > 0 ? options.limit : scene.limit;
-  std::set<std::string> cut;
+  limits.start = options.start;
+  const auto began = std::chrono::steady_clock::now();
+  std::vector<peers::Setting> cuts;
+  for (const std::string& text : options.cuts) cuts.push_back(ParseCut(text));
   for (const peers::Setting& setting : engine.settings) {
-    if (options.quick && !setting.quick) continue;
-    const std::string sweep = setting.solver + '/' + setting.sweep + (setting.sleeping ? "/sleeping/" : "/awake/") +
-                              std::to_string(setting.threads);
+    if (setting.quick ? options.rest : options.quick) continue;
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - began;
+    if (options.budget > 0 && spent.count() > options.budget) return false;
     const std::string load = Loads();
     RunResult result;
-    if (cut.contains(sweep)) {
+    if (std::ranges::any_of(cuts, [&](const peers::Setting& cut) { return AsCostly(setting, cut); })) {
       std::snprintf(result.failed, sizeof result.failed, "not run");
     } else {
       result = RunApart(scene, engine, setting, limits);
     }
     if (std::string_view(result.failed) == "time limit" || std::string_view(result.failed) == "refused")
-      cut.insert(sweep);
-    WriteRow(scene, engine, setting, result, load, out);
+      cuts.push_back(setting);
+    WriteRow(scene, engine, setting, result, options.start, load, out);
   }
+  return true;
 }
 
 int RunAll(const Options& options, const peers::Engine& engine) {
@@ -135,7 +170,11 @@ int RunAll(const Options& options, const peers::Engine& engine) {
       std::cerr << "no scene is called " << name << '\n';
       return 2;
     }
-    RunSettings(*scene, engine, options, out);
+    if (options.start < 0 || options.start >= scene->starts) {
+      std::cerr << name << " has " << scene->starts << " starts\n";
+      return 2;
+    }
+    if (!RunSettings(*scene, engine, options, out)) return kCutExit;
   }
   return EXIT_SUCCESS;
 }
@@ -147,7 +186,11 @@ int Main(int argc, char** argv) {
   app.add_option("--out", options.out, "CSV file to append to");
   app.add_option("--scene", options.scenes, "scenes, in this order");
   app.add_flag("--quick", options.quick, "only the settings of chart-quick");
-  app.add_flag("--list", options.list, "the scenes: name, quick, seconds, what, error, why");
+  app.add_flag("--rest", options.rest, "only the other settings")->excludes("--quick");
+  app.add_option("--cut", options.cuts, "settings known to take too long: theirs and costlier ones are not run");
+  app.add_flag("--list", options.list, "the scenes: name, quick, starts, few, limit, seconds, what, error, why");
+  app.add_option("--start", options.start, "which of the scene's starts, from 0");
+  app.add_option("--budget", options.budget, "[s] after which no further setting is begun (exit code 4)");
   app.add_option("--limit", options.limit, "[s] of stepping, after which a run is cut; default: the scene's own");
   CLI11_PARSE(app, argc, argv);
   if (options.list) {

@@ -25,6 +25,20 @@ bool Inside(const Region& region, const Vector3& point) {
 
 }  // namespace
 
+Judge::Judge(const peers::WorldPlan& plan) : plan_(plan) {
+  const auto moving = static_cast<double>(std::ranges::count_if(plan.bodies, &BodyPlan::Moves));
+  steps_apart_ = std::max(1, static_cast<int>(0.6 * std::sqrt(moving)));
+  if (!plan.gravity.isZero()) coulomb_.emplace(plan);
+}
+
+bool Judge::WantsStep() const { return coulomb_ && measures_.finite && samples_ % steps_apart_ == 0; }
+
+void Judge::SampleStep(double time, std::span<const State> before, std::span<const State> after, double dt) {
+  if (!std::ranges::all_of(before, Finite) || !std::ranges::all_of(after, Finite)) return;
+  const CoulombError error = coulomb_->Measure(before, after, dt);
+  steps_.push_back({time, error.error, error.judged});
+}
+
 void Judge::Sample(double time, std::span<const State> states) {
   last_.assign(states.begin(), states.end());
   measures_.lost = 0;
@@ -43,8 +57,8 @@ void Judge::Sample(double time, std::span<const State> states) {
   }
   measures_.energy_gain += std::max(0.0, energy - energy_);
   energy_ = energy;
+  if (Isolated() || Lossless()) measures_.energy_ratio = energy / start_energy_;
   if (Isolated()) {
-    measures_.energy_ratio = energy / start_energy_;
     measures_.momentum_error = (Momentum(states) - start_momentum_).norm();
   }
 
@@ -79,6 +93,19 @@ void Judge::IncludeInLastSecond(double deepest, std::span<const State> states) {
 Measures Judge::Result() const {
   Measures result = measures_;
   if (samples_ > 1) result.overlap_mean = overlap_sum_ / (samples_ - 1);
+  const auto mean_since = [this](double time) {
+    double sum = 0, bodies = 0;
+    for (const Step& step : steps_) {
+      if (step.time < time) continue;
+      sum += step.judged * step.error;
+      bodies += step.judged;
+    }
+    return bodies > 0 ? sum / bodies : -1;
+  };
+  if (!steps_.empty()) {
+    result.coulomb_error = mean_since(0);
+    result.coulomb_end = mean_since(steps_.back().time - 1);
+  }
   if (recent_.empty()) return result;
   double squares = 0;
   for (const Recent& sample : recent_) {
@@ -115,6 +142,8 @@ Vector3 Judge::Momentum(std::span<const State> states) const {
 }
 
 bool Judge::Isolated() const { return plan_.gravity.isZero() && std::ranges::all_of(plan_.bodies, &BodyPlan::Moves); }
+
+bool Judge::Lossless() const { return plan_.restitution == 1 && plan_.friction == 0; }
 
 std::uint64_t Judge::StateHash() const {
   std::uint64_t hash = 0xcbf29ce484222325u;

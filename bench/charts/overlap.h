@@ -1,6 +1,6 @@
 // How far bodies overlap, from their poses alone: our own code, which no engine under test runs.
 //
-// Boxes: the fifteen axes of the separating-axis test; the overlap is the least along any of them, exact for boxes. Sphere
+// Boxes and hulls: separating axes; the overlap is the least along any of them, which is exact. Sphere
 // and box: distance from the centre to the box. Two spheres: distance of the centres.
 //   in:  plan and poses    out: [m] positive where two bodies overlap, over all pairs of which one moves    threads: const
 #pragma once

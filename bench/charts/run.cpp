@@ -60,16 +60,18 @@ bool AwaitOrStop(pid_t child, int pipe_end, double seconds) {
   return true;
 }
 
-RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting, double limit) {
-  const peers::WorldPlan plan = scene.plan();
+// `all_measures`: also those that are costly to take; a repeat ends in the same states, so it need not.
+RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting,
+                  const Limits& limits, bool all_measures) {
+  const peers::WorldPlan plan = PlanOf(scene, limits.start);
   const std::unique_ptr<peers::Peer> peer = engine.make(plan, setting);
   Judge judge(plan);
-  std::vector<peers::State> states(plan.bodies.size());
-  const auto sample = [&](double time) {
-    for (size_t i = 0; i < states.size(); ++i) states[i] = peer->Read(static_cast<int>(i));
-    judge.Sample(time, states);
+  std::vector<peers::State> before(plan.bodies.size()), states(plan.bodies.size());
+  const auto read = [&](std::vector<peers::State>* all) {
+    for (size_t i = 0; i < all->size(); ++i) (*all)[i] = peer->Read(static_cast<int>(i));
   };
-  sample(0);
+  read(&states);
+  judge.Sample(0, states);
 
   // Steps longer than the distance of samples: one sample a step.
   const int steps_per_sample = std::max(1, static_cast<int>(std::lround(1 / (setting.dt * kSamplesPerSecond))));
@@ -79,17 +81,26 @@ RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const pe
   step_seconds.reserve(static_cast<size_t>(samples) * steps_per_sample);
   double contacts = 0;
   int done = 0;
-  while (done < samples && std::min(result.wall, result.cpu) < limit && judge.Result().finite) {
-    const double cpu_before = ProcessSeconds();
+  while (done < samples && std::min(result.wall, result.cpu) < limits.stepping && judge.Result().finite) {
+    const bool whole_step = all_measures && judge.WantsStep();
+    double cpu_before = ProcessSeconds();
     for (int i = 0; i < steps_per_sample; ++i) {
-      const Clock::time_point before = Clock::now();
+      if (whole_step && i + 1 == steps_per_sample) {
+        result.cpu += ProcessSeconds() - cpu_before;
+        read(&before);
+        cpu_before = ProcessSeconds();
+      }
+      const Clock::time_point start = Clock::now();
       peer->Step(setting.dt);
-      step_seconds.push_back(Since(before));
+      step_seconds.push_back(Since(start));
       result.wall += step_seconds.back();
     }
     result.cpu += ProcessSeconds() - cpu_before;
     contacts += peer->Contacts();
-    sample(++done * steps_per_sample * setting.dt);
+    const double time = ++done * steps_per_sample * setting.dt;
+    read(&states);
+    if (whole_step) judge.SampleStep(time, before, states, setting.dt);
+    judge.Sample(time, states);
   }
 
   result.simulated = done * steps_per_sample * setting.dt;
@@ -109,17 +120,20 @@ RunResult RunOnce(const ChartScene& scene, const peers::Engine& engine, const pe
 
 RunResult Run(const ChartScene& scene, const peers::Engine& engine, const peers::Setting& setting,
               const Limits& limits) {
-  RunResult best = RunOnce(scene, engine, setting, limits.stepping);
+  RunResult best = RunOnce(scene, engine, setting, limits, /*all_measures=*/true);
+  const Measures measures = best.measures;
   int repeats = 1;
   bool repeatable = true;
   double spent = best.wall;
   while (repeats < limits.repeats && spent < limits.repeat_until) {
-    const RunResult again = RunOnce(scene, engine, setting, limits.stepping);
+    const RunResult again = RunOnce(scene, engine, setting, limits, /*all_measures=*/false);
     ++repeats;
     spent += again.wall;
     repeatable = repeatable && again.hash == best.hash;
     if (again.wall < best.wall) best = again;
   }
+  best.measures.coulomb_error = measures.coulomb_error;
+  best.measures.coulomb_end = measures.coulomb_end;
   best.repeats = repeats;
   best.repeatable = repeatable;
   return best;

@@ -16,6 +16,7 @@ struct Limits {
   double stepping = 10;       // [s] wall or processor time, whichever is less; a run that takes longer is cut: failed
   double repeat_until = 0.3;  // [s] of stepping in all repeats
   int repeats = 5;
+  int start = 0;  // which of the scene's starts
 };
 
 struct RunResult {  // plain data: it crosses a pipe

@@ -2,7 +2,7 @@
 // direct MLCP solver; with it one island per batch, as Bullet's documentation asks). Default: 10 iterations at 1/60 s.
 //
 // Bullet multiplies the coefficients of two bodies, so each gets the root. Damping is 0 by default. The collision margin
-// (4 cm, inside the box) and the restitution threshold (0.2 m/s) are Bullet's defaults. Debian has Bullet in float and in
+// (4 cm, inside the box; around a hull, where it would hold wedges apart: 1 mm there) and the restitution threshold (0.2 m/s) are Bullet's defaults. Debian has Bullet in float and in
 // double; this file is compiled for each.
 #include <btBulletDynamicsCommon.h>
 
@@ -13,9 +13,12 @@
 #include <cmath>
 
 #include "bench/peers/peer.h"
+#include "bench/peers/sweeps.h"
 
 namespace islet::peers {
 namespace {
+
+constexpr btScalar kHullMargin = btScalar(0.001);  // [m] Bullet puts it around a hull, and 4 cm by default
 
 btScalar Real(double value) { return static_cast<btScalar>(value); }
 btVector3 ToBullet(const Vector3& v) { return {Real(v.x()), Real(v.y()), Real(v.z())}; }
@@ -44,7 +47,10 @@ class BulletPeer final : public Peer {
     for (const auto& body : bodies_) world_->removeRigidBody(body.get());
   }
 
-  void Step(double dt) override { world_->stepSimulation(Real(dt), 0); }
+  void Step(double dt) override {
+    for (const auto& [body, push] : pushed_) body->applyCentralForce(push);
+    world_->stepSimulation(Real(dt), 0);
+  }
 
   State Read(int number) const override {
     const btRigidBody& body = *bodies_[number];
@@ -65,11 +71,21 @@ class BulletPeer final : public Peer {
   void Add(const WorldPlan& plan, const BodyPlan& body, bool sleeping) {
     if (body.form == BodyPlan::Form::kBox) {
       shapes_.push_back(std::make_unique<btBoxShape>(ToBullet(body.half_extents)));
+    } else if (body.form == BodyPlan::Form::kHull) {
+      auto hull = std::make_unique<btConvexHullShape>();
+      for (const Vector3& corner : body.corners) hull->addPoint(ToBullet(corner));
+      hull->setMargin(kHullMargin);
+      hull->initializePolyhedralFeatures();  // faces are clipped, instead of one point found a step
+      shapes_.push_back(std::move(hull));
     } else {
       shapes_.push_back(std::make_unique<btSphereShape>(Real(body.radius)));
     }
     btVector3 inertia(0, 0, 0);
-    if (body.Moves()) shapes_.back()->calculateLocalInertia(Real(body.mass), inertia);
+    if (body.form == BodyPlan::Form::kHull) {
+      inertia = ToBullet(body.Inertia());  // Bullet would take that of the box around it
+    } else if (body.Moves()) {
+      shapes_.back()->calculateLocalInertia(Real(body.mass), inertia);
+    }
     btRigidBody::btRigidBodyConstructionInfo info(Real(body.mass), nullptr, shapes_.back().get(), inertia);
     const Quaternion& q = body.start.rotation_WB;
     info.m_startWorldTransform =
@@ -81,6 +97,7 @@ class BulletPeer final : public Peer {
     bodies_.back()->setAngularVelocity(ToBullet(body.start.angular_velocity_W));
     if (!sleeping) bodies_.back()->setActivationState(DISABLE_DEACTIVATION);
     world_->addRigidBody(bodies_.back().get());
+    if (!body.push_W.isZero()) pushed_.emplace_back(bodies_.back().get(), ToBullet(body.push_W));
   }
 
   btDefaultCollisionConfiguration configuration_;
@@ -91,6 +108,7 @@ class BulletPeer final : public Peer {
   std::vector<std::unique_ptr<btCollisionShape>> shapes_;
   std::vector<std::unique_ptr<btRigidBody>> bodies_;
   std::unique_ptr<btDiscreteDynamicsWorld> world_;
+  std::vector<std::pair<btRigidBody*, btVector3>> pushed_;
 };
 
 std::unique_ptr<Peer> Make(const WorldPlan& plan, const Setting& setting) {
@@ -108,13 +126,13 @@ Engine TheEngine() {
   Engine engine{.name = "bullet", .version = {}, .precision = "float", .settings = {}, .make = Make};
 #endif
   engine.version = std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100);
+  AddTimeSteps({.solver = "SI", .iterations = 10, .sleeping = true, .is_default = true}, kRates, kQuickRates,
+               &engine.settings);
   AddTimeSteps({.solver = "SI", .iterations = 10}, kRates, kQuickRates, &engine.settings);
   AddIterations({.solver = "SI"}, kCounts, kQuickCounts, &engine.settings);
   for (const int rate : {120, 240, 480}) {
     engine.settings.push_back({.solver = "SI", .sweep = "both", .dt = 1.0 / rate, .iterations = 50});
   }
-  AddTimeSteps({.solver = "SI", .iterations = 10, .sleeping = true, .is_default = true}, kRates, kQuickRates,
-               &engine.settings);
   AddTimeSteps({.solver = "NNCG", .iterations = 10}, kRates, kQuickRates, &engine.settings);
   if (engine.precision == "float") AddIterations({.solver = "NNCG"}, kCounts, {}, &engine.settings);
   AddTimeSteps({.solver = "Dantzig"}, kRates, kQuickRates, &engine.settings);

@@ -3,7 +3,7 @@
 // the manual names against creep), CG. Default: 2 ms, 100 iterations; 1/480 s stands for it.
 //
 // MuJoCo has no restitution: it is left at its default, and the plan's is ignored. Friction is sliding alone (condim 3).
-// Contacts are soft by design. A model that MuJoCo cannot allocate is refused.
+// Hulls are given "multiccd", without which two of them touch at one point. Contacts are soft by design. A model that MuJoCo cannot allocate is refused.
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "bench/peers/peer.h"
+#include "bench/peers/sweeps.h"
 
 namespace islet::peers {
 namespace {
@@ -47,11 +48,22 @@ std::string Model(const WorldPlan& plan, const Setting& setting, int points_per_
   if (setting.iterations > 0) xml << " iterations='" << setting.iterations << '\'';
   if (stiff) xml << " noslip_iterations='" << kNoslipIterations << '\'';
   vector("gravity", plan.gravity);
-  xml << "/><default><geom condim='3' friction='" << plan.friction << " 0 0'";
+  const bool hulls =
+      std::ranges::any_of(plan.bodies, [](const BodyPlan& b) { return b.form == BodyPlan::Form::kHull; });
+  xml << (hulls ? "><flag multiccd='enable'/></option>" : "/>") << "<default><geom condim='3' friction='"
+      << plan.friction << " 0 0'";
   if (stiff) xml << " solref='" << 2 * setting.dt << " 1'";
-  xml << "/></default><worldbody>";
-  for (const BodyPlan& body : plan.bodies) {
-    const bool box = body.form == BodyPlan::Form::kBox;
+  xml << "/></default><asset>";
+  for (size_t i = 0; i < plan.bodies.size(); ++i) {
+    if (plan.bodies[i].form != BodyPlan::Form::kHull) continue;
+    xml << "<mesh name='hull" << i << "' vertex='";
+    for (const Vector3& corner : plan.bodies[i].corners) xml << corner.transpose() << ' ';
+    xml << "'/>";
+  }
+  xml << "</asset><worldbody>";
+  for (size_t i = 0; i < plan.bodies.size(); ++i) {
+    const BodyPlan& body = plan.bodies[i];
+    const bool box = body.form == BodyPlan::Form::kBox, hull = body.form == BodyPlan::Form::kHull;
     const Quaternion& q = body.start.rotation_WB;
     const auto pose = [&] {
       vector("pos", body.start.position_W);
@@ -62,8 +74,12 @@ std::string Model(const WorldPlan& plan, const Setting& setting, int points_per_
       pose();
       xml << "><freejoint/>";
     }
-    xml << "<geom type='" << (box ? "box" : "sphere") << '\'';
-    vector("size", box ? body.half_extents : Vector3(body.radius, 0, 0));
+    xml << "<geom type='" << (hull ? "mesh" : box ? "box" : "sphere") << '\'';
+    if (hull) {
+      xml << " mesh='hull" << i << '\'';
+    } else {
+      vector("size", box ? body.half_extents : Vector3(body.radius, 0, 0));
+    }
     if (body.Moves()) {
       xml << " mass='" << body.mass << "'/></body>";
     } else {
@@ -90,6 +106,8 @@ class MujocoPeer final : public Peer {
       joints_.push_back(plan.bodies[i].Moves() ? joint++ : -1);
       if (joints_.back() < 0) continue;
       const State& start = plan.bodies[i].start;
+      mjtNum* force = data_->xfrc_applied + 6 * model_->jnt_bodyid[joints_.back()];  // W; stays until it is changed
+      for (int k = 0; k < 3; ++k) force[k] = plan.bodies[i].push_W[k];
       mjtNum* velocity = data_->qvel + 6 * joints_.back();  // linear in W, angular in B
       const Vector3 spin_B = start.rotation_WB.conjugate() * start.angular_velocity_W;
       for (int k = 0; k < 3; ++k) {

@@ -7,9 +7,13 @@
 // of its constraints from ODE's random numbers: the seed is set to 0 when a world is made.
 #include <ode/ode.h>
 
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "bench/peers/peer.h"
+#include "bench/peers/sweeps.h"
 
 namespace islet::peers {
 namespace {
@@ -46,6 +50,7 @@ class OdePeer final : public Peer {
   }
 
   void Step(double dt) override {
+    for (const auto& [body, push] : pushed_) dBodyAddForce(body, push.x(), push.y(), push.z());
     dJointGroupEmpty(joints_);
     contacts_ = 0;
     dSpaceCollide(space_, this, [](void* self, dGeomID a, dGeomID b) { static_cast<OdePeer*>(self)->Touch(a, b); });
@@ -67,10 +72,28 @@ class OdePeer final : public Peer {
   int Contacts() const override { return contacts_; }
 
  private:
+  dGeomID GeomOf(const BodyPlan& plan) {
+    const Vector3 sides = 2 * plan.half_extents;
+    if (plan.form == BodyPlan::Form::kBox) return dCreateBox(space_, sides.x(), sides.y(), sides.z());
+    if (plan.form == BodyPlan::Form::kSphere) return dCreateSphere(space_, plan.radius);
+    hulls_.push_back(std::make_unique<Hull>());  // ODE keeps pointers to it
+    Hull& hull = *hulls_.back();
+    for (const Vector3& corner : plan.corners) hull.points.insert(hull.points.end(), corner.begin(), corner.end());
+    for (const std::vector<int>& face : plan.faces) {
+      const Vector3 &p = plan.corners[face[0]], &q = plan.corners[face[1]], &r = plan.corners[face[2]];
+      const Vector3 normal = (q - p).cross(r - p).normalized();
+      hull.planes.insert(hull.planes.end(), {normal.x(), normal.y(), normal.z(), normal.dot(p)});
+      hull.polygons.push_back(static_cast<unsigned>(face.size()));
+      hull.polygons.insert(hull.polygons.end(), face.begin(), face.end());
+    }
+    return dCreateConvex(space_, hull.planes.data(), static_cast<unsigned>(plan.faces.size()), hull.points.data(),
+                         static_cast<unsigned>(plan.corners.size()), hull.polygons.data());
+  }
+
   void Add(const BodyPlan& plan) {
     const Vector3 sides = 2 * plan.half_extents;
     const bool box = plan.form == BodyPlan::Form::kBox;
-    const dGeomID geom = box ? dCreateBox(space_, sides.x(), sides.y(), sides.z()) : dCreateSphere(space_, plan.radius);
+    const dGeomID geom = GeomOf(plan);
     const Quaternion& q = plan.start.rotation_WB;
     const dQuaternion rotation = {q.w(), q.x(), q.y(), q.z()};
     const Vector3 &p = plan.start.position_W, &v = plan.start.linear_velocity_W, &w = plan.start.angular_velocity_W;
@@ -80,6 +103,9 @@ class OdePeer final : public Peer {
       dMass mass;
       if (box) {
         dMassSetBoxTotal(&mass, plan.mass, sides.x(), sides.y(), sides.z());
+      } else if (plan.form == BodyPlan::Form::kHull) {
+        const Vector3 inertia = plan.Inertia();
+        dMassSetParameters(&mass, plan.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
       } else {
         dMassSetSphereTotal(&mass, plan.mass, plan.radius);
       }
@@ -93,6 +119,7 @@ class OdePeer final : public Peer {
       dGeomSetPosition(geom, p.x(), p.y(), p.z());
       dGeomSetQuaternion(geom, rotation);
     }
+    if (!plan.push_W.isZero()) pushed_.emplace_back(body, plan.push_W);
     bodies_.push_back(body);
     fixed_.push_back(plan.start);
   }
@@ -134,13 +161,20 @@ class OdePeer final : public Peer {
     for (int k = 0; k < 3; ++k) contact->fdir1[k] = slip[k];
   }
 
+  struct Hull {
+    std::vector<dReal> planes, points;
+    std::vector<unsigned> polygons;
+  };
+
   bool direct_, along_slip_;
   double friction_, restitution_;
   dWorldID world_;
   dSpaceID space_;
   dJointGroupID joints_;
+  std::vector<std::unique_ptr<Hull>> hulls_;
   std::vector<dBodyID> bodies_;
   std::vector<State> fixed_;
+  std::vector<std::pair<dBodyID, Vector3>> pushed_;
   int contacts_ = 0;
 };
 

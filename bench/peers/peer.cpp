@@ -2,10 +2,13 @@
 
 #include <algorithm>
 
+#include "bench/peers/sweeps.h"
+
 namespace islet::peers {
 
 Vector3 BodyPlan::Inertia() const {
   if (form == Form::kSphere) return Vector3::Constant(0.4 * mass * radius * radius);
+  if (form == Form::kHull) return mass * moments_per_mass;
   const Vector3 squares = half_extents.cwiseAbs2();
   return mass / 3 * (Vector3::Constant(squares.sum()) - squares);
 }

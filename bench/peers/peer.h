@@ -4,12 +4,12 @@
 //   in:  a WorldPlan (what is in the world) and a Setting (how the engine is to solve it)    out: poses and velocities
 //   plan: friction and restitution hold for every pair; an adaptor sets whatever its engine mixes to these values
 //   rule: a setting is the engine's own default but for what the Setting names, and what the adaptor's head comment tells
+//   note: this header is C++17, for an engine whose headers are
 //   errors: an engine that cannot hold the plan throws std::runtime_error; the chart then says "refused"
 #pragma once
 
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -28,12 +28,16 @@ struct State {
 };
 
 struct BodyPlan {
-  enum class Form { kBox, kSphere };
+  enum class Form { kBox, kSphere, kHull };
   Form form = Form::kBox;
-  Vector3 half_extents{0.5, 0.5, 0.5};  // [m] of a box
-  double radius = 0.5;                  // [m] of a sphere
-  double mass = 1;                      // [kg] filled evenly; 0: static
+  Vector3 half_extents{0.5, 0.5, 0.5};         // [m] of a box
+  double radius = 0.5;                         // [m] of a sphere
+  std::vector<Vector3> corners = {};           // [m] of a hull, B, about its centre of mass
+  std::vector<std::vector<int>> faces = {};    // of a hull: corners, counter-clockwise seen from outside
+  Vector3 moments_per_mass = Vector3::Zero();  // [m^2] of a hull, about the axes of B, which must be its principal ones
+  double mass = 1;                             // [kg] filled evenly; 0: static
   State start = {};
+  Vector3 push_W = Vector3::Zero();  // [N] a constant force at the centre of mass
   bool Moves() const { return mass > 0; }
   Vector3 Inertia() const;  // [kg m^2] principal moments about the centre of mass
 };
@@ -74,11 +78,5 @@ struct Engine {
 
 // Defined once in each program, by the engine's file.
 Engine TheEngine();
-
-// Settings of a line that sweeps dt, and one that sweeps iterations at 1/60 s. `start` has the rest.
-void AddTimeSteps(Setting start, std::span<const int> per_second, std::span<const int> quick_per_second,
-                  std::vector<Setting>* settings);
-void AddIterations(Setting start, std::span<const int> iterations, std::span<const int> quick_iterations,
-                   std::vector<Setting>* settings);
 
 }  // namespace islet::peers

@@ -1,0 +1,80 @@
+#include "bench/studies/study_csv.h"
+
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <memory>
+#include <stdexcept>
+
+namespace islet::studies {
+namespace {
+
+std::string FirstLineOf(const char* command) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "r"), pclose);
+  char line[256] = "";
+  if (!pipe || std::fgets(line, sizeof line, pipe.get()) == nullptr) return "unknown";
+  std::string text = line;
+  text.erase(text.find_last_not_of('\n') + 1);
+  return text;
+}
+
+std::string Processor() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    if (line.starts_with("model name")) return line.substr(line.find(": ") + 2);
+  }
+  return "unknown processor";
+}
+
+std::string Load() {
+  double load[1] = {-1};
+  getloadavg(load, 1);
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f", load[0]);
+  return text;
+}
+
+double SecondsOf(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
+StudyCsv::StudyCsv(const std::string& path, const std::vector<std::string>& versions, const std::string& columns)
+    : path_(path), file_(path) {
+  utsname system{};
+  uname(&system);
+  file_ << "# machine: " << Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname << ' '
+        << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
+        << FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
+        << "\n# versions: islet " << ISLET_VERSION;
+  for (const std::string& version : versions) file_ << "; " << version;
+  file_ << "\n# load average of the machine: at the start " << Load() << "; of each row in its last column\n"
+        << columns << ",load\n"
+        << std::flush;
+  if (!file_) throw std::runtime_error("cannot write " + path);
+}
+
+void StudyCsv::WriteLine(const std::string& cells) {
+  file_ << cells << Load() << '\n' << std::flush;
+  if (!file_) throw std::runtime_error("cannot write " + path_);
+}
+
+std::string Hex(std::uint64_t hash) {
+  char text[20];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+StudyClock::StudyClock() : wall_(SecondsOf(CLOCK_MONOTONIC)), cpu_(SecondsOf(CLOCK_PROCESS_CPUTIME_ID)) {}
+double StudyClock::Wall() const { return SecondsOf(CLOCK_MONOTONIC) - wall_; }
+double StudyClock::Cpu() const { return SecondsOf(CLOCK_PROCESS_CPUTIME_ID) - cpu_; }
+
+void Say(const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }
+
+}  // namespace islet::studies
