@@ -8,8 +8,7 @@ std::span<const Check> ImpactChecks() {
   static constexpr Check kChecks[] = {
       {"T10", "bouncing ball", Gate::kGate,
        "peak e^(2 n) h0 (Newton's law and free fall); with e < 1 at rest after sqrt(2 h0 / g) (1 + e) / (1 - e), the "
-       "sum "
-       "of all flights",
+       "sum of all flights",
        MeasureBouncingBall},
       {"T11", "cube dropped flat, on a floor and on a pedestal", Gate::kGate,
        "returns to its height without spin: its corners hit at once, by symmetry", MeasureBouncingCube},
