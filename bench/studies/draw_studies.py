@@ -4,8 +4,8 @@
   draw_studies.py FOLDER [--clock auto|wall|cpu] [--publish FOLDER]
 
 Reads FOLDER/*.csv and run.json; a study that is not there is left out. Writes <picture>.svg and .png, table1.csv, growth.csv,
-profile_summary.csv, and studies.html: a fragment without <html>, complete in itself, which the page of the charts takes in;
-index.html is the same as a page. --clock auto draws wall time, or processor time of one thread if the machine had other work.
+profile_summary.csv, and studies.html: a fragment without <html>, complete in itself, for a larger page (fragment() below returns
+the same); index.html is the same as a page. --clock auto draws wall time, or processor time of one thread if the machine had other work.
 """
 import argparse
 import base64
@@ -124,11 +124,12 @@ def complete(problems, keys):
 
 
 def draw_profiles(table, clock, folder, name):
-    keys_there = {(r["solver"], r["model"], r["cone"]) for r in table.rows}
     figure, axes = plt.subplots(len(PANELS), len(TOLERANCES), figsize=(14, 10), sharey=True)
     for row, (title, column, wanted, most) in enumerate(PANELS):
-        keys = [k for k in wanted if k in keys_there]
-        problems = complete(attempts_by_problem(table, clock, column), keys)
+        problems = attempts_by_problem(table, clock, column)
+        # Dense problems of others have no bodies: the swept tier and the paper's model cannot take them, and are left out.
+        keys = [k for k in wanted if sum(k in a for a in problems.values()) > 0.6 * len(problems)]
+        problems = complete(problems, keys)
         for panel, tolerance in zip(axes[row], TOLERANCES):
             times = {k: [maths.time_to(tolerance, a[k]) for a in problems.values()] for k in keys}
             for key, values in maths.ratios(times).items():
@@ -142,7 +143,7 @@ def draw_profiles(table, clock, folder, name):
             panel.set_title(f"{title}: to {short(tolerance)}", fontsize=8)
             if row == len(PANELS) - 1:
                 panel.set_xlabel(f"{clock_words(clock)} over the fastest solver's")
-        axes[row][0].set_ylabel(f"share of {len(problems)} problems solved")
+        axes[row][0].set_ylabel(f"share of {len(problems)} problems solved")  # those that all of these solvers take
         axes[row][-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     figure.suptitle("Performance profiles: natural map (rms over contacts, over v_ref), one thread, cold", fontsize=10)
     figure.tight_layout()
@@ -349,7 +350,7 @@ def draw_figure6(table, folder):
         for panel, (kind, words) in zip(axes[line], cases):
             rows = runs[kind]
             frames = [r["frame"] for r in rows]
-            panel.fill_between(frames, [r["contacts"] for r in rows], color="0.85", label="contacts (left)")
+            panel.fill_between(frames[::2], [r["contacts"] for r in rows][::2], color="0.85", label="contacts (left)")
             panel.set_ylim(0, 1.45 * max(most, PAPER_MOST_CONTACTS))
             mean = {"off": PAPER["cubejam"]["contacts"][0], "paper": PAPER["cubejam"]["contacts"][1]}.get(kind)
             if mean:
@@ -358,8 +359,8 @@ def draw_figure6(table, folder):
                 panel.axhline(PAPER_MOST_CONTACTS, color="0.35", linestyle=":", linewidth=0.8, label="the paper's contacts, most")
             times = panel.twinx()
             times.grid(False)
-            times.plot(frames, [1e3 * x for x in smooth([r["collision_s"] for r in rows])], color=RED, linewidth=0.8, label="collision QP")
-            times.plot(frames, [1e3 * x for x in smooth([r["static_s"] for r in rows])], color=BLUE, linewidth=0.8, label="static QP")
+            times.plot(frames[::2], [1e3 * x for x in smooth([r["collision_s"] for r in rows])][::2], color=RED, linewidth=0.8, label="collision QP")
+            times.plot(frames[::2], [1e3 * x for x in smooth([r["static_s"] for r in rows])][::2], color=BLUE, linewidth=0.8, label="static QP")
             times.set_ylim(0, 1.45 * slowest)
             panel.set_title(f"{words}; " + ("model and settings of the paper" if settings == "as_paper" else "islet's own settings"), fontsize=8)
             panel.set_xlabel("frame")
@@ -423,13 +424,8 @@ class Page:
         if lines:
             self.parts.append(f"<details open><summary>numbers</summary>{html_table(headers, lines)}</details>")
 
-    def write(self):
-        fragment = "\n".join(self.parts)
-        (self.folder / "studies.html").write_text(fragment)
-        (self.folder / "index.html").write_text(
-            "<!doctype html><meta charset=utf-8><title>islet: studies</title><style>body{font:14px sans-serif;margin:2em;max-width:1300px}"
-            "table{border-collapse:collapse;font-size:11px}td,th{border:1px solid #ccc;padding:1px 5px;text-align:right}"
-            "img{max-width:100%;height:auto}pre{background:#f4f4f4;padding:.5em}</style>" + fragment)
+    def text(self):
+        return "\n".join(self.parts)
 
 
 def add_profiles(folder, clock_asked, page):
@@ -448,18 +444,13 @@ def add_profiles(folder, clock_asked, page):
                  f"{clock_words(clock)}; never solved counts as never.", [drawn], table, headers, lines)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--publish", type=pathlib.Path, help="folder that gets what is worth committing")
-    parser.add_argument("--clock", choices=("auto", "wall", "cpu"), default="auto")
-    arguments = parser.parse_args()
-    folder = arguments.folder
+def fragment(folder, clock_asked="auto"):
+    """Draws the pictures of the folder and returns what belongs on a page: complete in itself, without <html>."""
     page = Page(folder, json.loads((folder / "run.json").read_text()))
-    add_profiles(folder, arguments.clock, page)
+    add_profiles(folder, clock_asked, page)
     if (folder / "scaling.csv").exists():
         table = Table(folder / "scaling.csv")
-        clock = table.clock(arguments.clock)
+        clock = table.clock(clock_asked)
         lines = draw_scaling(table, clock, folder)
         for line in lines:
             print(f"{line[0]:9} {line[1]:34} {line[2]} {line[3]:.3f}; {line[4]}")
@@ -473,15 +464,35 @@ def main():
         write_csv(folder / "table1.csv", headers, lines)
         page.add("Freezing", "Speed-up against deviation; the paper's Fig. 6 and Table 1 [SM04], ours beside them.", ["freezing", "figure6"],
                  table, headers, lines)
-    page.write()
+    return page.text()
+
+
+def publish(folder, target):
+    """Numbers and pictures; not the page and the bitmaps, which this program makes of them."""
+    target.mkdir(parents=True, exist_ok=True)
+    for pattern in ("*.csv", "*.json", "*.svg"):
+        for old in target.glob(pattern):
+            old.unlink()
+        for path in folder.glob(pattern):
+            shutil.copy(path, target)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--publish", type=pathlib.Path, help="folder that gets what is worth committing")
+    parser.add_argument("--clock", choices=("auto", "wall", "cpu"), default="auto")
+    arguments = parser.parse_args()
+    folder = arguments.folder
+    text = fragment(folder, arguments.clock)
+    (folder / "studies.html").write_text(text)
+    (folder / "index.html").write_text(
+        "<!doctype html><meta charset=utf-8><title>islet: studies</title><style>body{font:14px sans-serif;margin:2em;max-width:1300px}"
+        "table{border-collapse:collapse;font-size:11px}td,th{border:1px solid #ccc;padding:1px 5px;text-align:right}"
+        "img{max-width:100%;height:auto}pre{background:#f4f4f4;padding:.5em}</style>" + text)
     print(f"drawn: {folder / 'index.html'}")
     if arguments.publish:
-        arguments.publish.mkdir(parents=True, exist_ok=True)
-        for pattern in ("*.csv", "*.json", "*.svg", "studies.html"):
-            for old in arguments.publish.glob(pattern):
-                old.unlink()
-            for path in folder.glob(pattern):
-                shutil.copy(path, arguments.publish)
+        publish(folder, arguments.publish)
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@
 namespace islet::studies {
 namespace {
 
-constexpr double kFrame = 1.0 / 30;    // [s]
-constexpr double kNudge = 1e-9;        // [m]
+constexpr double kFrame = 1.0 / 30;  // [s]
+constexpr double kNudge = 1e-9;      // [m]
 constexpr int kNoKnob = -1;
 
 struct Options {
@@ -139,11 +139,11 @@ class Study {
   explicit Study(const Options& options)
       : options_(options),
         csv_(options.out, {},
-             "phase,scene,settings,kind,knob,frames,collision_s,collision_frames,collision_problems,static_s,static_frames,"
+             "phase,scene,settings,kind,knob,frames,collision_s,collision_frames,collision_problems,static_s,static_"
+             "frames,"
              "static_problems,failed,step_s,freeze_s,contacts_mean,awake_mean,awake_end,deviation_rms,deviation_max,"
              "penetration_max,state_hash"),
-        frames_(options.frames_out, {},
-                "scene,settings,kind,knob,frame,contacts,collision_s,static_s,step_s,awake") {}
+        frames_(options.frames_out, {}, "scene,settings,kind,knob,frame,contacts,collision_s,static_s,step_s,awake") {}
 
   void Run() {
     for (const StudyScene& scene : kScenes) {
@@ -202,11 +202,13 @@ class Study {
       if (repeat > 0) world->Restore(start);
       const std::uint64_t hash = total.hash;
       total = RunAgain(&least, world);
-      if (repeat > 0 && hash != total.hash) throw std::logic_error(std::string(scene.name) + ": two runs of the same scene differ");
+      if (repeat > 0 && hash != total.hash)
+        throw std::logic_error(std::string(scene.name) + ": two runs of the same scene differ");
     }
     for (int frame = 0; record && kind.name != "nudged" && frame < frames; ++frame) {
       const FrameTime& t = least[frame];
-      frames_.Row(scene.name, settings, kind.name, kind.knob, frame + 1, t.contacts, t.collision, t.resting, t.step, t.awake);
+      frames_.Row(scene.name, settings, kind.name, kind.knob, frame + 1, t.contacts, t.collision, t.resting, t.step,
+                  t.awake);
     }
     return total;
   }

@@ -13,9 +13,9 @@
 namespace islet::studies {
 namespace {
 
+using Eigen::VectorXd;
 using Ipopt::Index;
 using Ipopt::Number;
-using Eigen::VectorXd;
 
 constexpr double kInfinite = 2e19;  // what IPOPT takes for infinity
 constexpr double kLeastTolerance = 1e-13;
@@ -33,7 +33,8 @@ class ContactProgram final : public Ipopt::TNLP {
     for (int c = 0; c < m_; ++c) {
       double trace = 0;
       for (int k = 0; k < 3; ++k)
-        for (SparseMatrix::InnerIterator e(coupling_, 3 * c + k); e; ++e) trace += e.value() * e.value() / masses[e.row()];
+        for (SparseMatrix::InnerIterator e(coupling_, 3 * c + k); e; ++e)
+          trace += e.value() * e.value() / masses[e.row()];
       scale_[c] = trace > 0 ? std::sqrt(3 / trace) : 1;
       for (int k = 0; k < 3; ++k) coupling_.col(3 * c + k) *= scale_[c];
       unit = std::max(unit, scale_[c] * free.segment<3>(3 * c).norm());
@@ -55,7 +56,8 @@ class ContactProgram final : public Ipopt::TNLP {
     return true;
   }
 
-  bool get_bounds_info(Index n, Number* lower, Number* upper, Index m, Number* rows_lower, Number* rows_upper) override {
+  bool get_bounds_info(Index n, Number* lower, Number* upper, Index m, Number* rows_lower,
+                       Number* rows_upper) override {
     std::fill(lower, lower + n, -kInfinite);
     std::fill(upper, upper + n, kInfinite);
     std::fill(rows_upper + n_, rows_upper + m, kInfinite);
@@ -97,8 +99,10 @@ class ContactProgram final : public Ipopt::TNLP {
   bool eval_jac_g(Index, const Number* x, bool, Index, Index, Index* row, Index* column, Number* values) override {
     int k = 0;
     const auto put = [&](auto i, auto j, double value) {
-      if (values == nullptr) row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
-      else values[k] = value;
+      if (values == nullptr)
+        row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
+      else
+        values[k] = value;
       ++k;
     };
     for (int col = 0; col < n_; ++col)
@@ -114,8 +118,10 @@ class ContactProgram final : public Ipopt::TNLP {
               Index* column, Number* values) override {
     int k = 0;
     const auto put = [&](auto i, auto j, double value) {
-      if (values == nullptr) row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
-      else values[k] = value;
+      if (values == nullptr)
+        row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
+      else
+        values[k] = value;
       ++k;
     };
     for (int col = 0; col < n_; ++col)
@@ -127,8 +133,9 @@ class ContactProgram final : public Ipopt::TNLP {
     return true;
   }
 
-  void finalize_solution(Ipopt::SolverReturn, Index, const Number* x, const Number*, const Number*, Index, const Number*,
-                         const Number*, Number, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+  void finalize_solution(Ipopt::SolverReturn, Index, const Number* x, const Number*, const Number*, Index,
+                         const Number*, const Number*, Number, const Ipopt::IpoptData*,
+                         Ipopt::IpoptCalculatedQuantities*) override {
     answer_->v = unit_ * Eigen::Map<const VectorXd>(x, n_);
     answer_->j.resize(3 * m_);
     for (int c = 0; c < m_; ++c)

@@ -111,7 +111,8 @@ Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp
 Attempt RunDense(const StudyProblem& problem, qp::Model model, qp::Cone cone, double tolerance) {
   Attempt attempt;
   SolveAnswer answer;
-  Repeat([&] { answer = SolveBy(false, problem.solve, {.model = model, .cone = cone, .tolerance = tolerance}); }, &attempt);
+  Repeat([&] { answer = SolveBy(false, problem.solve, {.model = model, .cone = cone, .tolerance = tolerance}); },
+         &attempt);
   attempt.solved = answer.status == qp::Status::kSolved;
   attempt.iterations = answer.iterations;
   attempt.exactness = JudgeAnswer(problem, answer, model, cone);
@@ -132,7 +133,8 @@ Attempt RunGeneral(const StudyProblem& problem, const std::function<GeneralAnswe
   answer.r = found.j;
   // Impulses outside their cone by rounding are put back: the map would count them, and so does nobody's user.
   for (int c = 0; c < problem.num_contacts(); ++c)
-    answer.r.segment<3>(3 * c) = ProjectOn(answer.r.segment<3>(3 * c), problem.general.friction[c], qp::Cone::kCircular);
+    answer.r.segment<3>(3 * c) =
+        ProjectOn(answer.r.segment<3>(3 * c), problem.general.friction[c], qp::Cone::kCircular);
   found.j = answer.r;
   RestoreMomentum(problem.general, &found);
   answer.u = problem.general.coupling.transpose() * found.v + problem.general.drift;
@@ -222,9 +224,10 @@ void Measure(const StudyProblem& problem, const Solver& solver, double limit, St
   std::uint64_t last = 0;
   for (const double tolerance : kLadder) {
     const Attempt a = solver.run(problem, tolerance, limit);
-    csv->Row(problem.family, problem.name, problem.num_contacts(), problem.solve.bodies, solver.name, NameOf(solver.model),
-             solver.cone == qp::Cone::kOctagon ? "octagon" : "circular", tolerance, a.solved, a.iterations, a.wall, a.cpu,
-             a.repeats, a.exactness.law, a.exactness.coulomb, a.exactness.coulomb_max, Hex(a.hash));
+    csv->Row(problem.family, problem.name, problem.num_contacts(), problem.solve.bodies, solver.name,
+             NameOf(solver.model), solver.cone == qp::Cone::kOctagon ? "octagon" : "circular", tolerance, a.solved,
+             a.iterations, a.wall, a.cpu, a.repeats, a.exactness.law, a.exactness.coulomb, a.exactness.coulomb_max,
+             Hex(a.hash));
     if (a.exactness.law <= kExactEnough || a.wall > limit) break;
     if (a.hash == last && a.wall > kSaturationSeconds) break;
     last = a.hash;
@@ -233,9 +236,10 @@ void Measure(const StudyProblem& problem, const Solver& solver, double limit, St
 
 void RunAll(const Options& options) {
   const std::vector<Solver> solvers = AllSolvers();
-  StudyCsv csv(options.out, {ReferenceVersion(), IpoptVersion()},
-               "family,problem,contacts,bodies,solver,model,cone,tolerance,solved,iterations,wall_s,cpu_s,repeats,map_law,"
-               "map_coulomb,map_coulomb_max,state_hash");
+  StudyCsv csv(
+      options.out, {ReferenceVersion(), IpoptVersion()},
+      "family,problem,contacts,bodies,solver,model,cone,tolerance,solved,iterations,wall_s,cpu_s,repeats,map_law,"
+      "map_coulomb,map_coulomb_max,state_hash");
   const std::vector<fs::path> chosen = Choose(options);
   const StudyClock clock;
   size_t done = 0;
@@ -252,7 +256,8 @@ void RunAll(const Options& options) {
       Say(error.what());
     }
   }
-  if (done < chosen.size()) Say("  profile: no time was left for " + std::to_string(chosen.size() - done) + " problems");
+  if (done < chosen.size())
+    Say("  profile: no time was left for " + std::to_string(chosen.size() - done) + " problems");
 }
 
 }  // namespace
@@ -262,8 +267,11 @@ int main(int argc, char** argv) {
   islet::studies::Options options;
   CLI::App app("Time and exactness of solvers on island problems");
   app.add_option("--out", options.out, "CSV file")->required();
-  app.add_option("--problems", options.folders, "folders of problems in FCLIB's format")->required()->check(CLI::ExistingDirectory);
-  app.add_option("--per-class", options.per_class, "problems of each folder and class of sizes")->check(CLI::PositiveNumber);
+  app.add_option("--problems", options.folders, "folders of problems in FCLIB's format")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  app.add_option("--per-class", options.per_class, "problems of each folder and class of sizes")
+      ->check(CLI::PositiveNumber);
   app.add_option("--budget", options.budget, "[s] no new problem is begun after that");
   app.add_option("--limit", options.limit, "[s] an attempt that takes longer is a solver's last on its problem");
   CLI11_PARSE(app, argc, argv);

@@ -18,17 +18,17 @@ extern "C" void openblas_set_num_threads(int);
 namespace islet::studies {
 namespace {
 
-using lorentz::Matrix3;
-using lorentz::Vector3;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using lorentz::Matrix3;
+using lorentz::Vector3;
 
-constexpr double kMostEntries = 3e7;     // of all contacts' blocks: more is not worth the memory
-constexpr double kStepShare = 0.99;      // of the way to the boundary
-constexpr double kLeastStep = 1e-8;      // shorter steps make no progress
-constexpr int kRefinements = 2;        // of a direction
-constexpr double kGapPerSquare = 1e-2;   // complementarity over tolerance^2
-constexpr double kResidualShare = 0.1;   // residuals over the tolerance
+constexpr double kMostEntries = 3e7;    // of all contacts' blocks: more is not worth the memory
+constexpr double kStepShare = 0.99;     // of the way to the boundary
+constexpr double kLeastStep = 1e-8;     // shorter steps make no progress
+constexpr int kRefinements = 2;         // of a direction
+constexpr double kGapPerSquare = 1e-2;  // complementarity over tolerance^2
+constexpr double kResidualShare = 0.1;  // residuals over the tolerance
 
 void UseOneThread() {
   // CHOLMOD 3 opens OpenMP regions of four threads, whatever OMP_NUM_THREADS says; zero active levels keep them in this one.
@@ -40,7 +40,7 @@ void UseOneThread() {
 // Unknowns that a contact couples to, and its scaled rows: G_c^T = H_c diag(1, mu, mu) d.
 struct ContactRows {
   std::vector<int> unknowns;
-  MatrixXd transposed;  // unknowns x 3
+  MatrixXd transposed;      // unknowns x 3
   std::vector<int> places;  // of the lower triangle's entries, column by column, in the condensed matrix
 };
 
@@ -135,8 +135,8 @@ class InteriorPoint {
     if (!Start()) return answer;
     for (answer.iterations = 1; answer.iterations < limits.iterations; ++answer.iterations) {
       Residuals();
-      answer.solved = Gap() <= kGapPerSquare * limits.tolerance * limits.tolerance &&
-                      Worst() <= kResidualShare * limits.tolerance;
+      answer.solved =
+          Gap() <= kGapPerSquare * limits.tolerance * limits.tolerance && Worst() <= kResidualShare * limits.tolerance;
       Keep();
       if (answer.solved || clock.Wall() > limits.seconds || !Iterate()) break;
     }
@@ -184,12 +184,14 @@ class InteriorPoint {
   Vector3 Rows(int c, const VectorXd& v) const {
     const ContactRows& r = rows_[c];
     Vector3 out = Vector3::Zero();
-    for (size_t i = 0; i < r.unknowns.size(); ++i) out += v[r.unknowns[i]] * r.transposed.row(static_cast<int>(i)).transpose();
+    for (size_t i = 0; i < r.unknowns.size(); ++i)
+      out += v[r.unknowns[i]] * r.transposed.row(static_cast<int>(i)).transpose();
     return out;
   }
   void AddTransposed(int c, const Vector3& x, VectorXd* out) const {
     const ContactRows& r = rows_[c];
-    for (size_t i = 0; i < r.unknowns.size(); ++i) (*out)[r.unknowns[i]] += r.transposed.row(static_cast<int>(i)).dot(x);
+    for (size_t i = 0; i < r.unknowns.size(); ++i)
+      (*out)[r.unknowns[i]] += r.transposed.row(static_cast<int>(i)).dot(x);
   }
 
   static void MoveInside(std::vector<Vector3>* x) {

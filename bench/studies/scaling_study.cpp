@@ -177,8 +177,8 @@ bool StepAtRest(World* world, double budget, Row* row, Output* out) {
 }
 
 void Islands(const Options& options, Output* out) {
-  const std::vector<int> counts = options.quick ? std::vector{1, 10, 100, 1000}
-                                                : std::vector{1, 3, 10, 30, 100, 200, 500, 1000, 2000, 5000, 10000};
+  const std::vector<int> counts =
+      options.quick ? std::vector{1, 10, 100, 1000} : std::vector{1, 3, 10, 30, 100, 200, 500, 1000, 2000, 5000, 10000};
   const StudyClock clock;
   for (const int count : counts) {
     for (const int threads : {1, 2}) {
@@ -199,7 +199,8 @@ World BuildPyramid(int layers, const Settings& settings) {
     for (int i = 0; i < side * side; ++i)
       world.Add({.shape = Shape::Box({0.5, 0.5, 0.5}),
                  .mass = 1,
-                 .position_W = {(i % side - 0.5 * (side - 1)) * kPitch, (i / side - 0.5 * (side - 1)) * kPitch, level + 0.5}});
+                 .position_W = {(i % side - 0.5 * (side - 1)) * kPitch, (i / side - 0.5 * (side - 1)) * kPitch,
+                                level + 0.5}});
   }
   return world;
 }

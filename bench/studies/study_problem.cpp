@@ -28,7 +28,8 @@ Vector3 OnOctagon(const Vector3& x, double mu) {
   const double inner = mu * std::cos(kHalf);
   const auto outside = [&](const Vector3& p) {  // of the worst facet
     double worst = -INFINITY;
-    for (int k = 0; k < 8; ++k) worst = std::max(worst, p[1] * std::cos(2 * k * kHalf) + p[2] * std::sin(2 * k * kHalf));
+    for (int k = 0; k < 8; ++k)
+      worst = std::max(worst, p[1] * std::cos(2 * k * kHalf) + p[2] * std::sin(2 * k * kHalf));
     return worst - inner * p[0];
   };
   if (outside(x) <= 0) return x;

@@ -31,7 +31,7 @@ struct StudyProblem {
 StudyProblem ReadStudyProblem(const std::filesystem::path& file);
 
 struct Exactness {
-  double law = 0;                      // natural map of the law that was asked for
+  double law = 0;                       // natural map of the law that was asked for
   double coulomb = 0, coulomb_max = 0;  // of exact Coulomb on the circular cone
 };
 Exactness JudgeAnswer(const StudyProblem& problem, const SolveAnswer& answer, qp::Model model, qp::Cone cone);

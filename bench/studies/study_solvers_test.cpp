@@ -30,7 +30,8 @@ struct Expected {
   Vector3 velocity, impulse;  // normal first
 };
 // The answer is the point of the cone that is nearest to -q: inside it, on it (at 1.2 (1, -1/2)), and at its apex.
-const Expected kExpected[] = {{{-1, 0.2, 0.1}, {1, -0.2, -0.1}}, {{-1, 1, 0}, {1.2, -0.6, 0}}, {{1, 0.1, 0}, {0, 0, 0}}};
+const Expected kExpected[] = {
+    {{-1, 0.2, 0.1}, {1, -0.2, -0.1}}, {{-1, 1, 0}, {1.2, -0.6, 0}}, {{1, 0.1, 0}, {0, 0, 0}}};
 
 TEST(StudySolvers, ReferenceOnOnePoint) {
   if (!ReferenceAvailable()) GTEST_SKIP() << "built without CHOLMOD";
@@ -71,8 +72,10 @@ TEST(StudySolvers, ReferenceAgreesWithIslet) {
     const qp::ContactTerm& contact = pile.problem.contacts[c];
     general.friction[c] = contact.friction;
     for (int k = 0; k < 18; ++k) {
-      if (contact.body_a >= 0) coupling.emplace_back(6 * contact.body_a + k % 6, 3 * c + k / 6, contact.jacobian_a(k / 6, k % 6));
-      if (contact.body_b >= 0) coupling.emplace_back(6 * contact.body_b + k % 6, 3 * c + k / 6, contact.jacobian_b(k / 6, k % 6));
+      if (contact.body_a >= 0)
+        coupling.emplace_back(6 * contact.body_a + k % 6, 3 * c + k / 6, contact.jacobian_a(k / 6, k % 6));
+      if (contact.body_b >= 0)
+        coupling.emplace_back(6 * contact.body_b + k % 6, 3 * c + k / 6, contact.jacobian_b(k / 6, k % 6));
     }
   }
   general.mass.resize(6 * nb, 6 * nb), general.mass.setFromTriplets(mass.begin(), mass.end());
