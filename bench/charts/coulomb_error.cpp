@@ -16,9 +16,10 @@ constexpr double kCollision = 1.0 / 60;  // [s] approach at what gravity gives i
 constexpr double kClosed = 1e-6;         // [m] an open contact may close at any speed: it is the next step's
 constexpr double kUnitTime = 1.0 / 60;   // [s] velocities count in units of what gravity gives in that time
 constexpr double kConverged = 1e-6;      // of a step of the fit, relative to the momentum of gravity
-constexpr int kFarHops = 2;              // bodies nearer than that to a collision are not judged
-constexpr double kWork = 2e5;            // updates of contacts a fit may take
-constexpr int kMostIterations = 3000, kLeastIterations = 200;
+constexpr double kFlies = 1e-3;          // [g] what touches nothing and is explained to that flies free: not judged
+constexpr int kFarHops = 4;              // bodies nearer than that to a collision are not judged
+constexpr double kWork = 4e6;            // updates of contacts a fit may take
+constexpr int kMostIterations = 1500, kLeastIterations = 300;
 
 Vector3 VelocityAt(const State& state, const Vector3& arm) {
   return state.linear_velocity_W + state.angular_velocity_W.cross(arm);
@@ -41,23 +42,6 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
   result.iterations = contacts_.empty() ? 0 : Fit(mass * unit * unit);
   Explain(&Fitted::impulse);
 
-  // Bodies that collide, and those that touch them.
-  std::vector<int> hops(plan_.bodies.size(), kFarHops);
-  for (const Fitted& c : contacts_) {
-    if (c.collides) hops[c.body_a] = hops[c.body_b] = 0;
-  }
-  for (int hop = 1; hop < kFarHops; ++hop) {
-    const auto reach = [&](int from, int to) {
-      if (plan_.bodies[from].Moves() && hops[from] == hop - 1) hops[to] = std::min(hops[to], hop);
-    };
-    for (const Fitted& c : contacts_) {
-      reach(c.body_a, c.body_b);
-      reach(c.body_b, c.body_a);
-    }
-  }
-  for (size_t i = 0; i < hops.size(); ++i) result.judged += plan_.bodies[i].Moves() && hops[i] == kFarHops;
-  if (result.judged == 0) return result;
-
   std::vector<double> momentum(plan_.bodies.size()), map(plan_.bodies.size());  // [J] twice the energy
   for (size_t i = 0; i < plan_.bodies.size(); ++i) {
     if (!plan_.bodies[i].Moves()) continue;
@@ -65,22 +49,46 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
     momentum[i] = plan_.bodies[i].mass * left.linear.squaredNorm() +
                   left.angular.dot(inverse_inertia_[i].inverse() * left.angular);
   }
+  std::vector<bool> touches(plan_.bodies.size(), false);
   for (const Fitted& c : contacts_) {
     const double square = c.response * (c.impulse - Project(c.impulse - c.slip / c.response, c.normal)).squaredNorm();
     const bool both = plan_.bodies[c.body_a].Moves() && plan_.bodies[c.body_b].Moves();
     map[c.body_a] += both ? 0.5 * square : square;
     map[c.body_b] += both ? 0.5 * square : square;
+    touches[c.body_a] = touches[c.body_b] = true;
   }
+  const std::vector<bool> disturbed = FindDisturbed();
   for (size_t i = 0; i < plan_.bodies.size(); ++i) {
-    if (!plan_.bodies[i].Moves() || hops[i] < kFarHops) continue;
-    const double scale = 1 / (plan_.bodies[i].mass * unit * unit * result.judged);
+    const peers::BodyPlan& body = plan_.bodies[i];
+    if (!body.Moves() || disturbed[i]) continue;
+    const double scale = 1 / (body.mass * unit * unit);
+    if (!touches[i] && scale * momentum[i] < kFlies * kFlies) continue;
+    ++result.judged;
     result.momentum += scale * momentum[i];
     result.natural_map += scale * map[i];
-    result.error += std::min(1.0, std::sqrt(scale * result.judged * (momentum[i] + map[i]))) / result.judged;
+    result.error += std::min(1.0, std::sqrt(scale * (momentum[i] + map[i])));
   }
-  result.momentum = std::sqrt(result.momentum);
-  result.natural_map = std::sqrt(result.natural_map);
+  if (result.judged == 0) return result;
+  result.error /= result.judged;
+  result.momentum = std::sqrt(result.momentum / result.judged);
+  result.natural_map = std::sqrt(result.natural_map / result.judged);
   return result;
+}
+
+// Bodies that collide, and those that a chain of contacts may have reached within the step.
+std::vector<bool> CoulombMeter::FindDisturbed() const {
+  std::vector<bool> disturbed(plan_.bodies.size(), false);
+  for (const Fitted& c : contacts_) {
+    if (c.collides) disturbed[c.body_a] = disturbed[c.body_b] = true;
+  }
+  for (int hop = 1; hop < kFarHops; ++hop) {
+    const std::vector<bool> nearer = disturbed;
+    for (const Fitted& c : contacts_) {
+      if (nearer[c.body_a] && plan_.bodies[c.body_a].Moves()) disturbed[c.body_b] = true;
+      if (nearer[c.body_b] && plan_.bodies[c.body_b].Moves()) disturbed[c.body_a] = true;
+    }
+  }
+  return disturbed;
 }
 
 void CoulombMeter::MeasureMomentum(std::span<const State> before, std::span<const State> after, double dt) {

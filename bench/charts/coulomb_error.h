@@ -13,8 +13,8 @@
 // of g/60 s = 0.16 m/s, whatever dt is. The error of the step is the mean of min(1, e_b) over the bodies that are judged: 0 exact, 1 a
 // world that takes no notice of contacts or gravity.
 //
-// Not judged: bodies in a collision (a contact that closed at more than g/60 s before the step) and those that touch them. What
-// is right there is a matter of the law of impact, and laws differ.
+// Not judged: bodies in a collision (a contact that closed at more than g/60 s before the step) and those fewer than four
+// contacts away from them: what is right there is a matter of the law of impact, and laws differ; and free flight.
 // Free of charge: approaching where there was a gap before the step; separating at up to restitution times the approach.
 // Charged: velocity that pushes overlapping bodies apart, forces at a distance, and what our fit has not converged to.
 //   in:  plan, states before and after one step of dt [s]    errors: std::invalid_argument without gravity (g is the unit)
@@ -65,6 +65,7 @@ class CoulombMeter {
   void MeasureMomentum(std::span<const peers::State> before, std::span<const peers::State> after, double dt);
   void SetSlopes();
   int Fit(double unit_energy);
+  std::vector<bool> FindDisturbed() const;
   void Explain(Vector3 Fitted::*impulse);  // fills unexplained_
   Vector3 At(const std::vector<Twist>& twists, const Fitted& contact) const;
   Vector3 Project(const Vector3& impulse, const Vector3& normal) const;

@@ -22,7 +22,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib import ticker  # noqa: E402
-from standing import METRICS, choose_clock, dominated, drawable, good, read, standing, value  # noqa: E402
+from standing import FLOORS, METRICS, choose_clock, dominated, drawable, good, read, standing, value  # noqa: E402
 
 matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "islet", "font.size": 9, "axes.grid": True,
                             "grid.alpha": 0.25, "legend.frameon": False})
@@ -72,7 +72,7 @@ def draw_line(axes, line, sweep, points, clock, column, markers):
             axes.plot([t], [v], "o", color=colour, markersize=11, markerfacecolor="none", markeredgewidth=1.4)
         if p["starts"] > 1 and column in p.low and p.low[column] >= 0:
             high = p.high[column] if math.isfinite(p.high[column]) else 1e3 * v
-            axes.plot([t, t], [max(p.low[column], METRICS.get(column, 0)), max(high, v)], "-", color=colour, linewidth=1, alpha=0.5)
+            axes.plot([t, t], [max(p.low[column], FLOORS.get(column, 0)), max(high, v)], "-", color=colour, linewidth=1, alpha=0.5)
 
 
 def draw_panel(axes, rows, clock, column, label, markers):
@@ -94,7 +94,7 @@ def draw_panel(axes, rows, clock, column, label, markers):
             axes.plot([p.time(clock)], [high * band ** 0.5], "x", color=COLOURS.get(p["engine"], "black"), markersize=5, alpha=0.7)
         high *= band
     axes.set_ylim(low, high)
-    floor = METRICS.get(column, 0)
+    floor = FLOORS.get(column, 0)
     if low <= floor:
         axes.axhline(floor, color="0.6", linewidth=0.6)
         axes.text(0.99, floor / 1.1, f"at or below {floor:.0e}: equal", transform=axes.get_yaxis_transform(), fontsize=6, color="0.4",

@@ -12,7 +12,8 @@ namespace {
 using peers::BodyPlan;
 using peers::State;
 
-constexpr double kFall = 0.3;  // [m]
+constexpr int kMostApart = 20;  // samples
+constexpr double kFall = 0.3;   // [m]
 
 bool Finite(const State& s) {
   return s.position_W.allFinite() && s.rotation_WB.coeffs().allFinite() && s.linear_velocity_W.allFinite() &&
@@ -27,7 +28,7 @@ bool Inside(const Region& region, const Vector3& point) {
 
 Judge::Judge(const peers::WorldPlan& plan) : plan_(plan) {
   const auto moving = static_cast<double>(std::ranges::count_if(plan.bodies, &BodyPlan::Moves));
-  steps_apart_ = std::max(1, static_cast<int>(0.6 * std::sqrt(moving)));
+  steps_apart_ = std::clamp(static_cast<int>(2 * std::sqrt(moving)) - 2, 1, kMostApart);
   if (!plan.gravity.isZero()) coulomb_.emplace(plan);
 }
 

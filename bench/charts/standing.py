@@ -10,6 +10,7 @@ TEXT = ("scene", "engine", "version", "precision", "solver", "sweep", "failed", 
 KNOBS = ("scene", "engine", "solver", "sweep", "dt", "iterations", "tolerance", "sleeping", "threads")
 # What is compared, and below what it counts as equal: rounding; a nanometre; what the fit of impulses converges to.
 METRICS = {"error": 1e-12, "overlap_max": 1e-9, "coulomb_error": 1e-5}
+FLOORS = METRICS | {"energy_gain": 1e-9}
 
 
 class Row(dict):
@@ -90,7 +91,7 @@ def value(row, column):
     """None where the scene has no such measure."""
     if row[column] < 0:
         return None
-    return max(row[column], METRICS.get(column, 0)) if math.isfinite(row[column]) else math.inf
+    return max(row[column], FLOORS.get(column, 0)) if math.isfinite(row[column]) else math.inf
 
 
 def no_worse(a, b, columns):
