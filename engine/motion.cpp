@@ -23,22 +23,9 @@ constexpr int kMaxSweeps = 150;
 // cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
-// Velocities pay for lifts (TakeBackWork), so what a pass leaves shows there and depends on the order of the bodies. A few
-// balls are not turned by corrections, which are then exact, and cost nothing: they leave less.
-constexpr size_t kFewContacts = 32;
-constexpr double kBallTolerance = 1e-5;
-
 constexpr int kFlightPasses = 8;  // later ones correct flying bodies like others
 constexpr int kPolishingPasses =
     4;  // that find the moments of impacts more closely than the overlap tolerance asks for
-
-bool TurnsNobody(const qp::Problem& problem) {
-  const auto straight = [](const qp::ContactTerm& c) {
-    return c.jacobian_a.row(0).tail<3>().isZero(1e-9) && c.jacobian_b.row(0).tail<3>().isZero(1e-9);
-  };
-  return problem.contacts.size() <= kFewContacts &&
-         std::all_of(problem.contacts.begin(), problem.contacts.end(), straight);
-}
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
@@ -297,15 +284,14 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
   qp::Solution& solution = worker->solution;
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
-  const double tolerance = TurnsNobody(problem) ? kBallTolerance : kPassTolerance;
   worker->sweeps.Prepare(problem);
-  if (worker->sweeps.Sweep(problem, kMaxSweeps, tolerance * scale, &solution.impulses, &solution.velocities,
+  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities,
                            qp::Pace::kMomentum) < kMaxSweeps)
     return true;
   qp::Settings settings;
   settings.model = Model::kConvex;
   settings.velocity_scale = scale;
-  settings.tolerance = tolerance;
+  settings.tolerance = kPassTolerance;
   worker->solver.Solve(problem, settings, &solution);
   return solution.status == qp::Status::kSolved || solution.status == qp::Status::kInaccurate;
 }

