@@ -23,9 +23,9 @@ constexpr int kMaxSweeps = 150;
 // cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
+
 constexpr int kFlightPasses = 8;  // later ones correct flying bodies like others
-constexpr int kPolishingPasses =
-    4;  // that find the moments of impacts more closely than the overlap tolerance asks for
+constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
