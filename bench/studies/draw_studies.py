@@ -309,7 +309,8 @@ def draw_freezing(table, folder):
                     panel.plot([p[0] for p in points], [p[1] for p in points], marker + ("-" if fill else "--"), color=colour,
                                markersize=4, linewidth=0.7, markerfacecolor=colour if fill else "none", label=words)
                     for r, p in zip(mine, points):
-                        panel.annotate(knob_words(r), p, fontsize=5.5, color=colour, xytext=(3, 2), textcoords="offset points")
+                        panel.annotate(knob_words(r), p, fontsize=5.5, color=colour, xytext=(3, 2) if fill else (-3, -6),
+                                       ha="left" if fill else "right", textcoords="offset points")
                 nudged = next((r for r in rows if r["kind"] == "nudged"), None)
                 if nudged:
                     panel.axvline(max(nudged["deviation_max"], floor), color=GREY, linestyle="-" if fill else "--", linewidth=0.9,

@@ -73,6 +73,12 @@ std::vector<Kind> KindsOf(const StudyScene& scene, bool as_paper, bool quick) {
   return kinds;
 }
 
+// Whether the run belongs into Fig. 6: not one of the other knobs.
+bool IsStandard(const Kind& kind, const StudyScene& scene) {
+  if (kind.freezing == Freezing::kPaper) return kind.knob == scene.freeze_count;
+  return kind.freezing == Freezing::kOff || kind.knob == Settings{}.freeze_seconds;
+}
+
 Settings MakeSettings(const Kind& kind, bool as_paper) {
   Settings settings = as_paper ? Settings::Paper() : Settings{};
   if (as_paper) settings.bounce_limit = 0;
@@ -169,7 +175,7 @@ class Study {
     for (const Kind& kind : kinds) {
       World world = BuildScene(*FindScene(scene.name), scene.parameters, MakeSettings(kind, as_paper)).world;
       if (kind.name == "nudged") Nudge(&world);
-      const bool record = std::string(scene.name) == "cubejam";
+      const bool record = std::string(scene.name) == "cubejam" && IsStandard(kind, scene);
       const Total total = Frames(scene, settings_name, kind, scene.frames, record, &world);
       if (kind.name == "off") settled = world.Save(), reference = PosesOf(world);
       Write("run", scene, settings_name, kind, total, Between(PosesOf(world), reference));
