@@ -309,6 +309,8 @@ def draw_freezing(table, folder):
                     panel.plot([p[0] for p in points], [p[1] for p in points], marker + ("-" if fill else "--"), color=colour,
                                markersize=4, linewidth=0.7, markerfacecolor=colour if fill else "none", label=words)
                     for r, p in zip(mine, points):
+                        if not fill and (kind != "paper" or phase != "run"):
+                            continue  # the same knobs as beside them
                         panel.annotate(knob_words(r), p, fontsize=5.5, color=colour, xytext=(3, 2) if fill else (-3, -6),
                                        ha="left" if fill else "right", textcoords="offset points")
                 nudged = next((r for r in rows if r["kind"] == "nudged"), None)
@@ -320,7 +322,7 @@ def draw_freezing(table, folder):
             panel.set_xscale("log")
             panel.set_yscale("log")
             panel.set_title(f"{scene}: " + ("the whole run" if phase == "run" else "then at rest"), fontsize=8)
-            panel.set_xlabel("farthest body from where it is without freezing [m]")
+            panel.set_xlabel("farthest body from where it is without freezing [m], at least 1e-12")
         axes[0][place].margins(0.15)
         axes[1][place].margins(0.15)
     for line in (0, 1):
