@@ -322,7 +322,7 @@ def draw_freezing(table, folder):
             panel.set_xscale("log")
             panel.set_yscale("log")
             panel.set_title(f"{scene}: " + ("the whole run" if phase == "run" else "then at rest"), fontsize=8)
-            panel.set_xlabel("deviation of the farthest body [m] (drawn from 1e-12 on)")
+            panel.set_xlabel("deviation of the farthest body [m], 1e-12 or more")
         axes[0][place].margins(0.15)
         axes[1][place].margins(0.15)
     for line in (0, 1):
