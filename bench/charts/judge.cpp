@@ -29,7 +29,7 @@ bool Inside(const Region& region, const Vector3& point) {
 Judge::Judge(const peers::WorldPlan& plan) : plan_(plan) {
   const auto moving = static_cast<double>(std::ranges::count_if(plan.bodies, &BodyPlan::Moves));
   steps_apart_ = std::clamp(static_cast<int>(2 * std::sqrt(moving)) - 2, 1, kMostApart);
-  if (!plan.gravity.isZero()) coulomb_.emplace(plan);
+  if (!plan.gravity.isZero() && !Lossless()) coulomb_.emplace(plan);
 }
 
 bool Judge::WantsStep() const { return coulomb_ && measures_.finite && samples_ % steps_apart_ == 0; }

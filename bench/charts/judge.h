@@ -41,7 +41,7 @@ class Judge {
  public:
   explicit Judge(const peers::WorldPlan& plan);
 
-  // Large worlds: one sample in 20, for the judge's own time. False where there is no gravity.
+  // Large worlds: one sample in 20, for the judge's own time. False where there is no gravity, or nothing but collisions.
   bool WantsStep() const;
   void SampleStep(double time, std::span<const peers::State> before, std::span<const peers::State> after, double dt);
   void Sample(double time, std::span<const peers::State> states);

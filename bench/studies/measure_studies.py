@@ -28,7 +28,7 @@ EXPORTS = [("stack", ["stack", "--drop", "0.3"], 300, FRAMES), ("csstack", ["css
            ("cubeglass", ["cubeglass"], 180, GLASS_FRAMES)]
 QUICK_EXPORTS = EXPORTS[:4] + [("cubeglass300", ["cubeglass", "--count", "300"], 120, GLASS_FRAMES)]
 # [s], without what a last problem or size takes beyond it
-BUDGETS = {"profile": 330, "outside": 100, "scaling": 110, "freezing": 240}
+BUDGETS = {"profile": 330, "outside": 100, "scaling": 120, "freezing": 240}
 QUICK_BUDGETS = {"profile": 60, "outside": 20, "scaling": 10, "freezing": 40}
 
 

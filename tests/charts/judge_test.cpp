@@ -104,7 +104,10 @@ TEST(Judge, LooksAtEachStepOfASmallWorldAndAtFewOfALargeOne) {
   const WorldPlan small = Slide(0), weightless = TwoBalls();
   WorldPlan large{.bodies = std::vector<BodyPlan>(400)};
   for (int i = 0; i < 400; ++i) large.bodies[i].start.position_W = {2.0 * i, 0, 0};
+  const WorldPlan elastic = Cloud(1), inelastic = Cloud(0);
   EXPECT_FALSE(Judge(weightless).WantsStep());
+  EXPECT_FALSE(Judge(elastic).WantsStep());
+  EXPECT_TRUE(Judge(inelastic).WantsStep());
   const std::pair<const WorldPlan*, int> cases[] = {{&small, 30}, {&large, 1}};
   for (const auto& [plan, wanted] : cases) {
     Judge judge(*plan);
