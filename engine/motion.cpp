@@ -24,7 +24,7 @@ constexpr int kMaxSweeps = 150;
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
 
-constexpr int kFlightPasses = 8;  // later ones correct flying bodies like others
+constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
