@@ -88,7 +88,7 @@ struct ContactSuite::Impl : SuiteMemory {
   void FreezeLikePaper();
   void SettleCaughtBodies();
   void Finish(StepReport* report);
-  static void Include(const ResponseOutcome& outcome, QpSummary* summary);
+  static void Include(const ResponseOutcome& outcome, QpSummary* summary, LadderReport* ladder);
 };
 
 // Islands of the bodies that are not cut, joined by the contacts for which link(contact) holds.

@@ -56,6 +56,7 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   out.model = settings.model;
   out.cone = settings.cone;
   out.tier = settings.tier;
+  out.ladder = settings.ladder;
   out.tolerance =
       1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
   out.coulomb_tolerance = settings.tolerance;
@@ -115,6 +116,9 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
   const auto solve = [&] {
     solver_.Solve(problem_, solver_settings, &solution_, guess_);
     outcome->iterations += solution_.iterations;
+    outcome->rung = solution_.rung;
+    outcome->escalations += solution_.escalations;
+    outcome->seconds_in_vain += solution_.seconds_in_vain;
     outcome->rounds = std::max(outcome->rounds, solution_.rounds);
     outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
   };
@@ -172,6 +176,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     }
     impulses[contact].setZero();
   }
+  outcome.contacts = static_cast<int>(touching_.size());
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
     return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
@@ -196,6 +201,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                                                const Settings& settings, double speed_floor, double dt,
                                                std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
+  outcome.contacts = static_cast<int>(island.contacts.size());
   guess_.clear();
   for (const int contact : island.contacts) {
     guess_.push_back(impulses[contact]);
@@ -262,6 +268,8 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
   }
   ResponseOutcome outcome;
   outcome.status = QpStatus::kSolved;
+  outcome.rung = qp::Rung::kHeld;
+  outcome.contacts = static_cast<int>(island.contacts.size());
   outcome.seconds = watch.seconds();
   Finish(island, settings, speed_floor, bodies, impulses, &outcome);
   return outcome;

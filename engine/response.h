@@ -34,6 +34,10 @@ struct ResponseOutcome {
   bool restitution_lowered = false;
   bool draft = false;  // swept alone, to be certified when it is known which bodies take part
   double seconds = 0;  // [s] wall
+  qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
+  int contacts = 0;                    // of the problem
+  int escalations = 0;                 // rungs tried in vain
+  double seconds_in_vain = 0;          // [s] and what that took
   Certificate certificate;
 };
 

@@ -16,6 +16,16 @@ void Certificate::Include(const Certificate& other) {
   energy_gain = std::max(energy_gain, other.energy_gain);
 }
 
+void LadderReport::Include(const LadderReport& other) {
+  for (size_t r = 0; r < rungs.size(); ++r) {
+    rungs[r].problems += other.rungs[r].problems;
+    rungs[r].contacts += other.rungs[r].contacts;
+    rungs[r].seconds += other.rungs[r].seconds;
+  }
+  escalations += other.escalations;
+  seconds_in_vain += other.seconds_in_vain;
+}
+
 const char* ToString(QpStatus status) {
   switch (status) {
     case QpStatus::kNone:

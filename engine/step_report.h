@@ -1,8 +1,11 @@
 // What one step did and how exact it was. Plain data; filled by step.cpp, aggregated by callers.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
+
+#include "qp/ladder.h"
 
 namespace islet {
 
@@ -42,6 +45,19 @@ struct QpSummary {  // over the islands of one step
   double seconds = 0;      // wall time of the stage's solves, summed over islands
 };
 
+// How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted.
+struct LadderReport {
+  struct Rung {
+    int problems = 0;
+    int contacts = 0;
+    double seconds = 0;  // [s] wall, summed over islands; what was tried in vain before included
+  };
+  std::array<Rung, qp::kNumRungs> rungs;
+  int escalations = 0;         // rungs that were tried in vain
+  double seconds_in_vain = 0;  // [s] and what that took
+  void Include(const LadderReport& other);
+};
+
 struct StageSeconds {  // [s] wall time
   double detect = 0, islands = 0, pq = 0, collision_qp = 0, static_qp = 0, freeze = 0, move = 0;
   double Total() const { return detect + islands + pq + collision_qp + static_qp + freeze + move; }
@@ -73,6 +89,7 @@ struct StepReport {
   double frozen_imbalance = 0;
   int restitution_lowered = 0;  // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;
+  LadderReport ladder;
   StageSeconds seconds;
   Certificate certificate;     // worst over the islands
   double penetration_max = 0;  // [m] deepest overlap after the move

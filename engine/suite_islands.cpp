@@ -14,11 +14,17 @@ IslandView ContactSuite::Impl::View(int island) const {
   return {partition.bodies_of(island), std::span<const int>(island_contacts).subspan(first, last - first)};
 }
 
-void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summary) {
-  if (outcome.status == QpStatus::kNone) return;
+void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summary, LadderReport* ladder) {
   summary->seconds += outcome.seconds;
   summary->drafts += outcome.draft;
-  if (outcome.draft) return;
+  if (outcome.draft || outcome.contacts == 0) return;
+  LadderReport::Rung& rung = ladder->rungs[static_cast<int>(outcome.rung)];
+  ++rung.problems;
+  rung.contacts += outcome.contacts;
+  rung.seconds += outcome.seconds;
+  ladder->escalations += outcome.escalations;
+  ladder->seconds_in_vain += outcome.seconds_in_vain;
+  if (outcome.status == QpStatus::kNone) return;
   ++summary->solved;
   summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
   summary->inaccurate += outcome.status == QpStatus::kInaccurate;
@@ -68,11 +74,14 @@ void ContactSuite::Impl::WakeByBounce() {
   }
 }
 
-// Whether the island is big and has frozen neighbours, which may wake and join it.
+// Whether the island is big and has frozen neighbours, which may wake and join it. Without friction there is nothing that a
+// draft could leave out.
 bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
   if (settings.freezing != Freezing::kCertified || settings.model != Model::kCoulomb ||
       settings.cone != Cone::kCircular || settings.tier != Tier::kCertified || view.bodies.size() < kDraftBodies)
     return false;
+  const auto rubs = [this](int number) { return frame.contacts.contacts[number].friction > 0; };
+  if (std::none_of(view.contacts.begin(), view.contacts.end(), rubs)) return false;
   return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
     const Contact& contact = frame.contacts.contacts[number];
     return frame.bodies[contact.body_a].frozen || frame.bodies[contact.body_b].frozen;
@@ -148,8 +157,8 @@ void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer*
     for (const auto& solved : records)
       for (const ProblemRecord& record : solved) observer(record);
   for (const Outcome& outcome : outcomes) {
-    Include(outcome.collision, &report->collision_qp);
-    Include(outcome.resting, &report->static_qp);
+    Include(outcome.collision, &report->collision_qp, &report->ladder);
+    Include(outcome.resting, &report->static_qp, &report->ladder);
     if (outcome.resting.draft) continue;
     report->restitution_lowered += outcome.collision.restitution_lowered;
     report->certificate.Include(outcome.collision.certificate);

@@ -1,6 +1,7 @@
 #include "qp/island_solver.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -11,7 +12,7 @@ constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reac
 constexpr double kSmallAim = 1e-15;   // of the gap, where iterations cost microseconds
 constexpr int kSmallRounds = 5;       // times the cap on rounds, where they cost microseconds
 constexpr int kSmallIsland = 12;      // bodies
-constexpr int kSweeps = 100;          // a block; on small islands, between two interior-point solves
+constexpr int kSweeps = 100;          // a block
 constexpr int kMaxBlocks = 10;        // of sweeps
 constexpr double kEnoughRms = 3;      // times the tolerance: natural map at which the search ends
 constexpr double kEnoughMax = 30;
@@ -20,6 +21,11 @@ constexpr double kGuessShare = 0.5;       // of the natural map of no impulses: 
 constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to
 constexpr double kLostRms = 1e-3;         // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
+constexpr double kHeldShare = 1e-3;       // of the tolerance: what held before must meet, frame after frame
+constexpr double kNormalShare = 1e-2;     // of the tolerance: natural map without friction
+constexpr int kNormalFactorisations = 6;
+constexpr double kNormalStart = 1e-5;     // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
+constexpr int kHeldSweeps = 30;
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
 double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2] * u[2]); }
@@ -62,6 +68,19 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
   return pressed > kSprawl * mass * settings.velocity_scale;
 }
 
+bool AnyCompliance(const Problem& problem) {
+  return std::any_of(problem.contacts.begin(), problem.contacts.end(),
+                     [](const ContactTerm& c) { return c.compliance > 0; });
+}
+
+// The kinetic model differs from the convex one only where something bounces.
+bool IsConvex(const Problem& problem, const Settings& settings) {
+  return settings.model != Model::kKinetic ||
+         std::none_of(problem.contacts.begin(), problem.contacts.end(), [](const auto& c) { return c.target > 0; });
+}
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
@@ -74,7 +93,9 @@ NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
                          std::span<const Vector3> start) {
-  solution->iterations = solution->rounds = 0;
+  iterations_ = escalations_ = 0;
+  seconds_in_vain_ = 0;
+  solution->rounds = 0;
   solution->gap = 0;
   solution->coulomb_reached = true;
   solution->status = Status::kSolved;
@@ -82,22 +103,95 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->bounce_multipliers.clear();
   solution->slips.assign(problem.contacts.size(), 0.0);
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
-  if (problem.contacts.empty() || HasClosedForm(problem, settings)) {
+  if (problem.contacts.empty()) {
     CopyFreeVelocities(problem, &solution->velocities);
-    if (!problem.contacts.empty()) SolveOneContact(problem, solution);
-  } else if (settings.model == Model::kCoulomb && AnyFriction(problem)) {
+    solution->rung = Rung::kNothing;
+  } else if (settings.ladder.Has(Rung::kClosedForm) && HasClosedForm(problem, settings)) {
+    CopyFreeVelocities(problem, &solution->velocities);
+    SolveOneContact(problem, solution);
+    solution->rung = Rung::kClosedForm;
+  } else if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
+    solution->rung = Rung::kHeld;
+  } else if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
     if (settings.cone == Cone::kCircular && (big || swept)) {
       SolveBigCoulomb(problem, settings, start, solution);
     } else {
       SolveCoulomb(problem, settings, solution);
     }
-  } else {
+  } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
+             !SolveNormal(problem, settings, start, solution)) {
     Settings inner = settings;
     if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
-    interior_point_.Solve(problem, inner, {}, solution);
+    RunInteriorPoint(problem, inner, {}, solution);
   }
+  solution->iterations = iterations_;
+  solution->escalations = escalations_;
+  solution->seconds_in_vain = seconds_in_vain_;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
+}
+
+void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
+                                    Solution* solution, std::span<const Vector3> near) {
+  interior_point_.Solve(problem, settings, slips, solution, near);
+  iterations_ += solution->iterations;
+  solution->rung = Rung::kInteriorPoint;
+}
+
+// Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be
+// asked for thousands of frames. A few sweeps take back what rounding has added up. Where contacts slide the models differ:
+// there only the exact law is served.
+bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                             Solution* solution) {
+  if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
+      !IsConvex(problem, settings) ||
+      std::all_of(start.begin(), start.end(), [](const Vector3& j) { return j.isZero(0); }))
+    return false;
+  ImpulseScales(problem, &scales_);
+  CopyFreeVelocities(problem, &swept_velocities_);
+  swept_impulses_.resize(start.size());
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
+    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
+  }
+  const double scale = settings.coulomb_tolerance * settings.velocity_scale;
+  const double map = MapOfSwept(problem).max;
+  if (!(map <= scale)) return false;
+  if (map > 1e-2 * kHeldShare * scale) {
+    gauss_seidel_.Prepare(problem);
+    gauss_seidel_.Sweep(problem, kHeldSweeps, 1e-3 * kHeldShare * scale, &swept_impulses_, &swept_velocities_);
+  }
+  if (!AcceptSweeps(problem, settings, kHeldShare, solution)) return false;
+  if (settings.model == Model::kCoulomb) return true;
+  const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
+  std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
+  return slip <= kHeldShare * scale;
+}
+
+// No contact has friction. False where the sweeps do not get near an answer, or there is none: bounces that contradict each
+// other, walls that close on a body.
+bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                               Solution* solution) {
+  if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
+  const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
+  ImpulseScales(problem, &scales_);
+  gauss_seidel_.Prepare(problem);
+  StartFrom(problem, start);
+  gauss_seidel_.Sweep(problem, kSweeps, goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
+  if (MapOfSwept(problem).rms > kNormalStart * settings.velocity_scale) return false;
+  const bool solved = normal_newton_.Solve(problem, goal, kNormalFactorisations, &swept_impulses_);
+  iterations_ += normal_newton_.factorisations();
+  if (!solved) {
+    ++escalations_;
+    seconds_in_vain_ += Seconds() - begin;
+    return false;
+  }
+  solution->impulses = swept_impulses_;
+  CopyFreeVelocities(problem, &solution->velocities);
+  for (int c = 0; c < problem.num_contacts(); ++c)
+    ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+  solution->rung = Rung::kNormal;
+  return true;
 }
 
 void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) const {
@@ -150,6 +244,7 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
   }
   solution->gap = gap / energy;
   solution->status = Status::kSolved;
+  solution->rung = Rung::kSweeps;
   return true;
 }
 
@@ -176,14 +271,12 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY;
-  int iterations = 0;
   bool accurate = small;
   const int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1);
   for (int round = 1;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
-    interior_point_.Solve(problem, inner, slips_, &trial_);
-    trial_.iterations = iterations += trial_.iterations;
+    RunInteriorPoint(problem, inner, slips_, &trial_);
     trial_.rounds = round;
     if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
       if (!std::isfinite(best)) *solution = trial_;
@@ -200,14 +293,13 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       *solution = trial_;
     }
     if ((circular && best <= goal) || round >= cap) break;
-    if (circular) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    if (circular) Search(problem, settings);
     const double change = UpdateSlips(problem, settings.cone);
     if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
     const bool settled = !circular && change <= goal;
     if (settled && accurate) break;
     accurate = small || settled;  // a rough round places the slips, but is no answer
   }
-  solution->iterations = iterations;
   if (circular && Sprawls(problem, settings, *solution)) {
     StartFrom(problem, {});
     Search(problem, settings);
@@ -242,16 +334,15 @@ void IslandSolver::Search(const Problem& problem, const Settings& settings) {
 }
 
 // Sweeps carry loads slowly: in a tower of hundreds they do not get to the ground. What the convex problem without slips
-// says is nearer then, if it has a solution. Returns the iterations that took.
-int IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings) {
+// says is nearer then, if it has a solution.
+void IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings) {
   const double rms = MapOfSwept(problem).rms;
   std::fill(slips_.begin(), slips_.end(), 0.0);
-  interior_point_.Solve(problem, settings, slips_, &trial_);
+  RunInteriorPoint(problem, settings, slips_, &trial_);
   if (trial_.status != Status::kSolved || CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > rms)
-    return trial_.iterations;
+    return;
   swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   Search(problem, settings);
-  return trial_.iterations;
 }
 
 // Takes over impulses from the caller, or none if those are of no use.
@@ -278,27 +369,23 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   ImpulseScales(problem, &scales_);
   gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
-  int iterations = 0;
   const bool certified = settings.tier == Tier::kCertified;
   if (certified && settings.expect_rest) {
     Settings brief = settings;
     brief.max_iterations = kRestIterations;
-    interior_point_.Solve(problem, brief, slips_, &trial_);
-    iterations += trial_.iterations;
+    RunInteriorPoint(problem, brief, slips_, &trial_);
     if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
   Search(problem, settings);
   if (certified && MapOfSwept(problem).rms > kLostRms * settings.velocity_scale) {
-    iterations += SearchFromConvex(problem, settings);
+    SearchFromConvex(problem, settings);
   }
   const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
-    interior_point_.Solve(problem, settings, slips_, solution, swept_impulses_);
-    iterations += solution->iterations;
+    RunInteriorPoint(problem, settings, slips_, solution, swept_impulses_);
     solution->rounds = 1;
   }
-  solution->iterations = iterations;
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
                               settings.coulomb_tolerance * settings.velocity_scale;
 }

@@ -1,7 +1,9 @@
 // Solves one island's problem by the cheapest way that is exact for its size and model:
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
-//   kinetic, convex       one interior-point solve; coulomb too where no contact has friction
+//   impulses that hold    those of the frame before, where they meet the law as they are
+//   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
+//   kinetic, convex       one interior-point solve
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
 //                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
 //                         point [DS91, ACLM11]
@@ -15,6 +17,7 @@
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
+#include "qp/normal_newton.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
@@ -23,25 +26,33 @@ namespace islet::qp {
 
 class IslandSolver {
  public:
-  // start: impulses to begin with, one per contact, or empty. Only big islands with exact Coulomb friction use them.
+  // start: impulses to begin with, one per contact, or empty.
   void Solve(const Problem& problem, const Settings& settings, Solution* solution, std::span<const Vector3> start = {});
 
  private:
   void SolveOneContact(const Problem& problem, Solution* solution) const;
+  bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                   Solution* solution);
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
 
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
-  int SearchFromConvex(const Problem& problem, const Settings& settings);
+  void SearchFromConvex(const Problem& problem, const Settings& settings);
+  void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
+                        Solution* solution, std::span<const Vector3> near = {});
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
+  NormalNewton normal_newton_;
   GaussSeidel gauss_seidel_;
+  int iterations_ = 0, escalations_ = 0;  // of this solve
+  double seconds_in_vain_ = 0;            // [s]
   Solution trial_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;

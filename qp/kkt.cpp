@@ -133,6 +133,14 @@ void KktSystem::Pack(const Problem& problem) {
 
 void KktSystem::Prepare(const Problem& problem, int num_fields) {
   num_fields_ = num_fields;
+  frictionless_ = num_fields == 1 && std::all_of(problem.contacts.begin(), problem.contacts.end(),
+                                                 [](const ContactTerm& c) { return c.friction == 0; });
+  if (frictionless_) {
+    normal_.Prepare(problem);
+    inverse_inertias_.clear();
+    for (const BodyTerm& body : problem.bodies) inverse_inertias_.push_back(body.inverse_inertia);
+    return;
+  }
   FindPairs(problem);
   if (cholesky_.Analyse(problem.num_bodies(), 6 * num_fields, pairs_)) PlaceBlocks(problem.num_bodies());
   ListProducts(problem);
@@ -156,6 +164,11 @@ void KktSystem::AddBlock(const Block& block, const double* d) {
 }
 
 int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e) {
+  if (frictionless_) {
+    sigma_.clear();
+    for (const Matrix3& block : d) sigma_.push_back(block(0, 0));
+    return normal_.Factorise(sigma_);
+  }
   assert(pair_of_.size() == problem.contacts.size());
   static_cast<void>(problem);
   if (num_fields_ == 2) {
@@ -167,6 +180,29 @@ int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, 
   return cholesky_.Factorise({kSigns, static_cast<size_t>(6 * num_fields_)}, [&](int s) {
     for (int b = block_start_[s]; b < block_start_[s + 1]; ++b) AddBlock(blocks_[b], blocks);
   });
+}
+
+void KktSystem::Solve(double* x) {
+  if (frictionless_ && normal_.width() == 3) {
+    SolveNormal(x);
+  } else if (frictionless_) {
+    normal_.Solve(x);
+  } else {
+    cholesky_.Solve(x);
+  }
+}
+
+// No contact turns a body: the rotations are their own.
+void KktSystem::SolveNormal(double* x) {
+  const size_t nb = inverse_inertias_.size();
+  translations_.resize(3 * nb);
+  for (size_t i = 0; i < nb; ++i) std::copy_n(x + 6 * i, 3, &translations_[3 * i]);
+  normal_.Solve(translations_.data());
+  for (size_t i = 0; i < nb; ++i) {
+    std::copy_n(&translations_[3 * i], 3, x + 6 * i);
+    const Vector3 spin(x[6 * i + 3], x[6 * i + 4], x[6 * i + 5]);
+    Eigen::Map<Vector3>(x + 6 * i + 3).noalias() = inverse_inertias_[i] * spin;
+  }
 }
 
 }  // namespace islet::qp

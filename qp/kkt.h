@@ -6,7 +6,8 @@
 //   6x6 blocks, positive definite                     12x12 blocks per pair of bodies, quasi-definite
 //
 // D_c (3x3) is the scaling of contact c's friction cone, E_c (a number) that of its row u_n >= b, N_c the normal row of
-// J_c. Both fields of a body stay together, so the graph is that of the contacts either way.
+// J_c. Both fields of a body stay together, so the graph is that of the contacts either way. Without friction D_c is a number
+// too, and normal_system.h takes over.
 //   threads: one caller at a time, idle workers help (block_cholesky.h); allocates only in Prepare, while problems grow
 #pragma once
 
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "qp/block_cholesky.h"
+#include "qp/normal_system.h"
 #include "qp/problem.h"
 
 namespace islet::qp {
@@ -29,10 +31,10 @@ class KktSystem {
   int Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e);
 
   // x <- S^-1 x; unknowns body by body, field by field: x[(6 num_fields) body + 6 field + i].
-  void Solve(double* x) { cholesky_.Solve(x); }
+  void Solve(double* x);
 
   int num_fields() const { return num_fields_; }
-  const BlockCholesky& cholesky() const { return cholesky_; }
+  const BlockCholesky& cholesky() const { return frictionless_ ? normal_.cholesky() : cholesky_; }
 
  private:
   struct BodyMass {
@@ -52,7 +54,14 @@ class KktSystem {
   void Pack(const Problem& problem);
   void AddBlock(const Block& block, const double* d);
 
+  void SolveNormal(double* x);
+
   int num_fields_ = 1;
+  bool frictionless_ = false;  // one field, no friction: normal_ in place of all the rest
+  NormalSystem normal_;
+  std::vector<double> sigma_;             // per contact
+  std::vector<Matrix3> inverse_inertias_;  // per body
+  std::vector<double> translations_;      // 3 per body
   const FrontKernels* kernels_ = &BestFrontKernels().For(6);
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;  // of bodies in contact, ascending, each once

@@ -3,6 +3,8 @@
 
 #include <limits>
 
+#include "qp/ladder.h"
+
 namespace islet::qp {
 
 enum class Model {
@@ -32,6 +34,7 @@ struct Settings {
   int max_iterations = 100;         // of one interior-point solve
   int coulomb_rounds = 3;           // octagon or up to 12 bodies: cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
+  Ladder ladder;                    // rungs that may be used
   bool expect_rest = false;         // hardly anything slides, the caller thinks; decides about speed alone
   double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has

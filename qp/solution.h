@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "qp/ladder.h"
 #include "qp/problem.h"
 
 namespace islet::qp {
@@ -30,6 +31,9 @@ struct Solution {
   bool coulomb_reached = true;  // kCoulomb: the natural map of the exact law is below its tolerance
   int rounds = 0;               // interior-point solves for exact Coulomb
   double gap = 0;               // relative duality gap reached
+  Rung rung = Rung::kNothing;   // that the answer came from
+  int escalations = 0;          // rungs that were tried in vain before
+  double seconds_in_vain = 0;   // [s] and the time that took
 };
 
 }  // namespace islet::qp

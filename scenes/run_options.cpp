@@ -1,6 +1,7 @@
 #include "scenes/run_options.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -52,6 +53,25 @@ const char* Name(T value, const std::array<std::pair<const char*, T>, n>& choice
 template <typename T>
 void RequireRange(const char* option, T value, bool inside, const char* rule) {
   if (!inside) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
+}
+
+// off, auto, or names of rungs that a study wants to have alone.
+Ladder ParseLadder(const std::string& text) {
+  if (text == "auto") return {};
+  Ladder ladder = Ladder::Off();
+  if (text == "off") return ladder;
+  std::string rest = text;
+  while (!rest.empty()) {
+    const size_t comma = std::min(rest.find(','), rest.size());
+    const std::string name = rest.substr(0, comma);
+    rest.erase(0, comma + 1);
+    const auto known = std::find(std::begin(qp::kRungNames), std::end(qp::kRungNames), name);
+    if (known == std::end(qp::kRungNames))
+      throw std::invalid_argument(fmt::format("--ladder must be off, auto or some of {}; got {}",
+                                              fmt::join(qp::kRungNames, ","), name.empty() ? text : name));
+    ladder = ladder.With(static_cast<qp::Rung>(known - std::begin(qp::kRungNames)));
+  }
+  return ladder;
 }
 
 int ParseBounceLimit(const std::string& text) {
@@ -152,6 +172,8 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
   add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
+  add(kMethod, "--ladder", o.ladder, "off|auto|RUNG,...",
+      "cheaper ways to the same answer, tried first: closed_form, held, normal (default auto)");
   add(kMethod, "--tier", o.tier, "NAME",
       "coulomb: certified, or swept, which is faster and has no bound on the gap (default certified)");
   add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
@@ -188,6 +210,7 @@ Settings MakeSettings(const RunOptions& o) {
   Settings settings = o.paper ? Settings::Paper() : Settings{};
   if (o.model) settings.model = Choose("--model", *o.model, kModels);
   if (o.cone) settings.cone = Choose("--cone", *o.cone, kCones);
+  if (o.ladder) settings.ladder = ParseLadder(*o.ladder);
   if (o.tier) settings.tier = Choose("--tier", *o.tier, kTiers);
   if (o.bounce) settings.bounce_law = Choose("--bounce", *o.bounce, kBounceLaws);
   if (o.bounce_limit) settings.bounce_limit = ParseBounceLimit(*o.bounce_limit);

@@ -28,7 +28,7 @@ struct RunOptions {
   double dt = 1.0 / 30;           // [s]
 
   std::optional<int> threads;                                            // 0: all cores
-  std::optional<std::string> model, cone, tier, bounce, bounce_limit, freeze;  // as on the command line
+  std::optional<std::string> model, cone, tier, ladder, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
   std::optional<int> freeze_count;
   bool paper = false;

@@ -66,6 +66,18 @@ Json QpJson(const QpSummary& qp, double frames) {
           {"seconds_per_frame", qp.seconds / frames}};
 }
 
+Json LadderJson(const LadderReport& ladder, double all_seconds) {
+  Json json;
+  for (int r = 0; r < qp::kNumRungs; ++r) {
+    const LadderReport::Rung& rung = ladder.rungs[r];
+    json[qp::kRungNames[r]] = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
+  }
+  json["escalations"] = ladder.escalations;
+  json["seconds_in_vain"] = ladder.seconds_in_vain;
+  json["share_in_vain"] = ladder.seconds_in_vain / std::max(all_seconds, 1e-300);
+  return json;
+}
+
 Json CertificateJson(const Certificate& c) {
   return {{"momentum", c.momentum},
           {"cone", c.cone},
@@ -110,6 +122,7 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   penetration_.Add(std::max(0.0, report.penetration_max));
   Accumulate(report.collision_qp, &collision_qp_);
   Accumulate(report.static_qp, &static_qp_);
+  ladder_.Include(report.ladder);
   certificate_.Include(report.certificate);
   bounces_ += report.bounces;
   woken_ += report.woken;
@@ -185,6 +198,7 @@ std::string RunReport::Json() const {
   json["restitution_lowered"] = restitution_lowered_;
   json["collision_qp"] = QpJson(collision_qp_, frames);
   json["static_qp"] = QpJson(static_qp_, frames);
+  json["ladder"] = LadderJson(ladder_, sum);
   json["certificate"] = CertificateJson(certificate_);
   json["frozen_imbalance"] = frozen_imbalance_;
   json["penetration"] = {{"max", penetration_.max},

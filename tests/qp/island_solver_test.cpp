@@ -307,6 +307,73 @@ double ExactMap(const Problem& problem, const qp::Solution& solution) {
   return std::sqrt(sum / std::max(1, problem.num_contacts()));
 }
 
+qp::Settings OffTheLadder(qp::Settings settings) {
+  settings.ladder = qp::Ladder::Off();
+  return settings;
+}
+
+// Every answer of the ladder is that of the full method, and says which rung it came from.
+TEST(Ladder, AgreesWithTheFullMethod) {
+  std::array<int, qp::kNumRungs> used{};
+  for (const double friction : {0.0, 0.5}) {
+    Random random(105);
+    for (int trial = 0; trial < 60; ++trial) {
+      const int bodies = random.Integer(1, 20);
+      const Problem problem = trial % 2 == 0 ? RandomCluster(&random, bodies, friction, friction, 10)
+                                             : RandomStack(&random, 1 + bodies / 4, friction, friction, 10);
+      const qp::Settings settings = MakeSettings(problem, friction > 0 ? Model::kConvex : Model::kCoulomb);
+      const qp::Solution full = Solve(problem, OffTheLadder(settings)), climbed = Solve(problem, settings);
+      EXPECT_LE(VelocityDistance(problem, full.velocities, climbed.velocities), 1e-5 * settings.velocity_scale);
+      EXPECT_EQ(full.rung, qp::Rung::kInteriorPoint);
+      ++used[static_cast<int>(climbed.rung)];
+    }
+  }
+  EXPECT_GT(used[static_cast<int>(qp::Rung::kNormal)], 30);
+  EXPECT_GT(used[static_cast<int>(qp::Rung::kInteriorPoint)], 30);
+}
+
+TEST(Ladder, ImpulsesThatStillHoldAreKept) {
+  Random random(106);
+  const Problem problem = RandomStack(&random, 6, 0.5, 0.5, 10);
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  qp::IslandSolver solver;
+  qp::Solution first, second;
+  solver.Solve(problem, settings, &first);
+  solver.Solve(problem, settings, &second, first.impulses);
+  EXPECT_EQ(second.rung, qp::Rung::kHeld);
+  EXPECT_LT(VelocityDistance(problem, first.velocities, second.velocities), 1e-8 * settings.velocity_scale);
+  solver.Solve(problem, OffTheLadder(settings), &second, first.impulses);
+  EXPECT_NE(second.rung, qp::Rung::kHeld);
+}
+
+// A push that is a millionth of the weight, and one at which the stack begins to slide.
+TEST(Ladder, ImpulsesThatNoLongerHoldAreNotKept) {
+  Random random(107);
+  const Problem problem = RandomStack(&random, 6, 0.5, 0.5, 10);
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  qp::IslandSolver solver;
+  qp::Solution first, second;
+  solver.Solve(problem, settings, &first);
+  for (const double push : {2e-6, 1.0}) {
+    Problem pushed = problem;
+    pushed.bodies[3].velocity[0] += push * settings.velocity_scale;
+    solver.Solve(pushed, settings, &second, first.impulses);
+    EXPECT_NE(second.rung, qp::Rung::kHeld) << push;
+    const qp::Solution full = Solve(pushed, OffTheLadder(settings));
+    EXPECT_LT(VelocityDistance(problem, full.velocities, second.velocities), 1e-5 * settings.velocity_scale) << push;
+  }
+}
+
+// One contact with a trace of friction is no frictionless island: it gets the full method.
+TEST(Ladder, FrictionlessMeansWithoutAnyFriction) {
+  Random random(108);
+  Problem problem = RandomCluster(&random, 14, 0, 0, 10);
+  const qp::Settings settings = MakeSettings(problem, Model::kConvex);
+  EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kNormal);
+  problem.contacts[2].friction = 1e-9;
+  EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kInteriorPoint);
+}
+
 TEST(IslandSolver, SweptAnswersAreWhatTheySay) {
   int total = 0, reached = 0;
   for (const bool bounces : {false, true}) {

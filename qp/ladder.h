@@ -1,0 +1,36 @@
+// The ladder: the ways to solve an island's problem, cheapest first. A rung is taken where a cheap test says that it can serve,
+// and its answer is kept where it meets the law to the tolerance; otherwise the next one is tried. Which one serves depends on
+// the problem alone.
+#pragma once
+
+#include <cstdint>
+
+namespace islet::qp {
+
+enum class Rung : std::uint8_t {
+  kNothing,        // no contact, or nothing approaches
+  kClosedForm,     // one contact: a formula
+  kHeld,           // the impulses of the frame before still hold
+  kNormal,         // no friction: sweeps, finished by Newton's method
+  kSweeps,         // Gauss-Seidel sweeps alone
+  kInteriorPoint,  // the interior point, with sweeps where there is friction
+};
+inline constexpr int kNumRungs = 6;
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held", "normal", "sweeps", "interior_point"};
+
+// Which rungs may be used. The first one and the last two always may.
+class Ladder {
+ public:
+  constexpr Ladder() = default;
+  static constexpr Ladder Off() { return Ladder(Bit(Rung::kNothing) | Bit(Rung::kSweeps) | Bit(Rung::kInteriorPoint)); }
+  constexpr bool Has(Rung rung) const { return (bits_ & Bit(rung)) != 0; }
+  constexpr Ladder With(Rung rung) const { return Ladder(bits_ | Bit(rung)); }
+
+ private:
+  static constexpr std::uint32_t Bit(Rung rung) { return 1U << static_cast<int>(rung); }
+  constexpr explicit Ladder(std::uint32_t bits) : bits_(bits) {}
+
+  std::uint32_t bits_ = (1U << kNumRungs) - 1;  // all
+};
+
+}  // namespace islet::qp

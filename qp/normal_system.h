@@ -1,0 +1,60 @@
+// The Newton matrix of contacts without friction, S = M + sum_c sigma_c n_c n_c^T, n_c the normal row of J_c.
+//
+// Spheres cannot be turned without friction: if no normal has a lever arm, the unknowns are the three translations of each
+// body, and a factorisation takes an eighth of the work.
+//   threads: one caller at a time, idle workers help with the factorisation; allocates only in Prepare, while problems grow
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "qp/block_cholesky.h"
+#include "qp/problem.h"
+
+namespace islet::qp {
+
+class NormalSystem {
+ public:
+  // Keeps the symbolic phase while the graph of the problem is the same. Takes the masses and the normals.
+  void Prepare(const Problem& problem);
+
+  // Unknowns per body: 3 or 6.
+  int width() const { return width_; }
+
+  // sigma: one per contact, 0 where the contact is open.
+  // Returns the number of pivots that had to be replaced (0 in a healthy factorisation).
+  int Factorise(const std::vector<double>& sigma);
+
+  // x <- S^-1 x, width() numbers a body.
+  void Solve(double* x) { cholesky_.Solve(x); }
+
+  const BlockCholesky& cholesky() const { return cholesky_; }
+
+ private:
+  // One contact's share of one block, sigma left right^T.
+  struct Product {
+    int contact;
+    double* to;
+    int stride;
+    const double *left, *right;
+  };
+  struct Mass {
+    int body;
+    double* to;
+    int stride;
+  };
+  void FindPairs(const Problem& problem);
+  void ListParts(const Problem& problem);
+
+  int width_ = 6;
+  BlockCholesky cholesky_;
+  std::vector<std::array<int, 2>> pairs_;
+  std::vector<double> normals_;         // 12 per contact: of body a, of body b
+  std::vector<Matrix3> inertias_;       // per body
+  std::vector<double> masses_;          // per body
+  std::vector<Product> products_;       // by supernode
+  std::vector<Mass> mass_places_;       // by supernode
+  std::vector<int> product_start_, mass_start_;  // per supernode
+};
+
+}  // namespace islet::qp
