@@ -32,8 +32,8 @@ struct ResponseOutcome {
   int rounds = 0;
   bool coulomb_capped = false;  // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
-  bool draft = false;  // swept alone, to be certified when it is known which bodies take part
-  double seconds = 0;  // [s] wall
+  bool draft = false;                  // swept alone, to be certified when it is known which bodies take part
+  double seconds = 0;                  // [s] wall
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
   int escalations = 0;                 // rungs tried in vain

@@ -59,9 +59,9 @@ class KktSystem {
   int num_fields_ = 1;
   bool frictionless_ = false;  // one field, no friction: normal_ in place of all the rest
   NormalSystem normal_;
-  std::vector<double> sigma_;             // per contact
+  std::vector<double> sigma_;              // per contact
   std::vector<Matrix3> inverse_inertias_;  // per body
-  std::vector<double> translations_;      // 3 per body
+  std::vector<double> translations_;       // 3 per body
   const FrontKernels* kernels_ = &BestFrontKernels().For(6);
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;  // of bodies in contact, ascending, each once

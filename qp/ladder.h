@@ -16,7 +16,8 @@ enum class Rung : std::uint8_t {
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
 inline constexpr int kNumRungs = 6;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held", "normal", "sweeps", "interior_point"};
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",
+                                                      "normal",  "sweeps",      "interior_point"};
 
 // Which rungs may be used. The first one and the last two always may.
 class Ladder {

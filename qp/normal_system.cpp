@@ -15,9 +15,7 @@ bool Turns(const BodyTerm& body, const Jacobian& jacobian) {
 }
 
 // Numbers of the parts that each supernode has, and where they begin.
-void CountToStart(std::vector<int>* count) {
-  std::exclusive_scan(count->begin(), count->end(), count->begin(), 0);
-}
+void CountToStart(std::vector<int>* count) { std::exclusive_scan(count->begin(), count->end(), count->begin(), 0); }
 
 }  // namespace
 

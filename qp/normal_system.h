@@ -49,11 +49,11 @@ class NormalSystem {
   int width_ = 6;
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;
-  std::vector<double> normals_;         // 12 per contact: of body a, of body b
-  std::vector<Matrix3> inertias_;       // per body
-  std::vector<double> masses_;          // per body
-  std::vector<Product> products_;       // by supernode
-  std::vector<Mass> mass_places_;       // by supernode
+  std::vector<double> normals_;                  // 12 per contact: of body a, of body b
+  std::vector<Matrix3> inertias_;                // per body
+  std::vector<double> masses_;                   // per body
+  std::vector<Product> products_;                // by supernode
+  std::vector<Mass> mass_places_;                // by supernode
   std::vector<int> product_start_, mass_start_;  // per supernode
 };
 

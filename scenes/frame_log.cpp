@@ -15,12 +15,11 @@ FrameLog::FrameLog()
 }
 
 void FrameLog::Add(const StepReport& r, double step_seconds) {
-  fmt::format_to(std::back_inserter(text_), "{},{},{},{},{},{:.6g},{:.6g},{},{},{:.9g},{:.6g},{},{},{:.6g}",
-                 ++frames_, r.contacts, r.active_contacts, r.islands.size(), r.largest_island_contacts,
-                 r.collision_qp.seconds, r.static_qp.seconds, r.collision_qp.iterations + r.static_qp.iterations,
-                 r.awake, r.kinetic_energy, r.penetration_max, r.woken, r.frozen, step_seconds);
-  for (const LadderReport::Rung& rung : r.ladder.rungs)
-    fmt::format_to(std::back_inserter(text_), ",{}", rung.problems);
+  fmt::format_to(std::back_inserter(text_), "{},{},{},{},{},{:.6g},{:.6g},{},{},{:.9g},{:.6g},{},{},{:.6g}", ++frames_,
+                 r.contacts, r.active_contacts, r.islands.size(), r.largest_island_contacts, r.collision_qp.seconds,
+                 r.static_qp.seconds, r.collision_qp.iterations + r.static_qp.iterations, r.awake, r.kinetic_energy,
+                 r.penetration_max, r.woken, r.frozen, step_seconds);
+  for (const LadderReport::Rung& rung : r.ladder.rungs) fmt::format_to(std::back_inserter(text_), ",{}", rung.problems);
   fmt::format_to(std::back_inserter(text_), ",{}\n", r.ladder.escalations);
 }
 

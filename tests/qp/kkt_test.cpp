@@ -41,8 +41,9 @@ MatrixXd DenseSystem(const Problem& problem, int fields, const std::vector<Matri
 void CheckAgainstDense(const Problem& problem, int fields, Random* random, qp::KktSystem* kkt) {
   std::vector<Matrix3> d;
   std::vector<double> e;
-  for (int c = 0; c < problem.num_contacts(); ++c) {
+  for (const ContactTerm& contact : problem.contacts) {
     d.push_back(random->PositiveDefinite(0.1, 10));
+    if (contact.friction == 0) d.back() = Vector3(d.back()(0, 0), 0, 0).asDiagonal();  // as the cone is then
     e.push_back(random->Uniform(0.1, 10));
   }
   kkt->Prepare(problem, fields);

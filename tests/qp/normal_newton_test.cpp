@@ -16,7 +16,8 @@ Problem HeapOfBalls(Random* random, int balls) {
   ProblemBuilder builder;
   for (int i = 0; i < balls; ++i) {
     const Vector3 position(random->Uniform(0, 3), random->Uniform(0, 3), random->Uniform(0.5, 3));
-    builder.AddBody(position, random->Uniform(0.5, 2), 0.1 * Matrix3::Identity(), (Vector6() << random->Vector(1), random->Vector(1)).finished());
+    builder.AddBody(position, random->Uniform(0.5, 2), 0.1 * Matrix3::Identity(),
+                    (Vector6() << random->Vector(1), random->Vector(1)).finished());
     builder.AddContact(-1, i, position - Vector3(0, 0, 0.5), Vector3::UnitZ(), 0);
     for (int k = 0; k < i; ++k) {
       const Vector3 apart = position - builder.positions[k];
