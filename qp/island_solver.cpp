@@ -293,7 +293,9 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       *solution = trial_;
     }
     if ((circular && best <= goal) || round >= cap) break;
-    if (circular) Search(problem, settings);
+    // Plain sweeps stay near the one answer of the convex problem; where they do not settle, another will do.
+    if (circular && round == 1) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    if (circular && round > 1) Search(problem, settings);
     const double change = UpdateSlips(problem, settings.cone);
     if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
     const bool settled = !circular && change <= goal;
