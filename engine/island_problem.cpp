@@ -9,15 +9,14 @@ Matrix3 CrossMatrix(const Vector3& r) {
   return m;
 }
 
-// Velocity of the body's point at the contact, in the contact frame: F^T (v + omega x r) = F^T [I, -[r]x] (v, omega).
-qp::Jacobian PointJacobian(const Body& body, const Contact& contact, const Matrix3& frame, double sign) {
+}  // namespace
+
+qp::Jacobian PointJacobian(const Vector3& position_W, const Contact& contact, const Matrix3& frame, double sign) {
   qp::Jacobian jacobian;
   jacobian.leftCols<3>() = sign * frame.transpose();
-  jacobian.rightCols<3>().noalias() = -sign * frame.transpose() * CrossMatrix(contact.point_W - body.position_W);
+  jacobian.rightCols<3>().noalias() = -sign * frame.transpose() * CrossMatrix(contact.point_W - position_W);
   return jacobian;
 }
-
-}  // namespace
 
 void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& contacts,
                             std::span<const int> island_bodies, std::span<const int> island_contacts,
@@ -42,8 +41,8 @@ void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& c
     qp::ContactTerm term;
     term.body_a = local_[contact.body_a];
     term.body_b = local_[contact.body_b];
-    if (term.body_a >= 0) term.jacobian_a = PointJacobian(a, contact, frame, -1);
-    if (term.body_b >= 0) term.jacobian_b = PointJacobian(b, contact, frame, 1);
+    if (term.body_a >= 0) term.jacobian_a = PointJacobian(a.position_W, contact, frame, -1);
+    if (term.body_b >= 0) term.jacobian_b = PointJacobian(b.position_W, contact, frame, 1);
     if (a.kind == BodyKind::kKinematic) term.drift -= frame.transpose() * a.VelocityAt(contact.point_W);
     if (b.kind == BodyKind::kKinematic) term.drift += frame.transpose() * b.VelocityAt(contact.point_W);
     term.friction = contact.friction;

@@ -21,6 +21,9 @@ struct ContactFrames {
   std::span<const Matrix3> frames;  // ContactFrame of each: columns (n, t1, t2)
 };
 
+// Velocity of a body's point at the contact, in the contact frame, times sign: sign F^T (v + omega x r).
+qp::Jacobian PointJacobian(const Vector3& position_W, const Contact& contact, const Matrix3& frame, double sign);
+
 class IslandGatherer {
  public:
   // Which bodies of the world the next problems are about; ascending.

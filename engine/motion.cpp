@@ -95,7 +95,6 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
     if (!flights_.flies(number)) continue;
     if (flights_move_) {
       flights_.Place(number, &bodies[i]);
-      aim_[i] = bodies[i].position_W;
       planned_[i].linear -= flown_[i].linear;
       planned_[i].angular -= flown_[i].angular;
     }
@@ -108,9 +107,6 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
-  aim_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) aim_[i] = bodies[i].position_W + planned_[i].linear;
-  allowed_lift_.assign(tolerances.begin(), tolerances.end());
   start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
   free_turns_.resize(bodies.size());
@@ -124,7 +120,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) RestoreSpins(outcome.passes == 0, bodies);
+    if (corrected) RestoreSpins(bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -138,7 +134,6 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
-  TakeBackWork(bodies);
   return outcome;
 }
 
@@ -266,15 +261,11 @@ void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contac
   }
 }
 
-// Together they were not lifted, so gravity has done what their velocities claim.
-void Mover::RestoreSpins(bool first, std::span<Body> bodies) {
+void Mover::RestoreSpins(std::span<Body> bodies) {
   for (int i = 0; i < partition_.num_islands(); ++i) {
     if (!wanted_[i]) continue;
     RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
-    for (const int member : partition_.bodies_of(i)) {
-      aim_[member] = first ? bodies[member].position_W : Vector3(aim_[member] + planned_[member].linear);
-      flights_.Ground(member);
-    }
+    for (const int member : partition_.bodies_of(i)) flights_.Ground(member);
   }
 }
 
@@ -313,36 +304,6 @@ void Mover::Apply(std::span<Body> bodies) {
     body.rotation_WB = turned;
   }
   for (Vector3& turn : free_turns_) turn.setZero();  // later passes only correct
-}
-
-// v1 holds the energy of a motion to `aim_`. Where the body ended higher, gravity (and external force) did not do that work,
-// or the correction lifted the body: its kinetic energy pays, first that of its speed against the correction, then the rest.
-void Mover::TakeBackWork(std::span<Body> bodies) const {
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    Body& body = bodies[i];
-    if (!body.Moves()) continue;
-    const Vector3 correction = body.position_W - aim_[i];
-    const double length = correction.norm();
-    if (length == 0) continue;
-    double work = -(body.mass * settings_.gravity + body.force_W).dot(correction);  // [J] not done
-    if (work <= 0) continue;
-    const Vector3 direction = correction / length;
-    const double speed = body.linear_velocity_W.dot(direction);
-    if (speed < 0) {
-      const double available = 0.5 * body.mass * speed * speed;
-      const double left = std::sqrt(std::max(0.0, 1 - work / available));
-      body.linear_velocity_W -= (1 - left) * speed * direction;
-      work -= available;
-    }
-    // What is left is a lift. Second-order lifts, within what may overlap anyway, are not charged: they would brake a cube
-    // that slides slowly.
-    work -= body.mass * settings_.gravity.norm() * allowed_lift_[i];
-    if (work <= 0) continue;
-    const double energy = body.KineticEnergy();
-    const double share = energy > work ? std::sqrt(1 - work / energy) : 0;
-    body.linear_velocity_W *= share;
-    body.angular_velocity_W *= share;
-  }
 }
 
 }  // namespace islet

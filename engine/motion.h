@@ -8,8 +8,8 @@
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   energy           a body held back from falling lacks the work of gravity that its velocity claims, a body lifted by a
-//                    correction has got height for nothing: its kinetic energy is reduced by that
+//   velocities       are those that the contact suite certified: a correction changes none but its direction in the body, and
+//                    those of an island in flight by what keeps its momenta and energy (island_spin.h)
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -87,13 +87,12 @@ class Mover {
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void RestoreSpins(bool first, std::span<Body> bodies);
+  void RestoreSpins(std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
                 std::vector<Contact>* contacts, MotionOutcome* outcome);
-  void TakeBackWork(std::span<Body> bodies) const;
 
   Settings settings_;
   parallel::WorkerPool* pool_;
@@ -101,9 +100,8 @@ class Mover {
   bool flights_move_ = false;                  // in this pass
   std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
   std::vector<std::uint8_t> handled_;          // per contact: left to the flights
-  std::vector<double> allowed_lift_;           // [m] per body
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_, aim_;          // [m] per body; aim: where free motion ends
+  std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;

