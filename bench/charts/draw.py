@@ -4,7 +4,8 @@
   draw.py FOLDER [--clock auto|wall|cpu] [--publish FOLDER]
 
 Reads FOLDER/*.csv, scenes.json, run.json. Writes FOLDER/<scene>.svg and .png, overview.svg and .png, index.html and
-standing.csv (islet beside each peer). --clock auto draws wall time, or processor time of runs on one thread if the machine had
+standing.csv (islet beside each peer). What studies/ there or in the build folder
+holds is appended to the page. --clock auto draws wall time, or processor time of runs on one thread if the machine had
 other work: the axis says which.
 """
 import argparse
@@ -15,6 +16,7 @@ import json
 import math
 import pathlib
 import shutil
+import sys
 from collections import defaultdict
 
 import matplotlib
@@ -242,7 +244,19 @@ def page(scenes, by_scene, standings, heads, run, clock, folder):
         programs = " ".join(sorted({r["engine"] for r in rows}))
         parts.append(f"<pre>for e in {programs}; do chart_$e --out $e.csv --scene {name}"
                      f"{' --quick' if run['quick'] or scene['few'] else ''}{limit}; done</pre>")
+    parts += studies_beside(folder)
     (folder / "index.html").write_text("\n".join(parts))
+
+
+def studies_beside(folder):
+    """The studies (bench/studies) that were measured beside these charts, as a part of the page."""
+    places = (folder / "studies", folder.parent.parent / "studies" / folder.name.replace("chart", "study"))
+    found = next((p for p in places if (p / "run.json").exists()), None)
+    if not found:
+        return []
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "studies"))
+    import draw_studies  # noqa: E402
+    return [draw_studies.fragment(found)]
 
 
 def inline(path):
