@@ -9,8 +9,10 @@
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-4;             // of the fastest approach: contacts that differ by less bounce at once
-constexpr size_t kMostTied = 32;          // contacts; more of them bounce one after the other
+constexpr double kTie = 1e-4;     // of the fastest approach: contacts that differ by less bounce at once
+constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
+constexpr int kMostSweeps = 400;
+constexpr double kSettled = 1e-14;  // of the fastest approach: sweeps stop when impulses change velocities by less
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
@@ -135,16 +137,26 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
 }
 
 // Coulomb contacts with Newton's rebounds, all at once. False, and nothing has changed, if there is no such answer or if it
-// would hold more energy.
+// would hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
   GatherTies(group_contacts, contacts);
-  qp::Settings settings;
-  settings.tolerance = kTiedTolerance;
-  settings.coulomb_tolerance = kTiedMap;
-  settings.velocity_scale = -queue_.top_key();
-  tie_solver_.Solve(tied_problem_, settings, &tied_solution_);
-  if (tied_solution_.status != qp::Status::kSolved || !tied_solution_.coulomb_reached) return false;
+  const double approach = -queue_.top_key();
+  tied_solution_.impulses.assign(tied_.size(), Vector3::Zero());
+  tied_solution_.velocities.clear();
+  for (const qp::BodyTerm& body : tied_problem_.bodies)
+    tied_solution_.velocities.insert(tied_solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
+  tie_sweeps_.Prepare(tied_problem_);
+  if (tie_sweeps_.Sweep(tied_problem_, kMostSweeps, kSettled * approach, &tied_solution_.impulses,
+                        &tied_solution_.velocities) == kMostSweeps) {
+    qp::Settings settings;
+    settings.tolerance = kTiedTolerance;
+    settings.coulomb_tolerance = kTiedMap;
+    settings.velocity_scale = approach;
+    settings.ladder = qp::Ladder::Off();
+    tie_solver_.Solve(tied_problem_, settings, &tied_solution_);
+    if (tied_solution_.status != qp::Status::kSolved || !tied_solution_.coulomb_reached) return false;
+  }
   double gain = 0, work = 0;  // [J]
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];

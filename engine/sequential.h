@@ -54,6 +54,7 @@ class SequentialResolver {
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
   qp::Problem tied_problem_;
   qp::Solution tied_solution_;
+  qp::GaussSeidel tie_sweeps_;
   qp::IslandSolver tie_solver_;
 };
 

@@ -103,7 +103,9 @@ void MeasureFall(const CheckSettings& settings, double friction, Measurements* o
   }
   const std::string name = ", mu = " + std::to_string(friction).substr(0, 3);
   out->Verdict("all finite after 3 s" + name, true, AllFinite(world));
-  out->AtMost("energy gained in the worst step" + name, "of the start's", gain / scale, 1e-6);
+  out->AtMost("energy gained in the worst step" + name, "of the start's", gain / scale, 1e-6,
+              "what a correction lifts out of an overlap has height for nothing (motion.cpp)");
+  if (friction == 2) out->Open();
   out->AtMost("problems without a solution" + name, "", troubled, 0);
 }
 
