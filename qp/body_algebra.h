@@ -1,5 +1,5 @@
 // Small products that the interior point is made of: masses times velocities, and the contact matrices applied to the
-// unknowns of one field. Internal to its two files.
+// unknowns of one field. Internal to qp.
 //   threads: pure functions
 #pragma once
 
@@ -31,6 +31,12 @@ inline Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& p) {
   out.head<3>() = p.head<3>() / body.mass;
   out.tail<3>().noalias() = body.inverse_inertia * p.tail<3>();
   return out;
+}
+
+inline void CopyFreeVelocities(const Problem& problem, std::vector<double>* velocities) {
+  velocities->clear();
+  for (const BodyTerm& body : problem.bodies)
+    velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
 // Contact velocity that the unknowns of one field make.

@@ -108,7 +108,6 @@ void MeasureSphereLattice(const CheckSettings& settings, Measurements* out) {
     out->AtMost("deepest overlap" + which, "m", deepest, 2.5e-4 * 0.2,
                 "2.5e-4 of a diameter: Settings::overlap_tolerance");
     out->AtMost("mean squared overlap at the end" + which, "m^2", squares / 216, 1e-9);
-    // What a correction lifts by less than its tolerance is free: 2.5e-4 of a diameter, of one ball in 216 that hold 1 m each.
     const std::string note =
         "balls that run into one which the floor has just stopped are moved aside: who is lifted has height for "
         "nothing";

@@ -1,0 +1,176 @@
+// Exact Coulomb friction in IslandSolver: which slips and impulses the sweeps find, and what the interior point makes of them.
+#include <algorithm>
+#include <cmath>
+
+#include "qp/body_algebra.h"
+#include "qp/island_solver.h"
+#include "qp/slip.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
+constexpr int kSmallRounds = 5;       // times the cap on rounds, where they cost microseconds
+constexpr int kMaxBlocks = 10;        // of sweeps
+constexpr double kEnoughRms = 3;      // times the tolerance: natural map at which the search ends
+constexpr double kEnoughMax = 30;
+constexpr int kRestIterations = 14;       // resting islands take 9 to 12
+constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to
+constexpr double kLostRms = 1e-3;         // of v_ref: natural map of sweeps that have lost their way
+constexpr double kBlockGain = 0.7;        // of the natural map, for another block
+constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
+
+// Between a floor and a ceiling impulses can grow without bound and do nothing; the interior point goes to where they are
+// largest.
+bool Sprawls(const Problem& problem, const Settings& settings, const Solution& solution) {
+  double mass = 0, pressed = 0;
+  for (const BodyTerm& body : problem.bodies) mass += body.mass;
+  for (const Vector3& j : solution.impulses) pressed += j[0];
+  return pressed > kSprawl * mass * settings.velocity_scale;
+}
+
+}  // namespace
+
+// Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
+// the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
+// convex problem with the slips found is solved to the tolerance, so that all but those slips is exact.
+void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                                   Solution* solution) {
+  slips_.assign(problem.contacts.size(), 0.0);
+  ImpulseScales(problem, &scales_);
+  gauss_seidel_.Prepare(problem);
+  StartFrom(problem, start);
+  const bool certified = settings.tier == Tier::kCertified;
+  if (certified && settings.expect_rest) {
+    Settings brief = settings;
+    brief.max_iterations = kRestIterations;
+    RunInteriorPoint(problem, brief, slips_, &trial_);
+    if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+  }
+  Search(problem, settings);
+  if (certified && MapOfSwept(problem).rms > kLostRms * settings.velocity_scale) {
+    SearchFromConvex(problem, settings);
+  }
+  const bool accepted = AcceptSweeps(problem, settings, certified ? kAcceptShare : INFINITY, solution);
+  if (!accepted) {
+    UpdateSlips(problem, Cone::kCircular);
+    RunInteriorPoint(problem, settings, slips_, solution, swept_impulses_);
+    solution->rounds = 1;
+  }
+  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
+                              settings.coulomb_tolerance * settings.velocity_scale;
+}
+
+// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
+// until it can be accepted as it is: that is better than what the interior point makes of it, and cheaper.
+void IslandSolver::Search(const Problem& problem, const Settings& settings) {
+  const bool certified = settings.tier == Tier::kCertified;
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  NaturalMap best = MapOfSwept(problem);
+  best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
+  const auto enough = [&](const NaturalMap& map) {
+    return map.max <= kAcceptShare * goal ||
+           (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
+  };
+  bool pays = true;
+  for (int block = 0; block < kMaxBlocks && pays && !enough(best); ++block) {
+    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
+    const NaturalMap now = MapOfSwept(problem);
+    pays = now.rms < kBlockGain * best.rms;
+    if (now.rms < best.rms) {
+      best = now;
+      best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
+    }
+  }
+  swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
+}
+
+// Sweeps carry loads slowly: in a tower of hundreds they do not get to the ground. What the convex problem without slips
+// says is nearer then, if it has a solution.
+void IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings) {
+  const double rms = MapOfSwept(problem).rms;
+  std::fill(slips_.begin(), slips_.end(), 0.0);
+  RunInteriorPoint(problem, settings, slips_, &trial_);
+  if (trial_.status != Status::kSolved || CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > rms)
+    return;
+  swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+  Search(problem, settings);
+}
+
+// Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
+// need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
+// were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
+// one answer of the convex problem, whatever the order of its contacts.
+void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
+  const bool circular = settings.cone == Cone::kCircular;
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  slips_.assign(problem.contacts.size(), 0.0);
+  ImpulseScales(problem, &scales_);
+  if (circular) gauss_seidel_.Prepare(problem);
+  const bool small = problem.num_bodies() <= kSmallIsland;
+  Settings inner = settings;
+  if (small) inner.aim = kSmallAim;
+  double best = INFINITY;
+  bool accurate = small;
+  const int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1);
+  for (int round = 1;; ++round) {
+    accurate = accurate || round >= cap;
+    inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
+    RunInteriorPoint(problem, inner, slips_, &trial_);
+    trial_.rounds = round;
+    if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
+      if (!std::isfinite(best)) *solution = trial_;
+      if (round > 1 || !circular) break;
+      FindFirstSlips(problem, goal);
+      if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
+      continue;
+    }
+    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms;
+    swept_impulses_ = trial_.impulses;
+    swept_velocities_ = trial_.velocities;
+    if (accurate && (map < best || !circular)) {
+      best = map;
+      *solution = trial_;
+    }
+    if ((circular && best <= goal) || round >= cap) break;
+    // Plain sweeps stay near the one answer of the convex problem; where they do not settle, another will do.
+    if (circular && round == 1) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    if (circular && round > 1) Search(problem, settings);
+    const double change = UpdateSlips(problem, settings.cone);
+    if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
+    const bool settled = !circular && change <= goal;
+    if (settled && accurate) break;
+    accurate = small || settled;  // a rough round places the slips, but is no answer
+  }
+  if (circular && Sprawls(problem, settings, *solution)) {
+    StartFrom(problem, {});
+    Search(problem, settings);
+    AcceptSweeps(problem, settings, kAcceptShare, solution);
+  }
+  solution->coulomb_reached =
+      CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
+}
+
+// The problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a sliding contact
+// to open by mu |u_t| more than it should, and a jammed pile, or a body between walls that pass by, has no room for that.
+void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
+  swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
+  CopyFreeVelocities(problem, &swept_velocities_);
+  gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+  UpdateSlips(problem, Cone::kCircular);
+}
+
+// Slips of the swept velocities; returns the largest change. Also where nothing presses: with s = 0 the convex problem
+// would push such a contact open to u_n = mu |u_t|.
+double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
+  double change = 0;
+  for (size_t c = 0; c < slips_.size(); ++c) {
+    const double slip =
+        Slip(ContactVelocity(problem.contacts[c], swept_velocities_.data()), problem.contacts[c].friction, cone);
+    change = std::max(change, std::abs(slip - slips_[c]));
+    slips_[c] = slip;
+  }
+  return change;
+}
+
+}  // namespace islet::qp
