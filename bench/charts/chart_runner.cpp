@@ -16,13 +16,13 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <memory>
 #include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "bench/charts/run.h"
+#include "bench/machine.h"
 
 namespace islet::charts {
 namespace {
@@ -40,39 +40,14 @@ struct Options {
   double budget = 0;  // [s]; 0: as long as it takes
 };
 
-std::string FirstLineOf(const char* command) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "r"), pclose);
-  char line[256] = "";
-  if (!pipe || std::fgets(line, sizeof line, pipe.get()) == nullptr) return "unknown";
-  std::string text = line;
-  text.erase(text.find_last_not_of('\n') + 1);
-  return text;
-}
-
-std::string Processor() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.starts_with("model name")) return line.substr(line.find(": ") + 2);
-  }
-  return "unknown processor";
-}
-
-std::string Loads() {
-  double load[1] = {-1};
-  getloadavg(load, 1);
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", load[0]);
-  return text;
-}
-
 void WriteHead(const peers::Engine& engine, std::ostream& out) {
   utsname system{};
   uname(&system);
-  out << "# machine: " << Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname << ' '
-      << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
-      << FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
+  out << "# machine: " << bench::Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname
+      << ' ' << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
+      << bench::FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
       << "\n# engine: " << engine.name << ' ' << engine.version << ", " << engine.precision
-      << "\n# load average of the machine: at the start " << Loads() << "; of each run in its row\n"
+      << "\n# load average of the machine: at the start " << bench::Load() << "; of each run in its row\n"
       << "scene,start,engine,version,precision,solver,sweep,dt,iterations,tolerance,sleeping,threads,default,failed,"
          "error,"
          "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,coulomb_error,coulomb_end,jitter,kinetic_end,"
@@ -142,7 +117,7 @@ bool RunSettings(const ChartScene& scene, const peers::Engine& engine, const Opt
     if (setting.quick ? options.rest : options.quick) continue;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - began;
     if (options.budget > 0 && spent.count() > options.budget) return false;
-    const std::string load = Loads();
+    const std::string load = bench::Load();
     RunResult result;
     if (std::ranges::any_of(cuts, [&](const peers::Setting& cut) { return AsCostly(setting, cut); })) {
       std::snprintf(result.failed, sizeof result.failed, "not run");

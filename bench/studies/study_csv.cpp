@@ -4,38 +4,13 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
-#include <memory>
 #include <stdexcept>
+
+#include "bench/machine.h"
 
 namespace islet::studies {
 namespace {
-
-std::string FirstLineOf(const char* command) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "r"), pclose);
-  char line[256] = "";
-  if (!pipe || std::fgets(line, sizeof line, pipe.get()) == nullptr) return "unknown";
-  std::string text = line;
-  text.erase(text.find_last_not_of('\n') + 1);
-  return text;
-}
-
-std::string Processor() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.starts_with("model name")) return line.substr(line.find(": ") + 2);
-  }
-  return "unknown processor";
-}
-
-std::string Load() {
-  double load[1] = {-1};
-  getloadavg(load, 1);
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", load[0]);
-  return text;
-}
 
 double SecondsOf(clockid_t clock) {
   timespec now{};
@@ -49,19 +24,19 @@ StudyCsv::StudyCsv(const std::string& path, const std::vector<std::string>& vers
     : path_(path), file_(path) {
   utsname system{};
   uname(&system);
-  file_ << "# machine: " << Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname << ' '
-        << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
-        << FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
+  file_ << "# machine: " << bench::Processor() << ", " << sysconf(_SC_NPROCESSORS_ONLN) << " cores, " << system.sysname
+        << ' ' << system.release << "\n# compiler: " << ISLET_COMPILER << "\n# commit: "
+        << bench::FirstLineOf("git -C '" ISLET_SOURCE_DIR "' describe --always --dirty --exclude '*' 2>/dev/null")
         << "\n# versions: islet " << ISLET_VERSION;
   for (const std::string& version : versions) file_ << "; " << version;
-  file_ << "\n# load average of the machine: at the start " << Load() << "; of each row in its last column\n"
+  file_ << "\n# load average of the machine: at the start " << bench::Load() << "; of each row in its last column\n"
         << columns << ",load\n"
         << std::flush;
   if (!file_) throw std::runtime_error("cannot write " + path);
 }
 
 void StudyCsv::WriteLine(const std::string& cells) {
-  file_ << cells << Load() << '\n' << std::flush;
+  file_ << cells << bench::Load() << '\n' << std::flush;
   if (!file_) throw std::runtime_error("cannot write " + path_);
 }
 
