@@ -11,6 +11,18 @@ namespace {
 constexpr double kEnergySlack = 1e-13;   // of the work: an elastic bounce gains nothing, up to rounding
 constexpr double kSmallestSlip = 1e-12;  // relative to the approach: less is none
 
+// [1/kg] contact velocity per impulse, in `frame`: W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies.
+Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame) {
+  Matrix3 response = (a.inverse_mass + b.inverse_mass) * Matrix3::Identity();
+  for (const BounceBody* body : {&a, &b}) {
+    const Vector3 r = contact.point_W - body->position_W;
+    Matrix3 lever;  // rows r x column of the frame
+    for (int i = 0; i < 3; ++i) lever.col(i) = r.cross(frame.col(i));
+    response += lever.transpose() * body->inverse_inertia_W * lever;
+  }
+  return response;
+}
+
 // Kinetic energy that impulse j adds to the two bodies.
 double EnergyGain(const Matrix3& response, const Vector3& u, const Vector3& j) {
   return j.dot(u) + 0.5 * j.dot(response * j);
@@ -65,17 +77,6 @@ Vector3 ExactImpulse(const Matrix3& response, const Vector3& u, double friction,
 void BounceBody::ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W) {
   linear_velocity_W += inverse_mass * impulse_W;
   angular_velocity_W += inverse_inertia_W * (point_W - position_W).cross(impulse_W);
-}
-
-Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame) {
-  Matrix3 response = (a.inverse_mass + b.inverse_mass) * Matrix3::Identity();
-  for (const BounceBody* body : {&a, &b}) {
-    const Vector3 r = contact.point_W - body->position_W;
-    Matrix3 lever;  // rows r x column of the frame
-    for (int i = 0; i < 3; ++i) lever.col(i) = r.cross(frame.col(i));
-    response += lever.transpose() * body->inverse_inertia_W * lever;
-  }
-  return response;
 }
 
 Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,

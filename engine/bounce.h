@@ -26,9 +26,6 @@ struct BounceBody {
   void ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W);
 };
 
-// [1/kg] contact velocity per impulse, in `frame`: W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies.
-Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame);
-
 // [N s] on body b, components (n, t1, t2) of `frame`. Zero if the bodies do not approach.
 Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,
                       BounceLaw law);

@@ -35,13 +35,6 @@ double NormalResponse(const Contact& contact, std::span<const Body> bodies) {
   return response;
 }
 
-Twist ForcesOver(double dt, const Vector3& gravity_W, const Body& body) {
-  if (!body.Moves()) return {};
-  Twist change{dt * (gravity_W + body.force_W / body.mass), Vector3::Zero()};
-  if (!body.torque_W.isZero(0)) change.angular_W = dt * (body.InverseInertiaW() * body.torque_W);
-  return change;
-}
-
 }  // namespace
 
 void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_contacts,
@@ -65,7 +58,8 @@ bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const B
 }
 
 Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body) {
-  const Twist forces = ForcesOver(dt, gravity_W, body);
+  if (!body.Moves()) return TwistOf(body);
+  const Twist forces = ChangeByForces(dt, gravity_W, body);
   return {body.linear_velocity_W - forces.linear_W, body.angular_velocity_W - forces.angular_W};
 }
 

@@ -38,6 +38,13 @@ inline void SetTwist(const Twist& twist, Body* body) {
   body->angular_velocity_W = twist.angular_W;
 }
 
+// What gravity, external force and torque add to the velocity of a body that moves, over dt.
+inline Twist ChangeByForces(double dt, const Vector3& gravity_W, const Body& body) {
+  Twist change{dt * (gravity_W + body.force_W / body.mass), Vector3::Zero()};
+  if (!body.torque_W.isZero(0)) change.angular_W = dt * (body.InverseInertiaW() * body.torque_W);
+  return change;
+}
+
 // [m/s] bound on the speed of the body's fastest point.
 inline double FastestPoint(const Twist& twist, double radius) {
   return twist.linear_W.norm() + radius * twist.angular_W.norm();

@@ -108,8 +108,8 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
     frame.before_gravity[i] = TwistOf(body);
-    body.linear_velocity_W += frame.dt * (frame.gravity + body.force_W / body.mass);
-    if (!body.torque_W.isZero(0)) body.angular_velocity_W += frame.dt * (body.InverseInertiaW() * body.torque_W);
+    const Twist change = ChangeByForces(frame.dt, frame.gravity, body);
+    SetTwist({body.linear_velocity_W + change.linear_W, body.angular_velocity_W + change.angular_W}, &body);
   }
   outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);

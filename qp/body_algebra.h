@@ -39,6 +39,14 @@ inline void CopyFreeVelocities(const Problem& problem, std::vector<double>* velo
     velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
+// v0 + M^-1 J^T j.
+inline void VelocitiesAfter(const Problem& problem, const std::vector<Vector3>& impulses,
+                            std::vector<double>* velocities) {
+  CopyFreeVelocities(problem, velocities);
+  for (int c = 0; c < problem.num_contacts(); ++c)
+    ApplyImpulse(problem, problem.contacts[c], impulses[c], velocities->data());
+}
+
 // Contact velocity that the unknowns of one field make.
 inline Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
   Vector3 u = Vector3::Zero();

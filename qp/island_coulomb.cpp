@@ -37,7 +37,6 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
-  ImpulseScales(problem, &scales_);
   gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
   const bool certified = settings.tier == Tier::kCertified;
@@ -105,7 +104,6 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
-  ImpulseScales(problem, &scales_);
   if (circular) gauss_seidel_.Prepare(problem);
   const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;

@@ -67,7 +67,20 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     CopyFreeVelocities(problem, &solution->velocities);
     SolveOneContact(problem, solution);
     solution->rung = Rung::kClosedForm;
-  } else if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
+  } else {
+    Climb(problem, settings, start, solution);
+  }
+  solution->iterations = iterations_;
+  solution->escalations = escalations_;
+  solution->seconds_in_vain = seconds_in_vain_;
+  if (!AllFinite(*solution)) solution->status = Status::kFailed;
+}
+
+// What no formula answers, from the rung of what still holds upwards.
+void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                         Solution* solution) {
+  ImpulseScales(problem, &scales_);
+  if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
   } else if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
@@ -82,10 +95,6 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
     RunInteriorPoint(problem, inner, {}, solution);
   }
-  solution->iterations = iterations_;
-  solution->escalations = escalations_;
-  solution->seconds_in_vain = seconds_in_vain_;
-  if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
 
 void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
@@ -114,13 +123,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
       !IsConvex(problem, settings) ||
       std::all_of(start.begin(), start.end(), [](const Vector3& j) { return j.isZero(0); }))
     return false;
-  ImpulseScales(problem, &scales_);
-  CopyFreeVelocities(problem, &swept_velocities_);
-  swept_impulses_.resize(start.size());
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
-    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
-  }
+  TakeOver(problem, start);
   const double scale = settings.coulomb_tolerance * settings.velocity_scale;
   const double map = MapOfSwept(problem).max;
   if (!(map <= scale)) return false;
@@ -140,9 +143,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   const double scale = settings.velocity_scale, goal = share * settings.coulomb_tolerance;
   if (MapOfSwept(problem).max > goal * scale) return false;
-  CopyFreeVelocities(problem, &swept_velocities_);
-  for (int c = 0; c < problem.num_contacts(); ++c)
-    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   double gap = 0, energy = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
@@ -172,7 +173,6 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
                                Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
-  ImpulseScales(problem, &scales_);
   gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
   gauss_seidel_.Sweep(problem, kSweeps, goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
@@ -185,11 +185,17 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
     return false;
   }
   solution->impulses = swept_impulses_;
-  CopyFreeVelocities(problem, &solution->velocities);
-  for (int c = 0; c < problem.num_contacts(); ++c)
-    ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
+  VelocitiesAfter(problem, solution->impulses, &solution->velocities);
   solution->rung = Rung::kNormal;
   return true;
+}
+
+// The caller's impulses, one per contact, inside the cones.
+void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> start) {
+  swept_impulses_.resize(start.size());
+  for (size_t c = 0; c < start.size(); ++c)
+    swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
 }
 
 // Takes over impulses from the caller, or none if those are of no use.
@@ -198,10 +204,7 @@ void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> st
   CopyFreeVelocities(problem, &swept_velocities_);
   if (start.size() != problem.contacts.size()) return;
   const double without = MapOfSwept(problem).rms;
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
-    ApplyImpulse(problem, problem.contacts[c], swept_impulses_[c], swept_velocities_.data());
-  }
+  TakeOver(problem, start);
   if (MapOfSwept(problem).rms < kGuessShare * without) return;
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);

@@ -35,6 +35,7 @@ class IslandSolver {
   static constexpr int kSweeps = 100;         // a block
 
   void SolveOneContact(const Problem& problem, Solution* solution) const;
+  void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
@@ -42,6 +43,7 @@ class IslandSolver {
 
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
+  void TakeOver(const Problem& problem, std::span<const Vector3> start);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
   void Search(const Problem& problem, const Settings& settings);
   void SearchFromConvex(const Problem& problem, const Settings& settings);
