@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws what measure_studies.py wrote: profiles, scaling, freezing, the paper's Fig. 6 and Table 1, and a fragment of HTML.
+"""Draws what measure_studies.py wrote: profiles, scaling, freezing, the ladder, the paper's Fig. 6 and Table 1, and a fragment of HTML.
 
   draw_studies.py FOLDER [--clock auto|wall|cpu] [--publish FOLDER]
 
@@ -21,6 +21,7 @@ from collections import defaultdict
 import matplotlib
 
 matplotlib.use("Agg")
+import draw_ladder  # noqa: E402
 import matplotlib.pyplot as plt  # noqa: E402
 import study_maths as maths  # noqa: E402
 
@@ -30,7 +31,7 @@ matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "islet", "fo
 BUSY = 1.3  # median load average above which wall time is not worth drawing
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 CLASSES = ((1, 10), (11, 100), (101, 1000), (1001, 10**9))
-TEXT = {"family", "problem", "solver", "model", "cone", "state_hash", "part", "scene", "setting", "settings", "phase", "kind"}
+TEXT = {"family", "problem", "solver", "model", "cone", "state_hash", "part", "scene", "setting", "settings", "phase", "kind", "ladder"}
 BLUE, RED, GREEN, PURPLE, GOLD, GREY = "#0b5fa5", "#d1495b", "#2e8b57", "#8e5aa8", "#b8860b", "#777777"
 
 # [SM04 Table 1], seconds on a Pentium III of 450 MHz with CPLEX 7; without freezing / with it. None: the paper has no value.
@@ -471,6 +472,16 @@ def fragment(folder, clock_asked="auto"):
         write_csv(folder / "table1.csv", headers, lines)
         page.add("Freezing", "Speed-up against deviation; the paper's Fig. 6 and Table 1 [SM04], ours beside them.", pictures,
                  table, headers, lines)
+    if (folder / "ladder.csv").exists():
+        table = Table(folder / "ladder.csv")
+        clock = table.clock(clock_asked)
+        headers, lines, pictures = draw_ladder.draw(table, clock, clock_words(clock), folder, save)
+        write_csv(folder / "ladder_table.csv", headers, lines)
+        page.add("The ladder", "Each island's problem answered by the cheapest way that serves (auto), or by sweeps and the interior point alone "
+                 "(off); one thread, the same start, in turn. Natural map: rms over the contacts of the worst island, mean over the frames. "
+                 "Deviation: of the farthest body from a run at 1e-10 without the ladder; nudged: what 1e-9 m makes of that. Stepwise: both begin each frame in the same state, so that chaos does not decide; "
+                 "their deviation is the largest of one frame.",
+                 pictures, table, headers, lines)
     return page.text()
 
 

@@ -13,7 +13,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -268,12 +267,5 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"stack", "csstack", "cubejam", "cubeglass"}));
   app.add_flag("--quick", options.quick, "the default knobs alone");
   app.add_option("--budget", options.budget, "[s] no new scene is begun after that");
-  CLI11_PARSE(app, argc, argv);
-  try {
-    islet::studies::Study(options).Run();
-  } catch (const std::exception& error) {
-    islet::studies::Say(error.what());
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  return islet::studies::RunStudy(&app, argc, argv, [&] { islet::studies::Study(options).Run(); });
 }

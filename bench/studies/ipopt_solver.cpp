@@ -20,6 +20,20 @@ using Ipopt::Number;
 constexpr double kInfinite = 2e19;  // what IPOPT takes for infinity
 constexpr double kLeastTolerance = 1e-13;
 
+// Entries of a sparse matrix, as IPOPT asks for them: first the places (`values` null), then the values in the same order.
+struct Table {
+  Index *row, *column;
+  Number* values;
+  int entries = 0;
+  void operator()(Eigen::Index i, Eigen::Index j, double value) {
+    if (values == nullptr)
+      row[entries] = static_cast<Index>(i), column[entries] = static_cast<Index>(j);
+    else
+      values[entries] = value;
+    ++entries;
+  }
+};
+
 // Rows: n equalities, then one cone a contact. Columns: v, then j in blocks of three.
 class ContactProgram final : public Ipopt::TNLP {
  public:
@@ -97,14 +111,7 @@ class ContactProgram final : public Ipopt::TNLP {
   }
 
   bool eval_jac_g(Index, const Number* x, bool, Index, Index, Index* row, Index* column, Number* values) override {
-    int k = 0;
-    const auto put = [&](auto i, auto j, double value) {
-      if (values == nullptr)
-        row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
-      else
-        values[k] = value;
-      ++k;
-    };
+    Table put{row, column, values};
     for (int col = 0; col < n_; ++col)
       for (SparseMatrix::InnerIterator e(p_.mass, col); e; ++e) put(e.row(), col, e.value());
     for (int col = 0; col < 3 * m_; ++col)
@@ -116,14 +123,7 @@ class ContactProgram final : public Ipopt::TNLP {
 
   bool eval_h(Index, const Number*, bool, Number factor, Index, const Number* lambda, bool, Index, Index* row,
               Index* column, Number* values) override {
-    int k = 0;
-    const auto put = [&](auto i, auto j, double value) {
-      if (values == nullptr)
-        row[k] = static_cast<Index>(i), column[k] = static_cast<Index>(j);
-      else
-        values[k] = value;
-      ++k;
-    };
+    Table put{row, column, values};
     for (int col = 0; col < n_; ++col)
       for (SparseMatrix::InnerIterator e(p_.mass, col); e; ++e)
         if (e.row() >= e.col()) put(e.row(), col, factor * e.value());

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Runs the studies one after the other: exports the island problems, then profiles, scaling, freezing.
+"""Runs the studies one after the other: exports the island problems, then profiles, scaling, freezing, the ladder.
 
-  measure_studies.py --bin FOLDER_OF_PROGRAMS --islet PROGRAM --out FOLDER [--quick] [--only profile scaling freezing]
+  measure_studies.py --bin FOLDER_OF_PROGRAMS --islet PROGRAM --out FOLDER [--quick] [--only profile scaling freezing ladder]
                      [--part threads islands pyramid solver] [--outside FOLDER_OF_PROBLEMS] [--patience 1]
 
 --only leaves the CSV files of the other studies as they are. --part: of scaling. --outside: problems of others in FCLIB's format,
 measured apart from ours; its default is the environment's ISLET_OUTSIDE. --patience multiplies every budget (a slow machine).
 
-Writes profile.csv, profile_outside.csv, scaling.csv, freezing.csv, frames.csv and run.json (what was asked for and how long each
+Writes profile.csv, profile_outside.csv, scaling.csv, freezing.csv, frames.csv, ladder.csv and run.json (what was asked for and how long each
 took) into the folder, and the exported problems into its subfolder `problems`.
 """
 import argparse
@@ -19,7 +19,7 @@ import subprocess
 import sys
 import time
 
-STUDIES = ("profile", "scaling", "freezing")
+STUDIES = ("profile", "scaling", "freezing", "ladder")
 FRAMES = "3,5,8,12,16,20,25,30,40,50,60,80,100,150,200,300"
 GLASS_FRAMES = "20,40,60,80,100,120,150,180"
 # name, arguments of `islet run`, frames, frames whose problems are taken
@@ -28,8 +28,8 @@ EXPORTS = [("stack", ["stack", "--drop", "0.3"], 300, FRAMES), ("csstack", ["css
            ("cubeglass", ["cubeglass"], 180, GLASS_FRAMES)]
 QUICK_EXPORTS = EXPORTS[:4] + [("cubeglass300", ["cubeglass", "--count", "300"], 120, GLASS_FRAMES)]
 # [s], without what a last problem or size takes beyond it
-BUDGETS = {"profile": 330, "outside": 100, "scaling": 120, "freezing": 240}
-QUICK_BUDGETS = {"profile": 60, "outside": 20, "scaling": 10, "freezing": 40}
+BUDGETS = {"profile": 330, "outside": 100, "scaling": 120, "freezing": 240, "ladder": 170}
+QUICK_BUDGETS = {"profile": 60, "outside": 20, "scaling": 10, "freezing": 40, "ladder": 30}
 
 
 class Session:
@@ -83,6 +83,11 @@ class Session:
         self.call(f"freezing, at most about {self.budgets['freezing']:.0f} s and a last scene",
                   [self.arguments.bin / "study_freezing", "--out", self.arguments.out / "freezing.csv", "--frames-out",
                    self.arguments.out / "frames.csv", "--budget", self.budgets["freezing"], "--scene", *scenes, *self.quick])
+
+    def ladder(self):
+        self.call(f"ladder, at most about {self.budgets['ladder']:.0f} s",
+                  [self.arguments.bin / "study_ladder", "--out", self.arguments.out / "ladder.csv", "--budget", self.budgets["ladder"],
+                   *self.quick])
 
     def run(self):
         for study in self.arguments.only:

@@ -9,7 +9,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -274,12 +273,5 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   app.add_option("--budget", options.budget, "[s] no new problem is begun after that");
   app.add_option("--limit", options.limit, "[s] an attempt that takes longer is a solver's last on its problem");
-  CLI11_PARSE(app, argc, argv);
-  try {
-    islet::studies::RunAll(options);
-  } catch (const std::exception& error) {
-    islet::studies::Say(error.what());
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  return islet::studies::RunStudy(&app, argc, argv, [&] { islet::studies::RunAll(options); });
 }

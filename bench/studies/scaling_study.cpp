@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <stdexcept>
@@ -297,12 +296,5 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"threads", "islands", "pyramid", "solver"}));
   app.add_flag("--quick", options.quick, "small sizes alone");
   app.add_option("--budget", options.budget, "[s] of each part");
-  CLI11_PARSE(app, argc, argv);
-  try {
-    islet::studies::RunAll(options);
-  } catch (const std::exception& error) {
-    islet::studies::Say(error.what());
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  return islet::studies::RunStudy(&app, argc, argv, [&] { islet::studies::RunAll(options); });
 }

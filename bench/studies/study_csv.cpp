@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <stdexcept>
 
@@ -51,5 +52,16 @@ double StudyClock::Wall() const { return SecondsOf(CLOCK_MONOTONIC) - wall_; }
 double StudyClock::Cpu() const { return SecondsOf(CLOCK_PROCESS_CPUTIME_ID) - cpu_; }
 
 void Say(const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }
+
+int RunStudy(CLI::App* app, int argc, char** argv, const std::function<void()>& run) {
+  CLI11_PARSE(*app, argc, argv);
+  try {
+    run();
+  } catch (const std::exception& error) {
+    Say(error.what());
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}
 
 }  // namespace islet::studies

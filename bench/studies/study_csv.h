@@ -4,8 +4,10 @@
 //   errors: std::runtime_error if the file cannot be written
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <fstream>
+#include <functional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -48,5 +50,8 @@ class StudyClock {
 
 // A line on the standard error.
 void Say(const std::string& line);
+
+// The rest of a study's main: reads the command line, runs, says what was wrong. Returns the exit status.
+int RunStudy(CLI::App* app, int argc, char** argv, const std::function<void()>& run);
 
 }  // namespace islet::studies
