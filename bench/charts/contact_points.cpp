@@ -16,6 +16,8 @@ using peers::State;
 
 // [m] faces are preferred to edges by this much: at rest both say the same but for rounding, in float too.
 constexpr double kPreferFaces = 1e-4;
+// [m] what is no farther in front of a plane is on it: of faces that fit, rounding would put points anywhere along the edges.
+constexpr double kOnPlane = 1e-6;
 
 double BoundingRadius(const BodyPlan& body) {
   if (body.form == BodyPlan::Form::kSphere) return body.radius;
@@ -39,8 +41,9 @@ std::vector<Vector3> ClipPolygon(const std::vector<Vector3>& polygon, const Vect
   for (size_t i = 0; i < polygon.size(); ++i) {
     const Vector3 &p = polygon[i], &q = polygon[(i + 1) % polygon.size()];
     const double at_p = normal.dot(p - through), at_q = normal.dot(q - through);
-    if (at_p <= 0) kept.push_back(p);
-    if ((at_p < 0 && at_q > 0) || (at_p > 0 && at_q < 0)) kept.push_back(p + at_p / (at_p - at_q) * (q - p));
+    if (at_p <= kOnPlane) kept.push_back(p);
+    if (std::min(at_p, at_q) < -kOnPlane && std::max(at_p, at_q) > kOnPlane)
+      kept.push_back(p + at_p / (at_p - at_q) * (q - p));
   }
   return kept;
 }
@@ -136,7 +139,8 @@ void ForEachNearPair(const peers::WorldPlan& plan, std::span<const State> states
       const int k = moving[n];
       if (states[k].position_W.x() - radius[k] > end) break;
       const double both = radius[i] + radius[k];
-      if ((states[i].position_W - states[k].position_W).squaredNorm() < both * both) visit(i, k);
+      if ((states[i].position_W - states[k].position_W).squaredNorm() < both * both)
+        visit(std::min(i, k), std::max(i, k));
     }
     for (const int k : fixed) {
       if (MayTouch(bodies[k], states[k], states[i], radius[i] + 0.5 * reach)) visit(i, k);

@@ -15,14 +15,31 @@ constexpr double kTouch = 5e-3;          // [m] farther apart than that and than
 constexpr double kCollision = 1.0 / 60;  // [s] approach at what gravity gives in that time is a collision
 constexpr double kClosed = 1e-6;         // [m] an open contact may close at any speed: it is the next step's
 constexpr double kUnitTime = 1.0 / 60;   // [s] velocities count in units of what gravity gives in that time
+constexpr double kRounding = 1.2e-7;     // of a coordinate: what poses in float may move by
 constexpr double kConverged = 2e-7;      // of a step of the fit, relative to the momentum of gravity
 constexpr double kFlies = 1e-3;          // [g] what touches nothing and is explained to that flies free: not judged
-constexpr int kFarHops = 4;              // bodies nearer than that to a collision are not judged
 constexpr double kWork = 4e6;            // updates of contacts a fit may take
 constexpr int kMostIterations = 1500, kLeastIterations = 300;
 
 Vector3 VelocityAt(const State& state, const Vector3& arm) {
   return state.linear_velocity_W + state.angular_velocity_W.cross(arm);
+}
+
+double DistanceToSegment(const Vector3& p, const Vector3& a, const Vector3& b) {
+  const double length = (b - a).squaredNorm();
+  const double share = length > 0 ? std::clamp((p - a).dot(b - a) / length, 0.0, 1.0) : 0;
+  return (p - a - share * (b - a)).norm();
+}
+
+double DistanceToTriangle(const Vector3& p, const Vector3& a, const Vector3& b, const Vector3& c) {
+  const double edges = std::min({DistanceToSegment(p, a, b), DistanceToSegment(p, b, c), DistanceToSegment(p, c, a)});
+  const Vector3 normal = (b - a).cross(c - a);
+  const double area = normal.squaredNorm();
+  const auto inside = [&](const Vector3& from, const Vector3& to) {
+    return (to - from).cross(p - from).dot(normal) >= 0;
+  };
+  if (area == 0 || !inside(a, b) || !inside(b, c) || !inside(c, a)) return edges;
+  return std::min(edges, std::abs((p - a).dot(normal)) / std::sqrt(area));
 }
 
 }  // namespace
@@ -49,46 +66,55 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
     momentum[i] = plan_.bodies[i].mass * left.linear.squaredNorm() +
                   left.angular.dot(inverse_inertia_[i].inverse() * left.angular);
   }
-  std::vector<bool> touches(plan_.bodies.size(), false);
+  std::vector<bool> touches(plan_.bodies.size(), false), settled = touches, collides = touches;
   for (const Fitted& c : contacts_) {
     const double square = c.response * (c.impulse - Project(c.impulse - c.slip / c.response, c.normal)).squaredNorm();
     const bool both = plan_.bodies[c.body_a].Moves() && plan_.bodies[c.body_b].Moves();
     map[c.body_a] += both ? 0.5 * square : square;
     map[c.body_b] += both ? 0.5 * square : square;
     touches[c.body_a] = touches[c.body_b] = true;
+    if (c.closed) settled[c.body_a] = settled[c.body_b] = true;
+    if (c.collides) collides[c.body_a] = collides[c.body_b] = true;
   }
-  const std::vector<bool> disturbed = FindDisturbed();
   for (size_t i = 0; i < plan_.bodies.size(); ++i) {
     const peers::BodyPlan& body = plan_.bodies[i];
-    if (!body.Moves() || disturbed[i]) continue;
+    if (!body.Moves()) continue;
     const double scale = 1 / (body.mass * unit * unit);
     if (!touches[i] && scale * momentum[i] < kFlies * kFlies) continue;
+    ++result.candidates;
+    if (collides[i]) continue;
     ++result.judged;
+    const double share = dt / kUnitTime;
+    const double displacement = 2 * share * share * Untold(static_cast<int>(i), before[i], after[i], dt, settled[i]);
     result.momentum += scale * momentum[i];
     result.natural_map += scale * map[i];
-    result.error += std::min(1.0, std::sqrt(scale * (momentum[i] + map[i])));
+    result.displacement += scale * displacement;
+    result.error += std::min(1.0, std::sqrt(scale * (momentum[i] + map[i] + displacement)));
   }
   if (result.judged == 0) return result;
   result.error /= result.judged;
   result.momentum = std::sqrt(result.momentum / result.judged);
   result.natural_map = std::sqrt(result.natural_map / result.judged);
+  result.displacement = std::sqrt(result.displacement / result.judged);
   return result;
 }
 
-// Bodies that collide, and those that a chain of contacts may have reached within the step.
-std::vector<bool> CoulombMeter::FindDisturbed() const {
-  std::vector<bool> disturbed(plan_.bodies.size(), false);
-  for (const Fitted& c : contacts_) {
-    if (c.collides) disturbed[c.body_a] = disturbed[c.body_b] = true;
-  }
-  for (int hop = 1; hop < kFarHops; ++hop) {
-    const std::vector<bool> nearer = disturbed;
-    for (const Fitted& c : contacts_) {
-      if (nearer[c.body_a] && plan_.bodies[c.body_a].Moves()) disturbed[c.body_b] = true;
-      if (nearer[c.body_b] && plan_.bodies[c.body_b].Moves()) disturbed[c.body_a] = true;
-    }
-  }
-  return disturbed;
+double CoulombMeter::Untold(int body, const State& before, const State& after, double dt, bool settled) const {
+  const Vector3 mean = (after.position_W - before.position_W) / dt;
+  const Vector3& from = before.linear_velocity_W;
+  const peers::BodyPlan& plan = plan_.bodies[body];
+  const Vector3 fallen = settled ? from : (from + dt * (plan_.gravity + plan.push_W / plan.mass)).eval();
+  const double rounding = kRounding * std::max(before.position_W.norm(), after.position_W.norm()) / dt;
+  const double linear = std::max(0.0, DistanceToTriangle(mean, from, after.linear_velocity_W, fallen) - rounding);
+
+  const Eigen::AngleAxisd turned(after.rotation_WB * before.rotation_WB.conjugate());
+  const Vector3 &spin = before.angular_velocity_W, &spin_after = after.angular_velocity_W;
+  const Vector3 mean_spin = turned.angle() / dt * turned.axis();
+  const double fastest = std::max(spin.norm(), spin_after.norm());
+  const double rule = fastest * fastest * fastest * dt * dt / 6;  // [rad/s] twice what a rule of first order leaves out
+  const double angular = std::max(0.0, DistanceToSegment(mean_spin, spin, spin_after) - rule - 2 * kRounding / dt);
+  const double moment = plan.Inertia().maxCoeff();
+  return plan.mass * linear * linear + moment * angular * angular;
 }
 
 void CoulombMeter::MeasureMomentum(std::span<const State> before, std::span<const State> after, double dt) {
@@ -118,7 +144,8 @@ void CoulombMeter::FindContacts(std::span<const State> before, std::span<const S
     if (plan_.bodies[i].Moves())
       fastest = std::max(fastest, before[i].linear_velocity_W.norm() + before[i].angular_velocity_W.norm());
   }
-  const double reach = kTouch + 2 * fastest * dt;
+  const double falls = plan_.gravity.norm() * dt * dt;  // [m] what closes in a step from rest
+  const double reach = kTouch + falls + 2 * fastest * dt;
   found_.clear();
   ForEachNearPair(plan_, before, reach, [&](int a, int b) { AppendContacts(plan_, before, a, b, reach, &found_); });
   contacts_.clear();
@@ -130,7 +157,7 @@ void CoulombMeter::FindContacts(std::span<const State> before, std::span<const S
       return VelocityAt(states[c.body_b], c.arm_b) - VelocityAt(states[c.body_a], c.arm_a);
     };
     const double approach = std::max(0.0, -c.normal.dot(relative(before)));
-    if (point.gap > kTouch + approach * dt) continue;
+    if (point.gap > kTouch + falls + approach * dt) continue;
     const Vector3 u = relative(after);
     double normal_speed = c.normal.dot(u);
     const Vector3 tangential = u - normal_speed * c.normal;
@@ -140,15 +167,16 @@ void CoulombMeter::FindContacts(std::span<const State> before, std::span<const S
     const Vector3 lifted = tangential + plan_.friction * tangential.norm() * c.normal;
     c.slip = dt / kUnitTime * (lifted + normal_speed * c.normal);
     c.offer = dt / kUnitTime * (lifted + std::max(0.0, normal_speed) * c.normal);
-    c.collides = approach > kCollision * plan_.gravity.norm();
+    c.closed = point.gap <= kClosed;
+    c.collides = approach > kCollision * plan_.gravity.norm() && point.gap > -(kTouch + approach * dt);
     contacts_.push_back(c);
   }
-  // Begin with the impulses that the same pairs had when last looked at, point by point.
-  std::map<std::pair<int, int>, int> number;
+  // Begin with the impulses that the same pairs had when last looked at, each point with that of the nearest one.
   for (Fitted& c : contacts_) {
-    c.number = number[{c.body_a, c.body_b}]++;
-    const auto known = remembered_.find({c.body_a, c.body_b, c.number});
-    c.impulse = known == remembered_.end() ? Vector3::Zero().eval() : Project(known->second, c.normal);
+    const auto known = remembered_.find({c.body_a, c.body_b});
+    if (known == remembered_.end()) continue;
+    const auto distance = [&](const Remembered& r) { return (r.arm_b - c.arm_b).squaredNorm(); };
+    c.impulse = Project(std::ranges::min_element(known->second, {}, distance)->impulse, c.normal);
   }
 }
 
@@ -197,7 +225,7 @@ int CoulombMeter::Fit(double unit_energy) {
     for (Fitted& c : contacts_) c.ahead = c.impulse + share * (c.impulse - c.last);
   }
   remembered_.clear();
-  for (const Fitted& c : contacts_) remembered_[{c.body_a, c.body_b, c.number}] = c.impulse;
+  for (const Fitted& c : contacts_) remembered_[{c.body_a, c.body_b}].push_back({c.arm_b, c.impulse});
   return done;
 }
 

@@ -200,7 +200,7 @@ def table(headers, lines):
     return f"<table><tr>{head}</tr>\n{body}</table>"
 
 
-COLUMNS = ("starts", "failures", "error", "failed", "overlap_max", "overlap_mean", "coulomb_error", "coulomb_end", "drift", "creep",
+COLUMNS = ("starts", "failures", "error", "failed", "overlap_max", "overlap_mean", "coulomb_error", "coulomb_end", "coulomb_judged", "drift", "creep",
            "jitter", "energy_gain", "lost", "wall_per_s", "cpu_per_s", "step_median", "step_p99", "memory_mib", "contacts_mean",
            "state_hash", "repeats", "repeatable", "load")
 BESIDE = (("peer", "peer"), ("default", "default"), ("starts", "starts"), ("failed", "failed"), ("its time [s]", "peer_time"),
@@ -239,7 +239,7 @@ def page(scenes, by_scene, standings, heads, run, clock, folder):
         parts.append("<h3>islet beside each peer</h3>" + table(
             [head for head, _ in BESIDE], [[e[column] for _, column in BESIDE] for e in standings[name]]))
         parts.append("<details><summary>all rows</summary>" + table(
-            ("setting",) + COLUMNS, [[r.setting()] + [r[c] for c in COLUMNS] for r in rows]) + "</details>")
+            ("setting",) + COLUMNS, [[r.setting()] + [r.get(c, "") for c in COLUMNS] for r in rows]) + "</details>")
         limit = f" --limit {run['limit_s']:g}" if run["limit_s"] else ""
         programs = " ".join(sorted({r["engine"] for r in rows}))
         parts.append(f"<pre>for e in {programs}; do chart_$e --out $e.csv --scene {name}"

@@ -37,7 +37,7 @@ bool Judge::WantsStep() const { return coulomb_ && measures_.finite && samples_ 
 void Judge::SampleStep(double time, std::span<const State> before, std::span<const State> after, double dt) {
   if (!std::ranges::all_of(before, Finite) || !std::ranges::all_of(after, Finite)) return;
   const CoulombError error = coulomb_->Measure(before, after, dt);
-  steps_.push_back({time, error.error, error.judged});
+  steps_.push_back({time, error.error, error.judged, error.candidates});
 }
 
 void Judge::Sample(double time, std::span<const State> states) {
@@ -106,6 +106,9 @@ Measures Judge::Result() const {
   if (!steps_.empty()) {
     result.coulomb_error = mean_since(0);
     result.coulomb_end = mean_since(steps_.back().time - 1);
+    double judged = 0, candidates = 0;
+    for (const Step& step : steps_) judged += step.judged, candidates += step.candidates;
+    result.coulomb_judged = candidates > 0 ? judged / candidates : 0;
   }
   if (recent_.empty()) return result;
   double squares = 0;

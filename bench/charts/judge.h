@@ -27,6 +27,7 @@ struct Measures {
   double creep = 0;           // [m] farthest that a centre moved in the last second
   double coulomb_error = -1;  // mean over bodies and steps that were judged (coulomb_error.h); -1: none was
   double coulomb_end = -1;    // the same over the last second
+  double coulomb_judged = 0;  // share of the touching bodies, over the steps looked at, that were judged
   double jitter = 0;          // [m/s] root mean square speed of the centres in the last second
   double kinetic_end = 0;     // [J]
   double energy_gain = 0;     // [J] sum of all rises of the total energy from one sample to the next
@@ -64,6 +65,7 @@ class Judge {
   struct Step {
     double time, error;  // [s], 1
     int judged;          // bodies
+    int candidates;      // bodies
   };
 
   const peers::WorldPlan& plan_;
