@@ -2,8 +2,9 @@
 // direct MLCP solver; with it one island per batch, as Bullet's documentation asks). Default: 10 iterations at 1/60 s.
 //
 // Bullet multiplies the coefficients of two bodies, so each gets the root. Damping is 0 by default. The collision margin
-// (4 cm, inside the box; around a hull, where it would hold wedges apart: 1 mm there) and the restitution threshold (0.2 m/s) are Bullet's defaults. Debian has Bullet in float and in
-// double; this file is compiled for each.
+// (4 cm, inside the box; around a hull, where it would hold wedges apart: 1 mm there) and the restitution threshold (0.2 m/s)
+// are Bullet's defaults. Debian has Bullet in float and in double; this file is compiled for each. A body that is pushed is
+// woken, as Bullet asks of whoever applies a force.
 #include <btBulletDynamicsCommon.h>
 
 #include <BulletDynamics/ConstraintSolver/btNNCGConstraintSolver.h>
@@ -48,7 +49,10 @@ class BulletPeer final : public Peer {
   }
 
   void Step(double dt) override {
-    for (const auto& [body, push] : pushed_) body->applyCentralForce(push);
+    for (const auto& [body, push] : pushed_) {
+      body->activate();  // a force does not wake a body
+      body->applyCentralForce(push);
+    }
     world_->stepSimulation(Real(dt), 0);
   }
 

@@ -1,9 +1,11 @@
 // MuJoCo: one free joint a body, the model handed over as XML in memory. Lines: Newton (the default: pyramidal cone),
-// elliptic (elliptic cone), stiff (elliptic, solref at its documented minimum of two steps, ten iterations of noslip, which
-// the manual names against creep), CG. Default: 2 ms, 100 iterations; 1/480 s stands for it.
+// elliptic (elliptic cone), stiff (elliptic with what the manual names against softness and creep: solref at its documented
+// minimum of two steps, solimp 0.99, impratio 10, ten iterations of noslip), CG. Default: 2 ms, 100 iterations; 1/480 s stands
+// for it.
 //
 // MuJoCo has no restitution: it is left at its default, and the plan's is ignored. Friction is sliding alone (condim 3).
-// Hulls are given "multiccd", without which two of them touch at one point. Contacts are soft by design. A model that MuJoCo cannot allocate is refused.
+// Hulls are given "multiccd", without which two of them touch at one point. Contacts are soft by design. A model that MuJoCo
+// cannot allocate is refused.
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
@@ -46,13 +48,13 @@ std::string Model(const WorldPlan& plan, const Setting& setting, int points_per_
       << "'/><option timestep='" << setting.dt << "' cone='" << (elliptic ? "elliptic" : "pyramidal") << "' solver='"
       << solver << '\'';
   if (setting.iterations > 0) xml << " iterations='" << setting.iterations << '\'';
-  if (stiff) xml << " noslip_iterations='" << kNoslipIterations << '\'';
+  if (stiff) xml << " impratio='10' noslip_iterations='" << kNoslipIterations << '\'';
   vector("gravity", plan.gravity);
   const bool hulls =
       std::ranges::any_of(plan.bodies, [](const BodyPlan& b) { return b.form == BodyPlan::Form::kHull; });
   xml << (hulls ? "><flag multiccd='enable'/></option>" : "/>") << "<default><geom condim='3' friction='"
       << plan.friction << " 0 0'";
-  if (stiff) xml << " solref='" << 2 * setting.dt << " 1'";
+  if (stiff) xml << " solref='" << 2 * setting.dt << " 1' solimp='0.99 0.99 0.001'";
   xml << "/></default><asset>";
   for (size_t i = 0; i < plan.bodies.size(); ++i) {
     if (plan.bodies[i].form != BodyPlan::Form::kHull) continue;

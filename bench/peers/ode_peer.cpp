@@ -50,7 +50,10 @@ class OdePeer final : public Peer {
   }
 
   void Step(double dt) override {
-    for (const auto& [body, push] : pushed_) dBodyAddForce(body, push.x(), push.y(), push.z());
+    for (const auto& [body, push] : pushed_) {
+      dBodyEnable(body);  // a force does not wake a body
+      dBodyAddForce(body, push.x(), push.y(), push.z());
+    }
     dJointGroupEmpty(joints_);
     contacts_ = 0;
     dSpaceCollide(space_, this, [](void* self, dGeomID a, dGeomID b) { static_cast<OdePeer*>(self)->Touch(a, b); });
