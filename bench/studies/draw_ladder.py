@@ -1,5 +1,6 @@
 """The pictures and the table of ladder.csv (ladder_study.cpp). Used by draw_studies.py, which hands over what they share."""
 import matplotlib.pyplot as plt
+from matplotlib import ticker
 
 COLOURS = ("#bbbbbb", "#2e8b57", "#0b5fa5", "#8e5aa8", "#d1495b", "#444444", "#b8860b", "#56b4c9", "#e07b39", "#7fbf7f")
 ASKED = 1e-6   # the engine's own tolerance: of the bars and the table
@@ -31,32 +32,40 @@ def draw_error_time(found, clock, words, folder, save):
             points = [(1e3 * r[clock + "_s"] / frames, max(r["map_mean"], FLOOR)) for r in mine]
             panel.plot([p[0] for p in points], [p[1] for p in points], marker + "-", color=colour, markersize=3.5, linewidth=0.8,
                        label=f"--ladder {ladder}")
+            stepwise = rows.get((f"stepwise {ladder}", ASKED))
+            if stepwise:
+                panel.plot([1e3 * stepwise[clock + "_s"] / frames], [max(stepwise["map_mean"], FLOOR)], marker, color=colour,
+                           markerfacecolor="none", markersize=6, label=f"{ladder}, from the same states, 1e-6")
             for r, p in zip(mine, points):
                 big = r["tolerance"] == ASKED
                 panel.annotate(f"{r['tolerance']:.0e}".replace("e-0", "e-"), p, fontsize=7 if big else 5, color=colour,
                                fontweight="bold" if big else "normal", xytext=(4, 2), textcoords="offset points")
         panel.set_xscale("log")
         panel.set_yscale("log")
+        panel.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        panel.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+        panel.xaxis.set_minor_formatter(ticker.NullFormatter())
         panel.margins(0.18)
         panel.set_title(scene, fontsize=8)
     for panel in axes[-1]:
         panel.set_xlabel(f"{words}\nof a frame [ms]")
     for line in axes:
         line[0].set_ylabel("natural map of exact Coulomb [m/s]")
-    axes[0][0].legend()
     figure.suptitle("Error against time with and without the ladder; along the lines the tolerance asked for", fontsize=10)
-    figure.tight_layout()
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="lower center", ncols=4)
+    figure.tight_layout(rect=(0, 0.03, 1, 1))
     save(figure, folder, "ladder")
 
 
 def draw_rungs(found, folder, save):
     rungs = rungs_of(next(iter(found.values()))["auto", ASKED])
-    figure, panel = plt.subplots(figsize=(10, 0.55 * len(found) + 1.6))
+    figure, panel = plt.subplots(figsize=(10, 0.55 * len(found) + 1.8))
     labels = []
     for place, (scene, rows) in enumerate(found.items()):
-        whole = rows["off", ASKED]["wall_s"]
+        pair = {ladder: rows.get((f"stepwise {ladder}", ASKED), rows[ladder, ASKED]) for ladder in ("off", "auto")}
+        whole = pair["off"]["wall_s"]
         for ladder, below in (("off", 0.2), ("auto", -0.2)):
-            row, left = rows[ladder, ASKED], 0
+            row, left = pair[ladder], 0
             parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, COLOURS)]
             parts.append(("all else of the step", max(0, row["wall_s"] - sum(p[1] for p in parts)), "#eeeeee"))
             for name, seconds, colour in parts:
@@ -65,9 +74,9 @@ def draw_rungs(found, folder, save):
                 left += seconds / whole
         labels.append(scene)
     panel.set_yticks([-i for i in range(len(labels))], labels)
-    panel.set_xlabel("wall time by rung, over that of the whole run without the ladder (upper bars: off, lower: auto)")
-    panel.set_title("Which rung takes the time, tolerance 1e-6", fontsize=9)
-    panel.legend(ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.22 if len(found) > 4 else -0.4))
+    panel.set_xlabel("wall time by rung, over that without the ladder (upper bars: off, lower: auto)")
+    panel.set_title("Which rung takes the time: tolerance 1e-6, both from the same states", fontsize=9)
+    panel.legend(ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.8 / (0.55 * len(found))))
     figure.tight_layout()
     save(figure, folder, "ladder_rungs")
 
