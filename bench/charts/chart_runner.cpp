@@ -50,7 +50,8 @@ void WriteHead(const peers::Engine& engine, std::ostream& out) {
       << "\n# load average of the machine: at the start " << bench::Load() << "; of each run in its row\n"
       << "scene,start,engine,version,precision,solver,sweep,dt,iterations,tolerance,sleeping,threads,default,failed,"
          "error,"
-         "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,coulomb_error,coulomb_end,coulomb_judged,jitter,"
+         "overlap_max,overlap_mean,overlap_end,drift,drift_max,creep,coulomb_error,coulomb_end,coulomb_told,coulomb_"
+         "judged,jitter,"
          "kinetic_end,"
          "energy_gain,energy_ratio,"
          "momentum_error,fell_at,lost,simulated_s,wall_per_s,cpu_per_s,step_median,step_p99,memory_mib,contacts_mean,"
@@ -69,11 +70,11 @@ void WriteRow(const ChartScene& scene, const peers::Engine& engine, const peers:
       << setting.tolerance << ',' << setting.sleeping << ',' << setting.threads << ',' << setting.is_default << ','
       << run.failed << ',' << run.error << ',' << m.overlap_max << ',' << m.overlap_mean << ',' << m.overlap_end << ','
       << m.drift << ',' << m.drift_max << ',' << m.creep << ',' << m.coulomb_error << ',' << m.coulomb_end << ','
-      << m.coulomb_judged << ',' << m.jitter << ',' << m.kinetic_end << ',' << m.energy_gain << ',' << m.energy_ratio
-      << ',' << m.momentum_error << ',' << m.fell_at << ',' << m.lost << ',' << run.simulated << ','
-      << run.wall * per_second << ',' << run.cpu * per_second << ',' << run.step_median << ',' << run.step_p99 << ','
-      << run.memory_kib / 1024 << ',' << run.contacts_mean << ',' << hash << ',' << run.repeats << ',' << run.repeatable
-      << ',' << load << '\n'
+      << m.coulomb_told << ',' << m.coulomb_judged << ',' << m.jitter << ',' << m.kinetic_end << ',' << m.energy_gain
+      << ',' << m.energy_ratio << ',' << m.momentum_error << ',' << m.fell_at << ',' << m.lost << ',' << run.simulated
+      << ',' << run.wall * per_second << ',' << run.cpu * per_second << ',' << run.step_median << ',' << run.step_p99
+      << ',' << run.memory_kib / 1024 << ',' << run.contacts_mean << ',' << hash << ',' << run.repeats << ','
+      << run.repeatable << ',' << load << '\n'
       << std::flush;
 }
 

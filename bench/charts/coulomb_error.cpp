@@ -89,10 +89,12 @@ CoulombError CoulombMeter::Measure(std::span<const State> before, std::span<cons
     result.momentum += scale * momentum[i];
     result.natural_map += scale * map[i];
     result.displacement += scale * displacement;
+    result.told += std::min(1.0, std::sqrt(scale * (momentum[i] + map[i])));
     result.error += std::min(1.0, std::sqrt(scale * (momentum[i] + map[i] + displacement)));
   }
   if (result.judged == 0) return result;
   result.error /= result.judged;
+  result.told /= result.judged;
   result.momentum = std::sqrt(result.momentum / result.judged);
   result.natural_map = std::sqrt(result.natural_map / result.judged);
   result.displacement = std::sqrt(result.displacement / result.judged);

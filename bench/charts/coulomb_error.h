@@ -40,6 +40,7 @@ namespace islet::charts {
 
 struct CoulombError {
   double error = 0;                                        // as above
+  double told = 0;                                         // the same with motion that no velocity tells left out
   double momentum = 0, natural_map = 0, displacement = 0;  // its parts, root mean squares, not cut off at 1
   int contacts = 0, iterations = 0;
   int judged = 0;      // bodies; 0: no error can be told

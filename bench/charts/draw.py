@@ -200,7 +200,7 @@ def table(headers, lines):
     return f"<table><tr>{head}</tr>\n{body}</table>"
 
 
-COLUMNS = ("starts", "failures", "error", "failed", "overlap_max", "overlap_mean", "coulomb_error", "coulomb_end", "coulomb_judged", "drift", "creep",
+COLUMNS = ("starts", "failures", "error", "failed", "overlap_max", "overlap_mean", "coulomb_error", "coulomb_end", "coulomb_told", "coulomb_judged", "drift", "creep",
            "jitter", "energy_gain", "lost", "wall_per_s", "cpu_per_s", "step_median", "step_p99", "memory_mib", "contacts_mean",
            "state_hash", "repeats", "repeatable", "load")
 BESIDE = (("peer", "peer"), ("default", "default"), ("starts", "starts"), ("failed", "failed"), ("its time [s]", "peer_time"),

@@ -37,7 +37,7 @@ bool Judge::WantsStep() const { return coulomb_ && measures_.finite && samples_ 
 void Judge::SampleStep(double time, std::span<const State> before, std::span<const State> after, double dt) {
   if (!std::ranges::all_of(before, Finite) || !std::ranges::all_of(after, Finite)) return;
   const CoulombError error = coulomb_->Measure(before, after, dt);
-  steps_.push_back({time, error.error, error.judged, error.candidates});
+  steps_.push_back({time, error.error, error.told, error.judged, error.candidates});
 }
 
 void Judge::Sample(double time, std::span<const State> states) {
@@ -94,18 +94,19 @@ void Judge::IncludeInLastSecond(double deepest, std::span<const State> states) {
 Measures Judge::Result() const {
   Measures result = measures_;
   if (samples_ > 1) result.overlap_mean = overlap_sum_ / (samples_ - 1);
-  const auto mean_since = [this](double time) {
+  const auto mean_since = [this](double time, double Step::*what) {
     double sum = 0, bodies = 0;
     for (const Step& step : steps_) {
       if (step.time < time) continue;
-      sum += step.judged * step.error;
+      sum += step.judged * step.*what;
       bodies += step.judged;
     }
     return bodies > 0 ? sum / bodies : -1;
   };
   if (!steps_.empty()) {
-    result.coulomb_error = mean_since(0);
-    result.coulomb_end = mean_since(steps_.back().time - 1);
+    result.coulomb_error = mean_since(0, &Step::error);
+    result.coulomb_told = mean_since(0, &Step::told);
+    result.coulomb_end = mean_since(steps_.back().time - 1, &Step::error);
     double judged = 0, candidates = 0;
     for (const Step& step : steps_) judged += step.judged, candidates += step.candidates;
     result.coulomb_judged = candidates > 0 ? judged / candidates : 0;

@@ -27,6 +27,7 @@ struct Measures {
   double creep = 0;           // [m] farthest that a centre moved in the last second
   double coulomb_error = -1;  // mean over bodies and steps that were judged (coulomb_error.h); -1: none was
   double coulomb_end = -1;    // the same over the last second
+  double coulomb_told = -1;   // the same over the run with motion that no velocity tells left out
   double coulomb_judged = 0;  // share of the touching bodies, over the steps looked at, that were judged
   double jitter = 0;          // [m/s] root mean square speed of the centres in the last second
   double kinetic_end = 0;     // [J]
@@ -63,9 +64,9 @@ class Judge {
   };
 
   struct Step {
-    double time, error;  // [s], 1
-    int judged;          // bodies
-    int candidates;      // bodies
+    double time, error, told;  // [s], 1, 1
+    int judged;                // bodies
+    int candidates;            // bodies
   };
 
   const peers::WorldPlan& plan_;

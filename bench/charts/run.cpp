@@ -134,6 +134,7 @@ RunResult Run(const ChartScene& scene, const peers::Engine& engine, const peers:
   }
   best.measures.coulomb_error = measures.coulomb_error;
   best.measures.coulomb_end = measures.coulomb_end;
+  best.measures.coulomb_told = measures.coulomb_told;
   best.measures.coulomb_judged = measures.coulomb_judged;
   best.repeats = repeats;
   best.repeatable = repeatable;

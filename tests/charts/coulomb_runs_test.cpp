@@ -206,6 +206,12 @@ TEST(CoulombRuns, TheJudgeTellsTheShareOfCollisions) {
     judge.Sample(i / 30.0, rest);
   }
   EXPECT_DOUBLE_EQ(judge.Result().coulomb_judged, 0.75);
+  EXPECT_LT(judge.Result().coulomb_error, kFitted);
+  std::vector<State> moved = rest;
+  moved[1].position_W.x() += 0.1 * kUnit / 60;
+  judge.SampleStep(5 / 30.0, rest, moved, 1.0 / 60);
+  EXPECT_NEAR(judge.Result().coulomb_error, 0.1 * std::sqrt(2) / 4, 1e-3);
+  EXPECT_LT(judge.Result().coulomb_told, kFitted);
 }
 
 }  // namespace
