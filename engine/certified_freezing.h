@@ -1,9 +1,10 @@
 // Freezing that never lies: a frozen body carries the impulses that hold it, and stays frozen only while they balance what
 // acts on it.
 //
-//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, which
-//            the static-contact solution of this very frame leaves at rest, and which does not accelerate: however slow,
-//            what gains velocity in the same direction frame by frame stands on an edge or a top, and will fall
+//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, whose
+//            contacts have pressed alike for that time, which the static-contact solution of this very frame leaves at rest,
+//            and which does not accelerate: however slow, what gains velocity in the same direction frame by frame stands on
+//            an edge or a top, and will fall
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
 //            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their
 //            cones. A support that is gone, a load that changed, gravity that turned, friction that was lowered, a wall
@@ -62,6 +63,7 @@ class CertifiedFreezing {
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
   void TrackGain(const SuiteFrame& frame);
+  void TrackLoads(const SuiteFrame& frame, const Settings& settings);
   static double Imbalance(const Body& body, const Load& load);
   static double Tolerance(const Load& load);  // imbalance that counts as none
 
@@ -70,6 +72,8 @@ class CertifiedFreezing {
   std::vector<double> still_seconds_;
   std::vector<Twist> last_twist_, last_gain_;  // at the end of the last frame, and by how much it had changed
   std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
+  std::vector<double> calm_seconds_;           // how long the impulses at its contacts have been steady
+  std::vector<double> change_, pressed_;       // [N s] of this frame: by how much they did, and how large they are
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
 };

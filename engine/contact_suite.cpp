@@ -118,6 +118,7 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
   RecallHolding();
+  frame.held_before = frame.holding;
 }
 
 // Contacts keep the impulses that held in the frame before, per second: where nothing moves as they are, elsewhere as what

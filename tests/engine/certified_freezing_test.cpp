@@ -64,6 +64,19 @@ TEST(CertifiedFreezing, CubeOnTheFloorFreezesWithinAFifthOfASecond) {
   }
 }
 
+// It would be a wall in one frame and wake in the next.
+TEST(CertifiedFreezing, DoesNotFreezeWhileItsLoadChanges) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  for (int frame = 0; frame < 60; ++frame) {
+    world.SetForce(1, {0, 0, frame % 2 == 0 ? -0.5 * kGravity : 0}, Vector3::Zero());
+    world.Step(kDt);
+    EXPECT_FALSE(world.body(1).frozen) << frame;
+  }
+  EXPECT_LE(FramesUntilFrozen(&world, 60), 8);
+}
+
 TEST(CertifiedFreezing, NeverFreezesInTheAirOrAtTheTopOfAFlight) {
   World world(OneThread());
   world.Add(Floor());
