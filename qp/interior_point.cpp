@@ -9,14 +9,17 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStepShare = 0.995;     // of the way to the boundary
-constexpr double kResidualShare = 2;     // residuals [velocity] may be this many times the tolerance of the gap
-constexpr double kSoftness = 3e-2;       // of a contact's own W_nn, where impulses near given ones are asked for
-constexpr double kLeastShare = 0.1;      // of the aim: least mean complementarity
-constexpr double kRefineBelow = 1e-4;    // gap from which directions are refined
-constexpr int kMaxCorrectors = 3;        // centrality correctors per factorisation [Gon96]
-constexpr double kCorrectorReach = 0.3;  // by how much a corrector tries to lengthen the step
-constexpr double kCorrectorGain = 0.1;   // what it must have gained of that to be kept
+constexpr double kStepShare = 0.995;  // of the way to the boundary
+constexpr double kResidualShare = 2;  // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kSoftness = 3e-2;    // of a contact's own W_nn, where impulses near given ones are asked for
+constexpr double kLeastSigma =
+    1e-3;  // lower, some contacts run ahead of others and the matrix out of the range of numbers
+constexpr double kLeastShare = 0.1;                // of the aim: least mean complementarity
+constexpr double kRefineBelow = 1e-4;              // gap from which directions are refined
+constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
+constexpr int kMaxCorrectors = 3;                  // centrality correctors per factorisation [Gon96]
+constexpr double kCorrectorReach = 0.3;            // by how much a corrector tries to lengthen the step
+constexpr double kCorrectorGain = 0.1;             // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 
 }  // namespace
@@ -83,7 +86,8 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1);
   incidence_.Build(scaled_);
-  for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &best_z_}) v->assign(num_rows_, 0.0);
+  for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &ds_plain_, &best_z_})
+    v->assign(num_rows_, 0.0);
   eta_.assign(rows_.size(), 1.0);
   softening_.resize(rows_.size());
   for (auto* v : {&y_, &dual_, &dy_}) v->assign(static_cast<size_t>(6) * kkt_.num_fields() * nb, 0.0);
@@ -116,38 +120,49 @@ void InteriorPoint::ChooseStart() {
 Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   double best_merit = INFINITY;
   Residuals best{INFINITY, INFINITY, INFINITY};
+  bool solved = false;
   int stalled = 0;
   const double aim = settings.aim > 0 ? std::min(settings.aim, settings.tolerance) : settings.tolerance;
+  const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
-    const double gap = now.gap / energy_scale_;
-    const double merit = std::max({gap, now.primal / kResidualShare, now.dual / kResidualShare});
+    const double gap = now.gap / energy_scale_, residual = std::max(now.primal, now.dual) / kResidualShare;
+    double merit = std::max(gap, residual);
     if (!std::isfinite(merit)) break;
+    // Among solved points that which is nearest to the answer counts: a residual e moves velocities by e, a gap by its root. If
+    // they weighed the same the search would end when the residuals reach rounding, with a gap that can still fall far.
+    if (merit <= settings.tolerance) {
+      merit = std::max(now.gap / motion, residual * residual);
+      if (!solved) solved = true, best_merit = INFINITY;
+    } else if (solved) {
+      merit = INFINITY;
+    }
     stalled = merit < 0.9 * best_merit ? 0 : stalled + 1;
     if (merit < best_merit) {
       best_merit = merit;
       best = {gap, now.primal, now.dual};
       best_z_ = z_, best_y_ = y_;
     }
-    if (merit > settings.tolerance && now.primal > settings.tolerance && LeastEnergy() > energy_limit_) {
-      best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_, best_merit = merit;
+    if (!solved && now.primal > settings.tolerance && LeastEnergy() > energy_limit_) {
+      best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_;
       break;
     }
-    const int patience = best_merit <= settings.tolerance ? 3 : 15;
-    if (merit <= aim || solution->iterations >= settings.max_iterations || stalled >= patience) break;
+    const bool there = solved && (aim >= settings.tolerance || merit <= aim);
+    if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
+      break;
     if (!UpdateScalings()) break;
     FactoriseNewton();
     const double mu = now.gap / degree_;
 
     for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];
     refine_ = gap < kRefineBelow;
-    refine_to_ = 0.1 * kResidualShare * aim;
+    refine_to_ = 0.1 * std::min(kResidualShare * settings.tolerance, std::sqrt(aim));
     ComputeDirection(1, false);
     const double affine = LongestStep(1);
-    const double sigma = std::pow(1 - affine, 3);
+    const double sigma = std::max(kLeastSigma, std::pow(1 - affine, 3));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
-    const double least = kLeastShare * aim * energy_scale_ / degree_;
+    const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     AimAt(goal);
@@ -161,7 +176,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   }
   solution->gap = best.gap;
   z_ = best_z_, y_ = best_y_;
-  if (best_merit <= settings.tolerance) return Status::kSolved;
+  if (solved) return Status::kSolved;
   if (!std::isfinite(best_merit)) return Status::kFailed;
   return best.primal > 1e-3 ? Status::kInfeasible : Status::kInaccurate;
 }
@@ -191,6 +206,7 @@ double InteriorPoint::LeastEnergy() {
 bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
   saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
+  saved_plain_ = ds_plain_;
   parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
     for (int r = first; r < last; ++r) {
       const int at = rows_[r].first;
@@ -205,6 +221,7 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
     return true;
   }
   target_.swap(saved_target_), ds_.swap(saved_ds_), dz_.swap(saved_dz_), dy_.swap(saved_dy_);
+  ds_plain_.swap(saved_plain_);
   return false;
 }
 

@@ -57,6 +57,7 @@ class InteriorPoint {
   // Direction for the complementarity targets in target_ (scaled space), residuals weighted by `weight`.
   void ComputeDirection(double weight, bool refine);  // reads primal_, dual_ and the factors
   void CompleteDirection(double weight);
+  void Correct();
   double DirectionError(double weight);
   double MassNorm(const std::vector<double>& momentum) const;
   double LongestStep(double limit);
@@ -80,7 +81,8 @@ class InteriorPoint {
   std::vector<double> eta_;                     // per Rows
   std::vector<double> primal_, dual_;           // residuals: s - A y - c; stationarity
   std::vector<double> target_, ds_, dz_, dy_;   // direction; target, ds and dz in scaled space
-  std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, best_z_, best_y_;
+  std::vector<double> ds_plain_;                // not scaled
+  std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, saved_plain_, best_z_, best_y_;
   std::vector<double> error_;       // of the direction, in the momentum balance
   std::vector<Vector3> constants_;  // per Rows: part of dj that dy does not change
   std::vector<Vector3> forces_;     // per field and contact

@@ -164,25 +164,47 @@ void InteriorPoint::ComputeDirection(double weight, bool refine) {
     if (error <= refine_to_ || error > 0.5 * before) break;
     before = error;
     kkt_.Solve(error_.data());
-    for (size_t k = 0; k < dy_.size(); ++k) dy_[k] -= error_[k];
-    CompleteDirection(weight);
+    Correct();
   }
 }
 
-// ds and dz, in scaled space, that belong to dy_.
+// ds and dz, in scaled space, that belong to dy_; ds once more as it is, for where it passes through the scalings and back
+// the digits of the large part of a sliding contact's velocity are lost to the small one.
 void InteriorPoint::CompleteDirection(double weight) {
   const int stride = 6 * kkt_.num_fields();
   parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
-    double a[kMaxRows];
     for (int r = first; r < last; ++r) {
       const Rows& rows = rows_[r];
       const int d = NumRows(rows.cone.kind);
+      double* move = &ds_plain_[rows.first];
       Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, dy_);
       if (rows.IsSoft()) dw = (softening_[r].transpose() * dw + rows.Yield(constants_[r])).eval();
-      MapToRows(rows.cone, dw, a);
-      for (int i = 0; i < d; ++i) a[i] -= weight * primal_[rows.first + i];
-      ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, &ds_[rows.first]);
+      MapToRows(rows.cone, dw, move);
+      for (int i = 0; i < d; ++i) move[i] -= weight * primal_[rows.first + i];
+      ApplyInverseScaling(rows.cone.kind, ScalingOf(r), move, &ds_[rows.first]);
       for (int i = 0; i < d; ++i) dz_[rows.first + i] = target_[rows.first + i] - ds_[rows.first + i];
+    }
+  });
+}
+
+// Takes error_, now the correction S^-1 e, off the direction. dz changes by what belongs to the correction alone: computed
+// anew from dy it would carry rounding as large as W^-2 times the velocities, and no refinement could remove that.
+void InteriorPoint::Correct() {
+  const int stride = 6 * kkt_.num_fields();
+  for (size_t k = 0; k < dy_.size(); ++k) dy_[k] -= error_[k];
+  parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
+    double a[kMaxRows], b[kMaxRows];
+    for (int r = first; r < last; ++r) {
+      const Rows& rows = rows_[r];
+      Vector3 dw = FieldVelocity(scaled_.contacts[rows.contact], stride, rows.field, error_);
+      if (rows.IsSoft()) dw = (softening_[r].transpose() * dw).eval();
+      MapToRows(rows.cone, dw, a);
+      ApplyInverseScaling(rows.cone.kind, ScalingOf(r), a, b);
+      for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
+        ds_plain_[rows.first + i] -= a[i];
+        ds_[rows.first + i] -= b[i];
+        dz_[rows.first + i] += b[i];
+      }
     }
   });
 }
@@ -236,8 +258,7 @@ void InteriorPoint::Advance(double step) {
     for (int r = first; r < last; ++r) {
       const Rows& rows = rows_[r];
       const int d = NumRows(rows.cone.kind);
-      ApplyScaling(rows.cone.kind, ScalingOf(r), &ds_[rows.first], move);
-      for (int i = 0; i < d; ++i) s_[rows.first + i] += step * move[i];
+      for (int i = 0; i < d; ++i) s_[rows.first + i] += step * ds_plain_[rows.first + i];
       ApplyInverseScaling(rows.cone.kind, ScalingOf(r), &dz_[rows.first], move);
       for (int i = 0; i < d; ++i) z_[rows.first + i] += step * move[i];
     }

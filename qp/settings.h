@@ -30,7 +30,7 @@ struct Settings {
   Cone cone = Cone::kCircular;
   Tier tier = Tier::kCertified;
   double tolerance = 1e-8;          // relative duality gap; dual violation over the velocity scale
-  double aim = 0;                   // if below the tolerance: iterate on towards it while that makes progress
+  double aim = 0;                   // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;         // of one interior-point solve
   int coulomb_rounds = 3;           // octagon or up to 12 bodies: cap on re-solves with lagged slip
   double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
