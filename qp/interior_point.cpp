@@ -12,8 +12,9 @@ namespace {
 constexpr double kStepShare = 0.995;  // of the way to the boundary
 constexpr double kResidualShare = 2;  // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kSoftness = 3e-2;    // of a contact's own W_nn, where impulses near given ones are asked for
-constexpr double kLeastSigma =
-    1e-3;  // lower, some contacts run ahead of others and the matrix out of the range of numbers
+// On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
+// numbers. Elsewhere the last step may go as far as it can.
+constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;                // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;              // gap from which directions are refined
 constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
@@ -123,6 +124,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   bool solved = false;
   int stalled = 0;
   const double aim = settings.aim > 0 ? std::min(settings.aim, settings.tolerance) : settings.tolerance;
+  const double least_sigma = aim < settings.tolerance ? kLeastSigma : 0;
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
@@ -159,7 +161,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     refine_to_ = 0.1 * std::min(kResidualShare * settings.tolerance, std::sqrt(aim));
     ComputeDirection(1, false);
     const double affine = LongestStep(1);
-    const double sigma = std::max(kLeastSigma, std::pow(1 - affine, 3));
+    const double sigma = std::max(least_sigma, std::pow(1 - affine, 3));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
     const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;
