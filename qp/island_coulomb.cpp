@@ -9,10 +9,9 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
-constexpr int kSmallRounds = 5;       // times the cap on rounds, where they cost microseconds
-constexpr int kMaxBlocks = 10;        // of sweeps
-constexpr double kEnoughRms = 3;      // times the tolerance: natural map at which the search ends
+constexpr int kSmallRounds = 5;   // times the cap on rounds, where they cost microseconds
+constexpr int kMaxBlocks = 10;    // of sweeps
+constexpr double kEnoughRms = 3;  // times the tolerance: natural map at which the search ends
 constexpr double kEnoughMax = 30;
 constexpr int kRestIterations = 14;       // resting islands take 9 to 12
 constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to

@@ -82,6 +82,8 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   ImpulseScales(problem, &scales_);
   if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
+  } else if (settings.ladder.Has(Rung::kCompound) && SolveCompound(problem, settings, start, solution)) {
+    solution->rung = Rung::kCompound;
   } else if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
     if (settings.cone == Cone::kCircular && (big || swept)) {

@@ -2,6 +2,7 @@
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   impulses that hold    those of the frame before, where they meet the law as they are
+//   bodies that move as one  carried as one
 //   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
@@ -11,9 +12,11 @@
 //   threads: one solver per worker
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "qp/compounds.h"
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
@@ -33,11 +36,15 @@ class IslandSolver {
   static constexpr int kSmallIsland = 12;  // bodies: up to them iterations cost microseconds
   // Of the gap, there. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
-  static constexpr int kSweeps = 100;  // a block
+  static constexpr int kSweeps = 100;          // a block
+  static constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
 
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                     Solution* solution);
+  bool SolveReduced(const Settings& settings);
   bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
@@ -58,6 +65,9 @@ class IslandSolver {
   InteriorPoint interior_point_;
   NormalNewton normal_newton_;
   GaussSeidel gauss_seidel_;
+  Compounds compounds_;
+  std::unique_ptr<IslandSolver> inner_;  // of compounds
+  std::vector<double> reduced_scales_;
   int iterations_ = 0, escalations_ = 0;  // of this solve
   double seconds_in_vain_ = 0;            // [s]
   Solution trial_;

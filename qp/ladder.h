@@ -11,12 +11,13 @@ enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
   kClosedForm,     // one contact: a formula
   kHeld,           // the impulses of the frame before still hold
+  kCompound,       // bodies that move as one are carried as one
   kNormal,         // no friction: sweeps, finished by Newton's method
   kSweeps,         // Gauss-Seidel sweeps alone
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
-inline constexpr int kNumRungs = 6;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",
+inline constexpr int kNumRungs = 7;
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",          "compound",
                                                       "normal",  "sweeps",      "interior_point"};
 
 // Which rungs may be used. The first one and the last two always may.
@@ -26,6 +27,7 @@ class Ladder {
   static constexpr Ladder Off() { return Ladder(Bit(Rung::kNothing) | Bit(Rung::kSweeps) | Bit(Rung::kInteriorPoint)); }
   constexpr bool Has(Rung rung) const { return (bits_ & Bit(rung)) != 0; }
   constexpr Ladder With(Rung rung) const { return Ladder(bits_ | Bit(rung)); }
+  constexpr Ladder Without(Rung rung) const { return Ladder(bits_ & ~Bit(rung)); }
 
  private:
   static constexpr std::uint32_t Bit(Rung rung) { return 1U << static_cast<int>(rung); }

@@ -1,0 +1,52 @@
+// Bodies that move as one in IslandSolver: the problem of the compounds, solved by the rungs above, and what its answer is worth.
+#include <chrono>
+
+#include "qp/island_solver.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr double kCompoundShare = 1e-3;  // of the tolerance: what inner contacts may move by
+constexpr int kRounds = 1;               // of a reduced problem; what takes more is seldom accepted
+constexpr int kManyContacts = 6;  // per cluster: from there on sweeps stay near the impulses of before and are cheaper
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+}  // namespace
+
+bool IslandSolver::SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                                 Solution* solution) {
+  if (start.size() != problem.contacts.size() || settings.model != Model::kCoulomb ||
+      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified)
+    return false;
+  const double begin = Seconds(), goal = settings.coulomb_tolerance * settings.velocity_scale;
+  TakeOver(problem, start);
+  if (!compounds_.Find(problem, swept_impulses_, swept_velocities_, settings.velocity_scale)) return false;
+  const bool accepted = compounds_.Try(problem, &swept_impulses_) && SolveReduced(settings) &&
+                        compounds_.Expand(problem, trial_.velocities, trial_.impulses, kCompoundShare * goal,
+                                          &swept_impulses_, &swept_velocities_) &&
+                        AcceptSweeps(problem, settings, kAcceptShare, solution);
+  iterations_ += compounds_.factorisations();
+  if (accepted) return true;
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
+}
+
+// Into trial_. Where clusters meet at many contacts the interior point would take the largest impulses that fit between
+// them, far from those at hand.
+bool IslandSolver::SolveReduced(const Settings& settings) {
+  if (!inner_) inner_ = std::make_unique<IslandSolver>();
+  const Problem& reduced = compounds_.reduced();
+  Settings inner = settings;
+  inner.ladder = settings.ladder.Without(Rung::kCompound);
+  inner.coulomb_rounds = kRounds;
+  if (reduced.num_contacts() > kManyContacts * reduced.num_bodies()) inner.tier = Tier::kSwept;
+  inner_->Solve(reduced, inner, &trial_, compounds_.reduced_start());
+  iterations_ += trial_.iterations;
+  ImpulseScales(reduced, &reduced_scales_);
+  return CoulombMap(reduced, trial_.velocities, trial_.impulses, reduced_scales_).max <=
+         kAcceptShare * settings.coulomb_tolerance * settings.velocity_scale;
+}
+
+}  // namespace islet::qp

@@ -1,0 +1,1 @@
+#include "qp/compounds.h"
