@@ -12,13 +12,16 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kInside = 0.98;      // of mu j_n: tangential impulses below it stick for sure
+constexpr double kInside = 0.98;      // of mu j_n: tangential impulses below it stick
 constexpr double kApart = 0.5;        // of v_ref: velocity at a contact after the impulses of before
 constexpr size_t kMostClusters = 12;  // more are seldom right, and no small problem
+constexpr size_t kCrowd = 6;          // contacts per cluster
 constexpr int kBonds = 3;             // contacts that let two bodies neither slide nor turn
 constexpr double kRigid = 1e-9;       // relative: how well a Jacobian is that of a point on a rigid body
 constexpr double kStiffness = 1e6;    // of inner contacts, times 1 / W
 constexpr double kLeastShare = 1e-2;  // of the mean load: what inner contacts begin with
+constexpr double kStillShare = 0.1;   // of the goal: velocity at a contact that sticks
+constexpr double kEnough = 1e-3;      // of the goal: momentum that may be missing, as a velocity
 constexpr int kSteps = 10;            // factorisations
 constexpr int kTrialSteps = 2;
 constexpr double kTrialShare = 0.8;
@@ -175,80 +178,110 @@ void Compounds::ReduceBodies(const Problem& problem) {
 
 void Compounds::ReduceContacts(const Problem& problem, std::span<const Vector3> start) {
   outer_.clear();
-  inner_.clear();
   reduced_start_.clear();
-  inside_.contacts.clear();
   const auto move = [&](int* body, Jacobian* jacobian) {
     if (*body < 0) return;
     jacobian->rightCols<3>() -= jacobian->leftCols<3>() * Cross(position_[*body]);
     *body = parent_[*body];
   };
   for (int c = 0; c < problem.num_contacts(); ++c) {
-    const ContactTerm& contact = problem.contacts[c];
-    if (contact.body_a >= 0 && contact.body_b >= 0 && parent_[contact.body_a] == parent_[contact.body_b]) {
-      if (contact.target != 0 || contact.friction == 0) continue;
-      inner_.push_back(c);
-      inside_.contacts.push_back(contact);
-      continue;
-    }
+    if (IsInner(problem.contacts[c])) continue;
     outer_.push_back(c);
     reduced_start_.push_back(start[c]);
-    ContactTerm moved = contact;
+    ContactTerm moved = problem.contacts[c];
     move(&moved.body_a, &moved.jacobian_a);
     move(&moved.body_b, &moved.jacobian_b);
     reduced_.contacts.push_back(moved);
   }
 }
 
-bool Compounds::Try(const Problem& problem, std::vector<Vector3>* impulses) {
+bool Compounds::crowded() const { return reduced_.contacts.size() > kCrowd * reduced_.bodies.size(); }
+
+bool Compounds::IsInner(const ContactTerm& contact) const {
+  return contact.body_a >= 0 && contact.body_b >= 0 && parent_[contact.body_a] == parent_[contact.body_b];
+}
+
+bool Compounds::Expand(const Problem& problem, std::span<const Vector3> start,
+                       const std::vector<double>& reduced_velocities, std::span<const Vector3> reduced_impulses,
+                       double goal, std::vector<Vector3>* impulses, std::vector<double>* velocities) {
+  velocities->resize(6 * parent_.size());
+  for (int i = 0; i < problem.num_bodies(); ++i) {
+    Vector6 v = At(reduced_velocities, 6 * parent_[i]);
+    v.head<3>() -= position_[i].cross(v.tail<3>());
+    At(*velocities, 6 * i) = v;
+  }
+  impulses->assign(problem.contacts.size(), Vector3::Zero());
+  for (size_t c = 0; c < outer_.size(); ++c) (*impulses)[outer_[c]] = reduced_impulses[c];
+  FindSticking(problem, *velocities, goal);
+  if (sticking_.empty()) return false;
+  begin_ = *impulses;
+  BeginInside(problem, start, true, impulses);
+  BeginInside(problem, start, false, &begin_);
   inside_.bodies = problem.bodies;
   system_.Prepare(inside_, 1);
   ImpulseScales(inside_, &weights_);
-  MoveInside(impulses);
-  VelocitiesAfter(reduced_, reduced_start_, &reduced_velocities_);
-  SpreadVelocities(reduced_velocities_, &velocities_);
-  const double first = MissingMomentum(problem, velocities_, *impulses);
-  double missing = first;
-  for (int step = 0; step < kTrialSteps && missing > kTrialShare * first; ++step) {
-    Step(impulses);
-    missing = MissingMomentum(problem, velocities_, *impulses);
+  const double grown = MissingMomentum(problem, *velocities, *impulses);
+  double first = MissingMomentum(problem, *velocities, begin_);
+  if (first < grown) {
+    impulses->swap(begin_);
+  } else {
+    first = MissingMomentum(problem, *velocities, *impulses);
   }
-  return missing <= kTrialShare * first;
-}
-
-bool Compounds::Expand(const Problem& problem, const std::vector<double>& reduced_velocities,
-                       std::span<const Vector3> reduced_impulses, double goal, std::vector<Vector3>* impulses,
-                       std::vector<double>* velocities) {
-  for (size_t c = 0; c < outer_.size(); ++c) (*impulses)[outer_[c]] = reduced_impulses[c];
-  SpreadVelocities(reduced_velocities, velocities);
-  const double first = MissingMomentum(problem, *velocities, *impulses);
+  const double enough = kEnough * goal;
   double missing = first;
-  for (int step = 0; step < kSteps && missing > goal; ++step) {
+  for (int step = 0; step < kSteps && missing > enough; ++step) {
     if (step == kTrialSteps && missing > kTrialShare * first) return false;
     Step(impulses);
     missing = MissingMomentum(problem, *velocities, *impulses);
   }
-  return missing <= goal;
+  return missing <= enough;
 }
 
-void Compounds::SpreadVelocities(const std::vector<double>& of_clusters, std::vector<double>* velocities) const {
-  velocities->resize(6 * parent_.size());
-  for (size_t i = 0; i < parent_.size(); ++i) {
-    Vector6 v = At(of_clusters, 6 * parent_[i]);
-    v.head<3>() -= position_[i].cross(v.tail<3>());
-    At(*velocities, static_cast<int>(6 * i)) = v;
+// Contacts that do not move, inside the clusters and, where the reduced answer is one of many, outside: any impulse in the
+// cone is as good to them as another, and that answer's not always one that the insides can bear.
+void Compounds::FindSticking(const Problem& problem, const std::vector<double>& velocities, double goal) {
+  sticking_.clear();
+  inside_.contacts.clear();
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    if (contact.target != 0 || contact.friction == 0) continue;
+    if (!IsInner(contact) &&
+        (!crowded() || ContactVelocity(contact, velocities.data()).squaredNorm() > std::pow(kStillShare * goal, 2)))
+      continue;
+    sticking_.push_back(c);
+    inside_.contacts.push_back(contact);
   }
 }
 
-// Impulses inside the clusters, strictly in their cones; what presses little may begin to press.
-void Compounds::MoveInside(std::vector<Vector3>* impulses) {
+// Sticking contacts begin with their impulses of before, as much larger as the loads on their cluster are, strictly in their
+// cones; between clusters halfway to the reduced answer. What pressed little may begin to press.
+void Compounds::BeginInside(const Problem& problem, std::span<const Vector3> start, bool grow,
+                            std::vector<Vector3>* impulses) {
+  const auto cluster = [&](const ContactTerm& contact) {
+    return parent_[contact.body_b >= 0 ? contact.body_b : contact.body_a];
+  };
+  loads_.assign(reduced_.bodies.size(), {0, 0});
+  for (const int c : outer_) {
+    for (const int body : {problem.contacts[c].body_a, problem.contacts[c].body_b}) {
+      if (body < 0) continue;
+      loads_[parent_[body]][0] += start[c][0];
+      loads_[parent_[body]][1] += (*impulses)[c][0];
+    }
+  }
   double sum = 0;
-  for (const int c : inner_) sum += (*impulses)[c][0];
-  const double least = kLeastShare * sum / static_cast<double>(inner_.size());
-  for (size_t k = 0; k < inner_.size(); ++k) {
-    Vector3& j = (*impulses)[inner_[k]];
+  for (const int c : sticking_) {
+    const ContactTerm& contact = problem.contacts[c];
+    const auto [before, now] = loads_[cluster(contact)];
+    const Vector3 grown = (grow && before > 0 && now > 0 ? now / before : 1) * start[c];
+    Vector3& j = (*impulses)[c];
+    j = IsInner(contact) ? grown : grow ? 0.5 * (j + grown) : j;
+    sum += j[0];
+  }
+  const double least = kLeastShare * sum / static_cast<double>(sticking_.size());
+  for (const int c : sticking_) {
+    Vector3& j = (*impulses)[c];
     j[0] = std::max(j[0], least);
-    const double size = j.tail<2>().norm(), room = kInside * inside_.contacts[k].friction * j[0];
+    const double size = j.tail<2>().norm(), room = kInside * problem.contacts[c].friction * j[0];
     if (size > room) j.tail<2>() *= room / size;
   }
 }
@@ -272,12 +305,12 @@ double Compounds::MissingMomentum(const Problem& problem, const std::vector<doub
 // Hessian of its barrier, so that contacts change by no more than what they bear.
 void Compounds::Step(std::vector<Vector3>* impulses) {
   double mean = 0;
-  for (size_t k = 0; k < inner_.size(); ++k) mean += (*impulses)[inner_[k]].squaredNorm() / weights_[k];
-  mean /= static_cast<double>(inner_.size());
-  blocks_.resize(inner_.size());
-  for (size_t k = 0; k < inner_.size(); ++k) {
+  for (size_t k = 0; k < sticking_.size(); ++k) mean += (*impulses)[sticking_[k]].squaredNorm() / weights_[k];
+  mean /= static_cast<double>(sticking_.size());
+  blocks_.resize(sticking_.size());
+  for (size_t k = 0; k < sticking_.size(); ++k) {
     const double mu = inside_.contacts[k].friction;
-    const Vector3& j = (*impulses)[inner_[k]];
+    const Vector3& j = (*impulses)[sticking_[k]];
     const Vector3 x(mu * j[0], j[1], j[2]), back(1 / mu, 1, 1);
     const double det = x[0] * x[0] - x.tail<2>().squaredNorm();
     Matrix3 d = 2 * x * x.transpose();
@@ -286,21 +319,21 @@ void Compounds::Step(std::vector<Vector3>* impulses) {
   }
   system_.Factorise(inside_, blocks_, {});
   ++factorisations_;
-  changes_.assign(inner_.size(), Vector3::Zero());
+  changes_.assign(sticking_.size(), Vector3::Zero());
   for (int round = 0; round < kRefinements; ++round) {
     multipliers_ = missing_;
     system_.Solve(multipliers_.data());
-    for (size_t k = 0; k < inner_.size(); ++k) {
+    for (size_t k = 0; k < sticking_.size(); ++k) {
       const Vector3 change = blocks_[k] * FieldVelocity(inside_.contacts[k], 6, 0, multipliers_);
       changes_[k] += change;
       AddForce(inside_.contacts[k], 6, 0, -1, change, &missing_);
     }
   }
   double length = 1;
-  for (size_t k = 0; k < inner_.size(); ++k)
+  for (size_t k = 0; k < sticking_.size(); ++k)
     length =
-        std::min(length, kStepShare * StepInCone((*impulses)[inner_[k]], changes_[k], inside_.contacts[k].friction));
-  for (size_t k = 0; k < inner_.size(); ++k) (*impulses)[inner_[k]] += length * changes_[k];
+        std::min(length, kStepShare * StepInCone((*impulses)[sticking_[k]], changes_[k], inside_.contacts[k].friction));
+  for (size_t k = 0; k < sticking_.size(); ++k) (*impulses)[sticking_[k]] += length * changes_[k];
 }
 
 }  // namespace islet::qp

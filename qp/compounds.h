@@ -13,6 +13,7 @@
 //   threads: one caller at a time, idle workers help with the factorisation; allocates only while problems grow
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -31,16 +32,14 @@ class Compounds {
   const Problem& reduced() const { return reduced_; }
   std::span<const Vector3> reduced_start() const { return reduced_start_; }
 
-  // After Find, for the same problem: whether the clusters look as if they held together under the impulses of before.
-  // impulses: `start`; those inside the clusters move to where Expand goes on.
-  bool Try(const Problem& problem, std::vector<Vector3>* impulses);
-
-  // After Try: impulses hold `start` and get what the reduced answer makes of them; velocities too.
-  // goal: [velocity] what inner contacts may move by. False where the impulses inside would have to leave their cones.
-  bool Expand(const Problem& problem, const std::vector<double>& reduced_velocities,
+  // After Find, for the same problem: velocities and impulses of all, from those of the reduced problem. goal: [velocity] that
+  // they are good to. False where no impulses inside the cones were found: the clusters do not hold together.
+  bool Expand(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& reduced_velocities,
               std::span<const Vector3> reduced_impulses, double goal, std::vector<Vector3>* impulses,
               std::vector<double>* velocities);
 
+  // Whether the clusters meet at so many contacts that the reduced impulses are one answer of many.
+  bool crowded() const;
   int factorisations() const { return factorisations_; }  // since Find
 
  private:
@@ -54,8 +53,9 @@ class Compounds {
   void NumberClusters(const Problem& problem);
   void ReduceBodies(const Problem& problem);
   void ReduceContacts(const Problem& problem, std::span<const Vector3> start);
-  void SpreadVelocities(const std::vector<double>& of_clusters, std::vector<double>* velocities) const;
-  void MoveInside(std::vector<Vector3>* impulses);
+  bool IsInner(const ContactTerm& contact) const;
+  void FindSticking(const Problem& problem, const std::vector<double>& velocities, double goal);
+  void BeginInside(const Problem& problem, std::span<const Vector3> start, bool grow, std::vector<Vector3>* impulses);
   double MissingMomentum(const Problem& problem, const std::vector<double>& velocities,
                          const std::vector<Vector3>& impulses);
   void Step(std::vector<Vector3>* impulses);
@@ -67,14 +67,15 @@ class Compounds {
   std::vector<Vector3> centres_;   // per cluster, while it is put together
   Problem reduced_;
   std::vector<Vector3> reduced_start_;
-  std::vector<int> outer_, inner_;  // contacts: of the reduced problem; inside clusters, if they pressed
-  Problem inside_;                  // all bodies, inner contacts
-  std::vector<double> weights_;     // per inner contact: 1 / W
+  std::vector<int> outer_, sticking_;  // contacts: of the reduced problem; those that do not move
+  Problem inside_;                     // all bodies, sticking contacts
+  std::vector<double> weights_;        // per sticking contact: 1 / W
   KktSystem system_;
-  std::vector<Matrix3> blocks_;                          // per inner contact
-  std::vector<Vector3> changes_;                         // per inner contact
-  std::vector<double> reduced_velocities_, velocities_;  // while trying
-  std::vector<double> missing_, multipliers_;            // 6 per body
+  std::vector<std::array<double, 2>> loads_;  // per cluster: normal impulses from outside, before and now
+  std::vector<Matrix3> blocks_;               // per sticking contact
+  std::vector<Vector3> begin_;
+  std::vector<Vector3> changes_;               // per sticking contact
+  std::vector<double> missing_, multipliers_;  // 6 per body
 };
 
 }  // namespace islet::qp

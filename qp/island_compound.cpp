@@ -6,9 +6,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kCompoundShare = 1e-3;  // of the tolerance: what inner contacts may move by
-constexpr int kRounds = 1;               // of a reduced problem; what takes more is seldom accepted
-constexpr int kManyContacts = 6;  // per cluster: from there on sweeps stay near the impulses of before and are cheaper
+constexpr int kRounds = 1;  // of a reduced problem; what takes more is seldom accepted
 
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -22,9 +20,9 @@ bool IslandSolver::SolveCompound(const Problem& problem, const Settings& setting
   const double begin = Seconds(), goal = settings.coulomb_tolerance * settings.velocity_scale;
   TakeOver(problem, start);
   if (!compounds_.Find(problem, swept_impulses_, swept_velocities_, settings.velocity_scale)) return false;
-  const bool accepted = compounds_.Try(problem, &swept_impulses_) && SolveReduced(settings) &&
-                        compounds_.Expand(problem, trial_.velocities, trial_.impulses, kCompoundShare * goal,
-                                          &swept_impulses_, &swept_velocities_) &&
+  const bool accepted = SolveReduced(settings) &&
+                        compounds_.Expand(problem, start, trial_.velocities, trial_.impulses, goal, &swept_impulses_,
+                                          &swept_velocities_) &&
                         AcceptSweeps(problem, settings, kAcceptShare, solution);
   iterations_ += compounds_.factorisations();
   if (accepted) return true;
@@ -33,15 +31,14 @@ bool IslandSolver::SolveCompound(const Problem& problem, const Settings& setting
   return false;
 }
 
-// Into trial_. Where clusters meet at many contacts the interior point would take the largest impulses that fit between
-// them, far from those at hand.
+// Into trial_. In a crowd the interior point would take the largest impulses that fit, far from those at hand.
 bool IslandSolver::SolveReduced(const Settings& settings) {
   if (!inner_) inner_ = std::make_unique<IslandSolver>();
   const Problem& reduced = compounds_.reduced();
   Settings inner = settings;
   inner.ladder = settings.ladder.Without(Rung::kCompound);
   inner.coulomb_rounds = kRounds;
-  if (reduced.num_contacts() > kManyContacts * reduced.num_bodies()) inner.tier = Tier::kSwept;
+  if (compounds_.crowded()) inner.tier = Tier::kSwept;
   inner_->Solve(reduced, inner, &trial_, compounds_.reduced_start());
   iterations_ += trial_.iterations;
   ImpulseScales(reduced, &reduced_scales_);
