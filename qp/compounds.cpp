@@ -14,16 +14,16 @@ namespace {
 
 constexpr double kInside = 0.98;      // of mu j_n: tangential impulses below it stick
 constexpr double kApart = 0.5;        // of v_ref: velocity at a contact after the impulses of before
-constexpr size_t kMostClusters = 12;  // more are seldom right, and no small problem
+constexpr size_t kMostClusters = 8;   // beyond it two attempts in three are in vain
 constexpr size_t kCrowd = 6;          // contacts per cluster
 constexpr int kBonds = 3;             // contacts that let two bodies neither slide nor turn
 constexpr double kRigid = 1e-9;       // relative: how well a Jacobian is that of a point on a rigid body
-constexpr double kStiffness = 1e6;    // of inner contacts, times 1 / W
-constexpr double kLeastShare = 1e-2;  // of the mean load: what inner contacts begin with
+constexpr double kStiffness = 1e6;    // of sticking contacts, times 1 / W
+constexpr double kLeastShare = 1e-2;  // of the mean load: what every sticking contact begins with
 constexpr double kStillShare = 0.1;   // of the goal: velocity at a contact that sticks
 constexpr double kEnough = 1e-3;      // of the goal: momentum that may be missing, as a velocity
 constexpr int kSteps = 10;            // factorisations
-constexpr int kTrialSteps = 2;
+constexpr int kTrialSteps = 2;        // after them no more than kTrialShare may be missing of what was
 constexpr double kTrialShare = 0.8;
 constexpr int kRefinements = 3;
 constexpr double kStepShare = 0.9;  // of the way to the border
@@ -115,7 +115,6 @@ bool Compounds::Join(const Problem& problem) {
     if (!LeverArm(contact.jacobian_a, &arm_a) || !LeverArm(contact.jacobian_b, &arm_b)) return false;
     int up = Root(a), down = Root(b);
     if (up == down) continue;
-    // Roots are one step away now: Root has left at most one step above a body unhalved.
     const auto from_root = [&](int body, int root) {
       Vector3 sum = Vector3::Zero();
       for (; body != root; body = parent_[body]) sum += position_[body];
@@ -136,8 +135,7 @@ bool Compounds::Join(const Problem& problem) {
 void Compounds::NumberClusters(const Problem& problem) {
   centres_.clear();
   reduced_.Clear();
-  for (int i = 0; i < problem.num_bodies();
-       ++i) {  // parents come before their children, and are numbers of clusters by now
+  for (int i = 0; i < problem.num_bodies(); ++i) {  // parents come before their children, and are done by then
     const BodyTerm& body = problem.bodies[i];
     const int up = parent_[i];
     if (up == i) {

@@ -212,6 +212,32 @@ TEST(Compounds, AWallComesDownAsOne) {
   EXPECT_LT(VelocityDistance(problem, std::vector<double>(6 * problem.bodies.size(), 0.0), solution.velocities), 1e-5);
 }
 
+// Pushed at the middle a tower that cannot slide turns about an edge of the floor, all boxes with it.
+TEST(Compounds, TipTogether) {
+  Random random(9);
+  for (const int boxes : {4, 9}) {
+    const Pile pile = Tower(&random, boxes, 2, 2);
+    Problem problem = pile.problem;
+    for (qp::BodyTerm& body : problem.bodies) body.velocity[0] += 2.0 / boxes * kFall;
+    const qp::Solution solution = Climb(problem, Full(pile.problem).impulses);
+    EXPECT_EQ(solution.rung, Rung::kCompound);
+    EXPECT_TRUE(ExpectSameAnswer(problem, solution));
+    EXPECT_GT(solution.velocities[4], 1e-3 * kFall);
+    EXPECT_NEAR(solution.velocities[4], solution.velocities[6 * boxes - 2], 1e-6 * kFall);
+  }
+}
+
+// A corner that rebounds parts two boxes, though their other corners would keep them together.
+TEST(Compounds, LetGoOfWhatRebounds) {
+  Random random(10);
+  const Pile pile = Tower(&random, 5);
+  Problem problem = pile.problem;
+  problem.contacts[8].target = 0.1 * kFall;
+  const qp::Solution solution = Climb(problem, Full(pile.problem).impulses);
+  EXPECT_NE(solution.rung, Rung::kCompound);
+  ExpectSameAnswer(problem, solution);
+}
+
 // The platform pulls harder from frame to frame: the faces between the boxes slide at mu = 0.3, the floor holds to 0.8.
 TEST(Compounds, LetGoWhereALoadLeavesItsCone) {
   Random random(4);
