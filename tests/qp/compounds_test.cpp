@@ -227,13 +227,21 @@ TEST(Compounds, TipTogether) {
   }
 }
 
-// A corner that rebounds parts two boxes, though their other corners would keep them together.
+// A point in the middle of a face that rebounds parts two boxes, though the corners would keep them together.
 TEST(Compounds, LetGoOfWhatRebounds) {
   Random random(10);
   const Pile pile = Tower(&random, 5);
   Problem problem = pile.problem;
-  problem.contacts[8].target = 0.1 * kFall;
-  const qp::Solution solution = Climb(problem, Full(pile.problem).impulses);
+  std::vector<Vector3> start = Full(problem).impulses;
+  ContactTerm middle = problem.contacts[8];
+  middle.jacobian_a = 0.5 * (problem.contacts[8].jacobian_a + problem.contacts[11].jacobian_a);
+  middle.jacobian_b = 0.5 * (problem.contacts[8].jacobian_b + problem.contacts[11].jacobian_b);
+  problem.contacts.push_back(middle);
+  start.push_back(Vector3::Zero());
+  MoveFloor({0.01 * kFall, 0, 0.1 * kFall}, &problem);
+  EXPECT_EQ(Climb(problem, start).rung, Rung::kCompound);
+  problem.contacts.back().target = 0.1 * kFall;
+  const qp::Solution solution = Climb(problem, start);
   EXPECT_NE(solution.rung, Rung::kCompound);
   ExpectSameAnswer(problem, solution);
 }
