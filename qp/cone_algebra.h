@@ -103,14 +103,14 @@ inline double MaxStep(ConeKind kind, const double* lambda, const double* directi
   return inverse * limit > 1 ? 1 / inverse : limit;
 }
 
-// Mehrotra's corrector: the target, in scaled space, that leads to s o z = goal e, with what the direction (ds, dz) leaves of
-// second order taken off.
+// Mehrotra's corrector: the target, in scaled space, that leads to s o z = goal e, with a share of what the direction (ds, dz)
+// leaves of second order taken off.
 inline void AimAtCentre(ConeKind kind, const double* lambda, const double* ds, const double* dz, double goal,
-                        double* target) {
+                        double share, double* target) {
   double unit[kMaxRows], product[kMaxRows];
   JordanProduct(kind, ds, dz, product);
   Identity(kind, unit);
-  for (int i = 0; i < NumRows(kind); ++i) product[i] = goal * unit[i] - product[i];
+  for (int i = 0; i < NumRows(kind); ++i) product[i] = goal * unit[i] - share * product[i];
   JordanDivide(kind, lambda, product, product);
   for (int i = 0; i < NumRows(kind); ++i) target[i] = product[i] - lambda[i];
 }

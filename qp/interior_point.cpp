@@ -9,14 +9,20 @@
 namespace islet::qp {
 namespace {
 
+constexpr double kStartPush = 0.2;  // of v_ref: how far inside its cone a row starts
+constexpr double kStartImpulse =
+    5;  // times what would stop one v_ref at the contact alone: piles press more than single bodies
 constexpr double kStepShare = 0.995;  // of the way to the boundary
-constexpr double kResidualShare = 2;  // residuals [velocity] may be this many times the tolerance of the gap
-constexpr double kSoftness = 3e-2;    // of a contact's own W_nn, where impulses near given ones are asked for
+constexpr int kSigmaPower = 6;        // of what the affine step leaves; Mehrotra's 3 centres more than correctors need
+constexpr int kCarefulPower = 3;      // the same, after so many iterations without progress
+constexpr int kStuck = 3;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
 constexpr double kLeastSigma = 1e-3;
-constexpr double kLeastShare = 0.1;                // of the aim: least mean complementarity
-constexpr double kRefineBelow = 1e-4;              // gap from which directions are refined
+constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
+constexpr double kResidualShare = 2;   // residuals [velocity] may be this many times the tolerance of the gap
+constexpr double kSoftness = 3e-2;     // of a contact's own W_nn, where impulses near given ones are asked for
+constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
 constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
 constexpr int kMaxCorrectors = 3;                  // centrality correctors per factorisation [Gon96]
 constexpr double kCorrectorReach = 0.3;            // by how much a corrector tries to lengthen the step
@@ -96,8 +102,7 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   normal_blocks_.resize(nc);
 }
 
-// Velocities as they are, contact rows pushed inside their cones by one unit, impulses that would stop one unit of
-// velocity at the contact alone.
+// Velocities as they are, contact rows pushed inside their cones, impulses from what each contact would need alone.
 void InteriorPoint::ChooseStart() {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
   for (int i = 0; i < scaled_.num_bodies(); ++i)
@@ -109,8 +114,8 @@ void InteriorPoint::ChooseStart() {
     double* z = &z_[rows.first];
     MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset, s);
     Identity(rows.cone.kind, unit);
-    const double push = 1 + std::max(0.0, -MinEigenvalue(rows.cone.kind, s));
-    const double impulse = 1 / DelassusBlock(scaled_, contact)(0, 0) / Degree(rows.cone.kind);
+    const double push = kStartPush + std::max(0.0, -MinEigenvalue(rows.cone.kind, s));
+    const double impulse = kStartImpulse / DelassusBlock(scaled_, contact)(0, 0) / Degree(rows.cone.kind);
     for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
       s[i] += push * unit[i];
       z[i] = impulse * unit[i];
@@ -161,13 +166,15 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     refine_to_ = 0.1 * std::min(kResidualShare * settings.tolerance, std::sqrt(aim));
     ComputeDirection(1, false);
     const double affine = LongestStep(1);
-    const double sigma = std::max(least_sigma, std::pow(1 - affine, 3));
+    // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
+    const bool stuck = stalled >= kStuck;
+    const double sigma = std::max(least_sigma, std::pow(1 - affine, stuck ? kCarefulPower : kSigmaPower));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
     const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
-    AimAt(goal);
+    AimAt(goal, stuck ? affine : 1);
     ComputeDirection(weight, refine_);
     double step = std::min(1.0, kStepShare * LongestStep(2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {

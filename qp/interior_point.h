@@ -61,7 +61,7 @@ class InteriorPoint {
   double DirectionError(double weight);
   double MassNorm(const std::vector<double>& momentum) const;
   double LongestStep(double limit);
-  void AimAt(double goal);
+  void AimAt(double goal, double share);
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);

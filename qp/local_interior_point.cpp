@@ -163,7 +163,7 @@ void LocalInteriorPoint::ComputeDirection(double weight) {
 
 void LocalInteriorPoint::AimAt(double goal) {
   for (const auto& [first, cone] : rows_)
-    AimAtCentre(cone.kind, &lambda_[first], &ds_[first], &dz_[first], goal, &target_[first]);
+    AimAtCentre(cone.kind, &lambda_[first], &ds_[first], &dz_[first], goal, 1, &target_[first]);
 }
 
 bool LocalInteriorPoint::ImproveCentrality(double weight, double aim, double* step) {

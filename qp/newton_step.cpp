@@ -121,11 +121,11 @@ void InteriorPoint::FactoriseNewton() {
   kkt_.Factorise(scaled_, blocks_, normal_blocks_);
 }
 
-void InteriorPoint::AimAt(double goal) {
+void InteriorPoint::AimAt(double goal, double share) {
   parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
     for (int r = first; r < last; ++r) {
       const int at = rows_[r].first;
-      AimAtCentre(rows_[r].cone.kind, &lambda_[at], &ds_[at], &dz_[at], goal, &target_[at]);
+      AimAtCentre(rows_[r].cone.kind, &lambda_[at], &ds_[at], &dz_[at], goal, share, &target_[at]);
     }
   });
 }
