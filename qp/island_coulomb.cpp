@@ -14,6 +14,7 @@ constexpr int kMaxBlocks = 10;    // of sweeps
 constexpr double kEnoughRms = 3;  // times the tolerance: natural map at which the search ends
 constexpr double kEnoughMax = 30;
 constexpr int kRestIterations = 14;       // resting islands take 9 to 12
+constexpr double kRestShare = 0.1;        // of the tolerance: what rests for long is held to more than is asked for
 constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to
 constexpr double kLostRms = 1e-3;         // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
@@ -42,6 +43,7 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   if (certified && settings.expect_rest) {
     Settings brief = settings;
     brief.max_iterations = kRestIterations;
+    brief.tolerance *= kRestShare;
     RunInteriorPoint(problem, brief, slips_, &trial_);
     if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
