@@ -41,7 +41,7 @@ void FlightTime::BeginStep(std::span<const Body> bodies, std::span<const double>
 
 void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, const SuiteMemory& suite,
                                  const FlightMemory& memory, std::span<Body> bodies, std::span<Contact> resolved) {
-  if (exact_) SetRebounds(bodies, suite.previous_contacts, suite.previous_holding, resolved);
+  if (exact_) SetRebounds(gravity_W.norm() * dt, bodies, suite.previous_contacts, suite.previous_holding, resolved);
   rebounded_.assign(bodies.size(), 0);
   for (const Contact& c : resolved)
     if (c.rebounds) rebounded_[c.body_a] = rebounded_[c.body_b] = 1;

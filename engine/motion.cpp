@@ -269,10 +269,19 @@ void Mover::RestoreSpins(std::span<Body> bodies) {
   }
 }
 
-// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work.
+// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. What
+// is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
 bool Mover::SolveDisplacements(double scale, Worker* worker) const {
-  const qp::Problem& problem = worker->problem;
-  qp::Solution& solution = worker->solution;
+  if (!worker->plane.Reduce(worker->problem, scale))
+    return SolveDisplacements(scale, worker->problem, &worker->solution, worker);
+  if (!SolveDisplacements(scale, worker->plane.problem(), &worker->flat_solution, worker)) return false;
+  worker->plane.Expand(worker->problem, worker->flat_solution, &worker->solution);
+  return true;
+}
+
+bool Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const {
+  qp::Solution& solution = *out;
+  solution.slips.assign(problem.contacts.size(), 0.0);
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   worker->sweeps.Prepare(problem);

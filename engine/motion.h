@@ -75,6 +75,8 @@ class Mover {
     IslandGatherer gatherer;
     qp::Problem problem;
     qp::Solution solution;
+    qp::PlanarProblem plane;
+    qp::Solution flat_solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
   };
@@ -89,6 +91,7 @@ class Mover {
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
+  bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,

@@ -11,6 +11,8 @@ namespace {
 constexpr double kRounding = 1e-5;   // of the weight times dt: what a solver leaves at contacts that do not push
 constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
 
+constexpr double kNone = 1e-9;  // of the same: bodies that move as one approach by rounding errors
+
 constexpr std::uint8_t kBounced = 1, kGains = 2;
 
 auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
@@ -37,12 +39,12 @@ double NormalResponse(const Contact& contact, std::span<const Body> bodies) {
 
 }  // namespace
 
-void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const Contact> last_contacts,
                  std::span<const Vector3> last_holding, std::span<Contact> contacts) {
   size_t p = 0;
   for (Contact& contact : contacts) {
     const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
-    contact.rebounds = contact.touches && contact.restitution > 0 && approach > 0;
+    contact.rebounds = contact.touches && contact.restitution > 0 && approach > kNone * free_fall;
     contact.fading = 0;
     while (p < last_contacts.size() && Key(last_contacts[p]) < Key(contact)) ++p;
     if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact)) continue;

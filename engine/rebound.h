@@ -25,8 +25,9 @@
 namespace islet {
 
 // Sets rebounds and fading of contacts, given those of the last step and the static impulses [N s] (n, t1, t2) that acted there, both
-// in canonical order.
-void SetRebounds(std::span<const Body> bodies, std::span<const Contact> last_contacts,
+// in canonical order. What approaches more slowly than by 1e-9 of free_fall, the speed that gravity adds in a step [m/s], does so
+// by rounding errors.
+void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const Contact> last_contacts,
                  std::span<const Vector3> last_holding, std::span<Contact> contacts);
 
 // A static impulse that is more than a solver's rounding.

@@ -137,26 +137,33 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
 }
 
 // Coulomb contacts with Newton's rebounds, all at once. False, and nothing has changed, if there is no such answer or if it
-// would hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
+// would hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does. A symmetric blow is resolved in
+// its plane: then the impulses are symmetric too, and so is what later steps conclude from them.
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
   GatherTies(group_contacts, contacts);
   const double approach = -queue_.top_key();
-  tied_solution_.impulses.assign(tied_.size(), Vector3::Zero());
-  tied_solution_.velocities.clear();
-  for (const qp::BodyTerm& body : tied_problem_.bodies)
-    tied_solution_.velocities.insert(tied_solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
-  tie_sweeps_.Prepare(tied_problem_);
-  if (tie_sweeps_.Sweep(tied_problem_, kMostSweeps, kSettled * approach, &tied_solution_.impulses,
-                        &tied_solution_.velocities) == kMostSweeps) {
+  const bool flat = tied_plane_.Reduce(tied_problem_, approach);
+  const qp::Problem& problem = flat ? tied_plane_.problem() : tied_problem_;
+  qp::Solution& solution = flat ? flat_solution_ : tied_solution_;
+  solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
+  solution.slips.assign(problem.contacts.size(), 0.0);
+  solution.velocities.clear();
+  for (const qp::BodyTerm& body : problem.bodies)
+    solution.velocities.insert(solution.velocities.end(), body.velocity.begin(), body.velocity.end());
+  tie_sweeps_.Prepare(problem);
+  if (tie_sweeps_.Sweep(problem, kMostSweeps, kSettled * approach, &solution.impulses, &solution.velocities) ==
+      kMostSweeps) {
     qp::Settings settings;
     settings.tolerance = kTiedTolerance;
     settings.coulomb_tolerance = kTiedMap;
     settings.velocity_scale = approach;
     settings.ladder = qp::Ladder::Off();
-    tie_solver_.Solve(tied_problem_, settings, &tied_solution_);
-    if (tied_solution_.status != qp::Status::kSolved || !tied_solution_.coulomb_reached) return false;
+    if (flat) settings.ladder = settings.ladder.With(qp::Rung::kPlanar);
+    tie_solver_.Solve(problem, settings, &solution);
+    if (solution.status != qp::Status::kSolved || !solution.coulomb_reached) return false;
   }
+  if (flat) tied_plane_.Expand(tied_problem_, flat_solution_, &tied_solution_);
   double gain = 0, work = 0;  // [J]
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];

@@ -53,7 +53,8 @@ class SequentialResolver {
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
   qp::Problem tied_problem_;
-  qp::Solution tied_solution_;
+  qp::PlanarProblem tied_plane_;
+  qp::Solution tied_solution_, flat_solution_;
   qp::GaussSeidel tie_sweeps_;
   qp::IslandSolver tie_solver_;
 };

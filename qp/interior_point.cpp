@@ -168,7 +168,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double affine = LongestStep(1);
     // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
     const bool stuck = stalled >= kStuck;
-    const double sigma = std::max(least_sigma, std::pow(1 - affine, stuck ? kCarefulPower : kSigmaPower));
+    const bool careful = stuck || least_sigma > 0;
+    const double sigma = std::max(least_sigma, std::pow(1 - affine, careful ? kCarefulPower : kSigmaPower));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
     const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;

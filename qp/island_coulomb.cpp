@@ -15,6 +15,7 @@ constexpr double kEnoughRms = 3;  // times the tolerance: natural map at which t
 constexpr double kEnoughMax = 30;
 constexpr int kRestIterations = 14;       // resting islands take 9 to 12
 constexpr double kRestShare = 0.1;        // of the tolerance: what rests for long is held to more than is asked for
+constexpr int kPlaneIterations = 40;      // in the plane an iteration costs little more than a sweep
 constexpr double kSprawl = 10;            // times mass times v_ref: impulses that may be larger than they need to
 constexpr double kLostRms = 1e-3;         // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;        // of the natural map, for another block
@@ -40,10 +41,11 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
   const bool certified = settings.tier == Tier::kCertified;
-  if (certified && settings.expect_rest) {
+  if (certified && (settings.expect_rest || in_plane_)) {
     Settings brief = settings;
-    brief.max_iterations = kRestIterations;
+    brief.max_iterations = in_plane_ ? kPlaneIterations : kRestIterations;
     brief.tolerance *= kRestShare;
+    if (in_plane_) brief.aim = kSmallAim;
     RunInteriorPoint(problem, brief, slips_, &trial_);
     if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
@@ -144,7 +146,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   if (circular && Sprawls(problem, settings, *solution)) {
     StartFrom(problem, {});
     Search(problem, settings);
-    AcceptSweeps(problem, settings, kAcceptShare, solution);
+    sprawls_ = !AcceptSweeps(problem, settings, in_plane_ ? kAcceptShare / kPlanarShare : kAcceptShare, solution);
   }
   solution->coulomb_reached =
       CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;

@@ -44,14 +44,8 @@ bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
 
-double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
-}  // namespace
-
-void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
-                         std::span<const Vector3> start) {
-  iterations_ = escalations_ = 0;
-  seconds_in_vain_ = 0;
+// No impulses, and all that goes with them.
+void Prepare(const Problem& problem, Solution* solution) {
   solution->rounds = 0;
   solution->gap = 0;
   solution->coulomb_reached = true;
@@ -60,11 +54,21 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->bounce_multipliers.clear();
   solution->slips.assign(problem.contacts.size(), 0.0);
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
+  CopyFreeVelocities(problem, &solution->velocities);
+}
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+}  // namespace
+
+void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
+                         std::span<const Vector3> start) {
+  iterations_ = escalations_ = 0;
+  seconds_in_vain_ = 0;
+  Prepare(problem, solution);
   if (problem.contacts.empty()) {
-    CopyFreeVelocities(problem, &solution->velocities);
     solution->rung = Rung::kNothing;
   } else if (settings.ladder.Has(Rung::kClosedForm) && HasClosedForm(problem, settings)) {
-    CopyFreeVelocities(problem, &solution->velocities);
     SolveOneContact(problem, solution);
     solution->rung = Rung::kClosedForm;
   } else {
@@ -84,7 +88,52 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
     solution->rung = Rung::kHeld;
   } else if (settings.ladder.Has(Rung::kCompound) && SolveCompound(problem, settings, start, solution)) {
     solution->rung = Rung::kCompound;
-  } else if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
+  } else if (settings.ladder.Has(Rung::kPlanar) && SolvePlanar(problem, settings, start, solution)) {
+    solution->rung = Rung::kPlanar;
+  } else {
+    SolveWhole(problem, settings, start, solution);
+  }
+}
+
+// In the plane all is measured as in space: each group of contacts has the scale that its contacts have together.
+bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                               Solution* solution) {
+  if (settings.cone != Cone::kCircular || AnyCompliance(problem) || !IsConvex(problem, settings) ||
+      !planar_.Reduce(problem, settings.velocity_scale))
+    return false;
+  const double begin = Seconds();
+  planar_.MergeImpulses(start, &planar_start_);
+  whole_scales_.swap(scales_);
+  planar_.MergeScales(whole_scales_, &scales_);
+  Prepare(planar_.problem(), &planar_solution_);
+  in_plane_ = true;
+  sprawls_ = false;
+  if (HasClosedForm(planar_.problem(), settings)) {
+    SolveOneContact(planar_.problem(), &planar_solution_);
+  } else {
+    Settings inner = settings;
+    if (problem.num_bodies() <= kSmallIsland) inner.coulomb_tolerance *= kPlanarShare;
+    SolveWhole(planar_.problem(), inner, planar_start_, &planar_solution_);
+  }
+  in_plane_ = false;
+  scales_.swap(whole_scales_);
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  if (planar_solution_.status == Status::kSolved && !sprawls_ && AllFinite(planar_solution_) &&
+      planar_.Expand(problem, planar_solution_, solution) <= kPlanarShare * goal) {
+    solution->coulomb_reached =
+        solution->coulomb_reached || CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal;
+    return true;
+  }
+  Prepare(problem, solution);
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
+}
+
+// Without a look at symmetry or at the frame before.
+void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                              Solution* solution) {
+  if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
     if (settings.cone == Cone::kCircular && (big || swept)) {
       SolveBigCoulomb(problem, settings, start, solution);
@@ -101,14 +150,20 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
 
 void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
                                     Solution* solution, std::span<const Vector3> near) {
-  interior_point_.Solve(problem, settings, slips, solution, near);
+  if (in_plane_) {
+    planar_interior_point_.Solve(problem, planar_.weights(), settings, slips, solution, near);
+  } else {
+    interior_point_.Solve(problem, settings, slips, solution, near);
+  }
   iterations_ += solution->iterations;
   solution->rung = Rung::kInteriorPoint;
 }
 
 void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) const {
   const ContactTerm& contact = problem.contacts[0];
-  const OneContact law(DelassusBlock(problem, contact));
+  Matrix3 w = DelassusBlock(problem, contact);
+  if (w(2, 2) == 0) w(2, 2) = w(1, 1);  // in the plane nothing moves along the second tangent
+  const OneContact law(w);
   Vector3 q = ContactVelocity(contact, solution->velocities.data());
   q[0] -= contact.target;
   solution->impulses[0] = law.SolveCoulomb(q, contact.friction);

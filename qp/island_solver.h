@@ -3,6 +3,7 @@
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   impulses that hold    those of the frame before, where they meet the law as they are
 //   bodies that move as one  carried as one
+//   mirror images         an island symmetric about a plane is solved in that plane, by what follows
 //   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
@@ -21,6 +22,8 @@
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
 #include "qp/normal_newton.h"
+#include "qp/planar_interior_point.h"
+#include "qp/planar_problem.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
@@ -38,9 +41,14 @@ class IslandSolver {
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kSweeps = 100;          // a block
   static constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
+  // Of the tolerance: what an answer in the plane may leave out of it, and what is asked for in the plane of small islands.
+  static constexpr double kPlanarShare = 1e-2;
 
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                   Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                      Solution* solution);
@@ -71,6 +79,13 @@ class IslandSolver {
   int iterations_ = 0, escalations_ = 0;  // of this solve
   double seconds_in_vain_ = 0;            // [s]
   Solution trial_;
+  PlanarProblem planar_;
+  PlanarInteriorPoint planar_interior_point_;
+  bool sprawls_ = false;   // impulses are much larger than they need to be, and sweeps found no others
+  bool in_plane_ = false;  // what is being solved is planar_'s problem
+  Solution planar_solution_;
+  std::vector<Vector3> planar_start_;
+  std::vector<double> whole_scales_;
   std::vector<Vector3> swept_impulses_;
   std::vector<double> swept_velocities_;
   std::vector<Vector3> best_impulses_;

@@ -12,13 +12,14 @@ enum class Rung : std::uint8_t {
   kClosedForm,     // one contact: a formula
   kHeld,           // the impulses of the frame before still hold
   kCompound,       // bodies that move as one are carried as one
+  kPlanar,         // symmetric about a plane: the problem in that plane
   kNormal,         // no friction: sweeps, finished by Newton's method
   kSweeps,         // Gauss-Seidel sweeps alone
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
-inline constexpr int kNumRungs = 7;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",          "compound",
-                                                      "normal",  "sweeps",      "interior_point"};
+inline constexpr int kNumRungs = 8;
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",   "compound",
+                                                      "planar",  "normal",      "sweeps", "interior_point"};
 
 // Which rungs may be used. The first one and the last two always may.
 class Ladder {
