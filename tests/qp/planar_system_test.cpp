@@ -49,7 +49,9 @@ TEST(PlanarSystem, AgreesWithDense) {
       const AllocationCounter counter;
       system.Prepare(problem, 0.3);
       EXPECT_EQ(system.Factorise(d), 0);
-      if (pass == 1) EXPECT_EQ(counter.count(), 0);
+      if (pass == 1) {
+        EXPECT_EQ(counter.count(), 0);
+      }
     }
     VectorXd x = b;
     system.Solve(x.data());
