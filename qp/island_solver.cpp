@@ -86,6 +86,8 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   ImpulseScales(problem, &scales_);
   if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
+  } else if (settings.ladder.Has(Rung::kCorners) && SolveCorners(problem, settings, start, solution)) {
+    solution->rung = Rung::kCorners;
   } else if (settings.ladder.Has(Rung::kCompound) && SolveCompound(problem, settings, start, solution)) {
     solution->rung = Rung::kCompound;
   } else if (settings.ladder.Has(Rung::kPlanar) && SolvePlanar(problem, settings, start, solution)) {
@@ -93,6 +95,28 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   } else {
     SolveWhole(problem, settings, start, solution);
   }
+}
+
+// Where the corners of all faces hold to the law, what lies inside them does, too.
+bool IslandSolver::SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                                Solution* solution) {
+  if (!IsConvex(problem, settings) || !reduction_.Reduce(problem)) return false;
+  const double begin = Seconds();
+  if (!inner_) inner_ = std::make_unique<IslandSolver>();
+  Settings inner = settings;
+  inner.ladder = settings.ladder.Without(Rung::kCorners);
+  reduction_.Select(start, &reduced_start_);
+  inner_->Solve(reduction_.problem(), inner, &trial_, reduced_start_);
+  iterations_ += trial_.iterations;
+  escalations_ += trial_.escalations;
+  seconds_in_vain_ += trial_.seconds_in_vain;
+  if (trial_.status == Status::kSolved) {
+    reduction_.Expand(trial_, solution);
+    return true;
+  }
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
 }
 
 // In the plane all is measured as in space: each group of contacts has the scale that its contacts have together.

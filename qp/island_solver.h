@@ -2,7 +2,8 @@
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   impulses that hold    those of the frame before, where they meet the law as they are
-//   bodies that move as one  carried as one
+//   points inside a face  left out, the others by what follows
+//   bodies in one motion  carried as one body, by what follows
 //   mirror images         an island symmetric about a plane is solved in that plane, by what follows
 //   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "qp/compounds.h"
+#include "qp/contact_reduction.h"
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
@@ -50,6 +52,8 @@ class IslandSolver {
   bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                    Solution* solution);
   bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                      Solution* solution);
   bool SolveReduced(const Settings& settings);
@@ -74,7 +78,9 @@ class IslandSolver {
   NormalNewton normal_newton_;
   GaussSeidel gauss_seidel_;
   Compounds compounds_;
-  std::unique_ptr<IslandSolver> inner_;  // of compounds
+  ContactReduction reduction_;
+  std::vector<Vector3> reduced_start_;
+  std::unique_ptr<IslandSolver> inner_;  // of compounds and corners
   std::vector<double> reduced_scales_;
   int iterations_ = 0, escalations_ = 0;  // of this solve
   double seconds_in_vain_ = 0;            // [s]

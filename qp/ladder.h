@@ -11,14 +11,15 @@ enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
   kClosedForm,     // one contact: a formula
   kHeld,           // the impulses of the frame before still hold
+  kCorners,        // contacts inside the hull of a face's others are left out
   kCompound,       // bodies that move as one are carried as one
   kPlanar,         // symmetric about a plane: the problem in that plane
   kNormal,         // no friction: sweeps, finished by Newton's method
   kSweeps,         // Gauss-Seidel sweeps alone
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
-inline constexpr int kNumRungs = 8;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",   "compound",
+inline constexpr int kNumRungs = 9;
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",   "corners",       "compound",
                                                       "planar",  "normal",      "sweeps", "interior_point"};
 
 // Which rungs may be used. The first one and the last two always may.

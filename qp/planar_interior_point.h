@@ -22,7 +22,8 @@ namespace islet::qp {
 
 class PlanarInteriorPoint {
  public:
-  // As InteriorPoint::Solve, the convex model alone, without compliance. weights: what each contact stands for in space: of all impulses that hold, those are found that the interior point would find there.
+  // As InteriorPoint::Solve, the convex model alone, without compliance. weights: what each contact stands for in space; of
+  // all impulses that hold, those are found that the interior point would find there.
   void Solve(const Problem& problem, std::span<const PlanarWeight> weights, const Settings& settings,
              std::span<const double> slips, Solution* solution, std::span<const Vector3> near = {});
 
