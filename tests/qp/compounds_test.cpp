@@ -138,8 +138,7 @@ TEST(Compounds, TheReducedProblemIsThatOfRigidlyJoinedBodies) {
     }
     centre /= mass;
     const Vector3 linear = random.Vector(1), angular = random.Vector(1);
-    std::vector<double> joined, single;
-    joined.insert(joined.end(), linear.begin(), linear.end());
+    std::vector<double> joined(linear.begin(), linear.end()), single;
     joined.insert(joined.end(), angular.begin(), angular.end());
     for (const Vector3& position : pile.positions) {
       const Vector3 v = linear + angular.cross(position - centre);
