@@ -1,14 +1,10 @@
 // Bodies that move as one in IslandSolver: the problem of the compounds, solved by the rungs above, and what its answer is worth.
-#include <chrono>
-
 #include "qp/island_solver.h"
 
 namespace islet::qp {
 namespace {
 
 constexpr int kRounds = 1;  // of a reduced problem; what takes more is seldom accepted
-
-double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 }  // namespace
 

@@ -57,9 +57,11 @@ void Prepare(const Problem& problem, Solution* solution) {
   CopyFreeVelocities(problem, &solution->velocities);
 }
 
-double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
 }  // namespace
+
+double IslandSolver::Seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
                          std::span<const Vector3> start) {
@@ -109,8 +111,8 @@ bool IslandSolver::SolveCorners(const Problem& problem, const Settings& settings
   inner_->Solve(reduction_.problem(), inner, &trial_, reduced_start_);
   iterations_ += trial_.iterations;
   escalations_ += trial_.escalations;
-  seconds_in_vain_ += trial_.seconds_in_vain;
   if (trial_.status == Status::kSolved) {
+    seconds_in_vain_ += trial_.seconds_in_vain;
     reduction_.Expand(trial_, solution);
     return true;
   }

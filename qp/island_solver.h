@@ -46,6 +46,7 @@ class IslandSolver {
   // Of the tolerance: what an answer in the plane may leave out of it, and what is asked for in the plane of small islands.
   static constexpr double kPlanarShare = 1e-2;
 
+  static double Seconds();  // of a clock that only goes on
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);

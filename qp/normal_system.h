@@ -10,6 +10,7 @@
 
 #include "qp/block_cholesky.h"
 #include "qp/problem.h"
+#include "qp/supernode_parts.h"
 
 namespace islet::qp {
 
@@ -31,30 +32,13 @@ class NormalSystem {
   const BlockCholesky& cholesky() const { return cholesky_; }
 
  private:
-  // One contact's share of one block, sigma left right^T.
-  struct Product {
-    int contact;
-    double* to;
-    int stride;
-    const double *left, *right;
-  };
-  struct Mass {
-    int body;
-    double* to;
-    int stride;
-  };
-  void FindPairs(const Problem& problem);
-  void ListParts(const Problem& problem);
-
   int width_ = 6;
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;
-  std::vector<double> normals_;                  // 12 per contact: of body a, of body b
-  std::vector<Matrix3> inertias_;                // per body
-  std::vector<double> masses_;                   // per body
-  std::vector<Product> products_;                // by supernode
-  std::vector<Mass> mass_places_;                // by supernode
-  std::vector<int> product_start_, mass_start_;  // per supernode
+  std::vector<double> normals_;    // 12 per contact: of body a, of body b
+  std::vector<Matrix3> inertias_;  // per body
+  std::vector<double> masses_;     // per body
+  SupernodeParts<const double*> parts_;
 };
 
 }  // namespace islet::qp

@@ -8,6 +8,7 @@
 
 #include "qp/block_cholesky.h"
 #include "qp/problem.h"
+#include "qp/supernode_parts.h"
 
 namespace islet::qp {
 
@@ -28,26 +29,15 @@ class PlanarSystem {
   struct Row {
     double n[3], t[3];  // of one side of a contact
   };
-  // One contact's share of one block.
-  struct Product {
-    int contact;
-    int left, right;  // into rows_
-    double* to;
-    int stride;
-  };
   struct Mass {
     double mass, inertia;  // about z
-    double* to;
-    int stride;
   };
-  void FindPairs(const Problem& problem);
 
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;
-  std::vector<Row> rows_;                        // two per contact
-  std::vector<Product> products_;                // by supernode
-  std::vector<Mass> masses_;                     // by supernode
-  std::vector<int> product_start_, mass_start_;  // per supernode
+  std::vector<Row> rows_;      // two per contact
+  std::vector<Mass> masses_;   // per body
+  SupernodeParts<int> parts_;  // rows: into rows_
 };
 
 }  // namespace islet::qp
