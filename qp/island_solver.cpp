@@ -73,6 +73,8 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   } else if (settings.ladder.Has(Rung::kClosedForm) && HasClosedForm(problem, settings)) {
     SolveOneContact(problem, solution);
     solution->rung = Rung::kClosedForm;
+  } else if (settings.ladder.Has(Rung::kClosedForm) && SolveOneBody(problem, settings, solution)) {
+    solution->rung = Rung::kClosedForm;
   } else {
     Climb(problem, settings, start, solution);
   }
@@ -80,6 +82,16 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->escalations = escalations_;
   solution->seconds_in_vain = seconds_in_vain_;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
+}
+
+// One body, contacts with walls that all stick or do not press.
+bool IslandSolver::SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution) {
+  if (!OneBody::Fits(problem)) return false;
+  const double begin = Seconds();
+  if (one_body_.Solve(problem, settings, solution)) return true;
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
 }
 
 // What no formula answers, from the rung of what still holds upwards.

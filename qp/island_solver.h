@@ -24,6 +24,7 @@
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
 #include "qp/normal_newton.h"
+#include "qp/one_body.h"
 #include "qp/planar_interior_point.h"
 #include "qp/planar_problem.h"
 #include "qp/problem.h"
@@ -50,6 +51,7 @@ class IslandSolver {
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution);
   bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
@@ -77,6 +79,7 @@ class IslandSolver {
 
   InteriorPoint interior_point_;
   NormalNewton normal_newton_;
+  OneBody one_body_;
   GaussSeidel gauss_seidel_;
   Compounds compounds_;
   ContactReduction reduction_;
