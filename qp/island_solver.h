@@ -1,6 +1,7 @@
 // Solves one island's problem by the cheapest way that is exact for its size and model:
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
+//   one body              held by walls: closed form where its contacts all reach their targets or do not press
 //   impulses that hold    those of the frame before, where they meet the law as they are
 //   points inside a face  left out, the others by what follows
 //   bodies in one motion  carried as one body, by what follows

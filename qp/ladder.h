@@ -9,7 +9,7 @@ namespace islet::qp {
 
 enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
-  kClosedForm,     // one contact: a formula
+  kClosedForm,     // one contact, or one body that walls hold: a formula
   kHeld,           // the impulses of the frame before still hold
   kCorners,        // contacts inside the hull of a face's others are left out
   kCompound,       // bodies that move as one are carried as one
