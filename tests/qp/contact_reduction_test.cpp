@@ -99,7 +99,7 @@ TEST(ContactReduction, ConvexModelsHaveTheSameAnswer) {
 TEST(ContactReduction, ExactFrictionHoldsAtAllPoints) {
   for (std::uint32_t seed = 0; seed < 100; ++seed) {
     const Problem problem = RandomFace(seed).problem;
-    const qp::Solution ours = Solve(problem, qp::Model::kCoulomb, qp::Ladder());
+    const qp::Solution ours = Solve(problem, qp::Model::kCoulomb, qp::Ladder().Without(Rung::kClosedForm));
     EXPECT_EQ(ours.rung, Rung::kCorners);
     EXPECT_LT(WorstOfTheLaw(problem, ours), 3e-6 * VelocityScale(problem)) << seed;
     for (int c = 0; c < problem.num_contacts(); ++c) {
