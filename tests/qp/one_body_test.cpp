@@ -120,10 +120,16 @@ TEST_P(OneBodyFamilies, MeetTheLawOfEveryModel) {
         if (!Closed(problem, settings, &solution)) continue;
         ++served;
         EXPECT_LT(Violation(problem, settings, solution), 2e-10) << trial;
+        for (int c = 0; c < problem.num_contacts(); ++c) {
+          const Vector3 u = qp::ContactVelocity(problem.contacts[c], solution.velocities.data());
+          const double slip = cone == Cone::kCircular ? problem.contacts[c].friction * u.tail<2>().norm() : 0;
+          if (model != Model::kCoulomb || cone == Cone::kCircular)
+            EXPECT_NEAR(solution.slips[c], model == Model::kCoulomb ? slip : 0, 1e-12);
+        }
       }
     }
   }
-  EXPECT_GT(served, 2200);
+  EXPECT_GT(served, 2350);
 }
 
 // The velocities of the convex problem are unique, and where all contacts stick in it the formula must find them.
@@ -286,6 +292,19 @@ TEST(OneBody, TurnsAboutAnEdge) {
   EXPECT_NEAR(solution.velocities[4], 0.5, 1e-10);
 }
 
+// Two corners lift off at first, and only meet the floor because the others are held.
+TEST(OneBody, FindsWhatWillPress) {
+  Problem brick = Brick({0, 0, 0.5}, {0, 0, -1}, 0.9);
+  brick.bodies[0].velocity[4] = -2.2;  // held at x < 0 it would turn at +0.2, and the corners at x > 0 go down
+  for (const Model model : {Model::kCoulomb, Model::kConvex}) {
+    const qp::Settings settings = MakeSettings(brick, model);
+    qp::Solution solution;
+    ASSERT_TRUE(Closed(brick, settings, &solution));
+    EXPECT_LT(Violation(brick, settings, solution), 1e-10);
+    EXPECT_GT(solution.impulses[1][0], 0);
+  }
+}
+
 // Exact friction lets a brick slide off a wall that it leaves; the convex models let it rub.
 TEST(OneBody, LeavesWhatSeparatesToItself) {
   const Problem brick = Brick({0, 0, 0.5}, {3, 0, 1}, 0.5);
@@ -293,6 +312,9 @@ TEST(OneBody, LeavesWhatSeparatesToItself) {
   ASSERT_TRUE(Closed(brick, MakeSettings(brick), &solution));
   EXPECT_EQ(solution.velocities, FreeVelocities(brick));
   EXPECT_FALSE(Closed(brick, MakeSettings(brick, Model::kConvex), &solution));
+  const Problem faster = Brick({0, 0, 0.5}, {1, 0, 1}, 0.5);
+  ASSERT_TRUE(Closed(faster, MakeSettings(faster, Model::kConvex), &solution));
+  EXPECT_EQ(solution.slips, std::vector<double>(4, 0.0));
 }
 
 TEST(OneBody, RefusesWhatIsNotOfItsKind) {
@@ -301,7 +323,7 @@ TEST(OneBody, RefusesWhatIsNotOfItsKind) {
   more.contacts.resize(qp::OneBody::kMostContacts, brick.contacts[0]);
   EXPECT_TRUE(Closed(more));
   more.contacts.push_back(brick.contacts[0]);
-  EXPECT_FALSE(Closed(more));
+  EXPECT_FALSE(qp::OneBody::Fits(more));
   more = brick;
   more.contacts.resize(1);
   EXPECT_FALSE(qp::OneBody::Fits(more));
