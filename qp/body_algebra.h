@@ -9,8 +9,7 @@
 
 namespace islet::qp {
 
-// Ranges in which idle workers take up loops: big enough that handing one over costs nothing beside it.
-inline constexpr int kRowsPerPiece = 512;
+// Range in which idle workers take up loops: big enough that handing one over costs nothing beside it.
 inline constexpr int kBodiesPerPiece = 256;
 
 using Velocity = Eigen::Map<Vector6>;

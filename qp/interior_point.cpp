@@ -28,6 +28,10 @@ constexpr int kMaxCorrectors = 3;                  // centrality correctors per 
 constexpr double kCorrectorReach = 0.3;            // by how much a corrector tries to lengthen the step
 constexpr double kCorrectorGain = 0.1;             // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
+constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
+
+// bound: 1 / the longest step.
+double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / bound : limit; }
 
 }  // namespace
 
@@ -68,12 +72,8 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   }
   const bool kinetic = settings.model == Model::kKinetic && bounces;
   rows_.clear();
-  num_rows_ = degree_ = 0;
-  const auto add_rows = [&](const Rows& rows) {
-    rows_.push_back(rows);
-    num_rows_ += NumRows(rows.cone.kind);
-    degree_ += Degree(rows.cone.kind);
-  };
+  degree_ = 0;
+  batches_.Clear();
   softness_.assign(nc, 0.0);
   for (int c = 0; c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
@@ -84,20 +84,48 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
       softness_[c] = kSoftness * DelassusBlock(problem, problem.contacts[c])(0, 0);
       offset[0] -= softness_[c] * near[c][0] * per_velocity;
     }
-    add_rows({num_rows_, c, kinetic ? 1 : 0, kinetic ? -1.0 : 1.0, ChooseCone(contact.friction, settings.cone), offset,
-              contact.compliance, softness_[c] * mean_mass_});
+    AddRows({c,
+             kinetic ? 1 : 0,
+             ChooseCone(contact.friction, settings.cone),
+             offset,
+             contact.compliance,
+             softness_[c] * mean_mass_,
+             {}});
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    add_rows({num_rows_, c, 0, 1.0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0});
+    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1);
-  incidence_.Build(scaled_);
-  for (auto* v : {&s_, &z_, &point_, &lambda_, &primal_, &target_, &ds_, &dz_, &ds_plain_, &best_z_})
-    v->assign(num_rows_, 0.0);
-  eta_.assign(rows_.size(), 1.0);
-  softening_.resize(rows_.size());
-  for (auto* v : {&y_, &dual_, &dy_}) v->assign(static_cast<size_t>(6) * kkt_.num_fields() * nb, 0.0);
+  PlaceRows();
+}
+
+void InteriorPoint::AddRows(const Rows& rows) {
+  rows_.push_back(rows);
+  rows_.back().place = batches_.Add({scaled_.contacts[rows.contact], rows.contact, rows.cone, rows.offset,
+                                     rows.compliance, rows.softness, rows.field});
+  degree_ += Degree(rows.cone.kind);
+}
+
+void InteriorPoint::PlaceRows() {
+  const int nb = scaled_.num_bodies(), nc = scaled_.num_contacts();
+  const size_t rows = batches_.num_rows(), batches = batches_.size();
+  batches_.Finish(scaled_, kkt_.num_fields());
+  for (auto* v : {&s_, &z_}) batches_.FillWithUnits(v);
+  for (auto* v : {&point_, &inverse_, &lambda_, &primal_}) v->assign(rows, Lanes{});
+  const size_t unknowns = static_cast<size_t>(6) * kkt_.num_fields() * nb;
+  for (Direction* d : {&direction_, &trial_}) {
+    for (auto* v : {&d->target, &d->ds, &d->dz, &d->plain}) v->assign(rows, Lanes{});
+    d->constants.resize(3 * batches);
+    d->dy.assign(unknowns + kSpare, 0.0);
+  }
+  forces_.resize(3 * batches);
+  softening_.resize(9 * batches);
+  scaling_blocks_.resize(9 * batches);
+  y_.assign(unknowns + kSpare, 0.0);
+  error_.assign(unknowns + kSpare, 0.0);
+  dual_.assign(unknowns, 0.0);
+  gathered_.resize(unknowns);
   blocks_.resize(nc);
   normal_blocks_.resize(nc);
 }
@@ -107,18 +135,16 @@ void InteriorPoint::ChooseStart() {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
   for (int i = 0; i < scaled_.num_bodies(); ++i)
     for (int f = 0; f < fields; ++f) At(y_, stride * i + 6 * f) = scaled_.bodies[i].velocity;
-  double unit[kMaxRows];
+  double unit[kMaxRows], s[kMaxRows];
   for (const Rows& rows : rows_) {
     const ContactTerm& contact = scaled_.contacts[rows.contact];
-    double* s = &s_[rows.first];
-    double* z = &z_[rows.first];
     MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset, s);
     Identity(rows.cone.kind, unit);
     const double push = kStartPush + std::max(0.0, -MinEigenvalue(rows.cone.kind, s));
     const double impulse = kStartImpulse / DelassusBlock(scaled_, contact)(0, 0) / Degree(rows.cone.kind);
     for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
-      s[i] += push * unit[i];
-      z[i] = impulse * unit[i];
+      s_[rows.place.first + i].at[rows.place.lane] = s[i] + push * unit[i];
+      z_[rows.place.first + i].at[rows.place.lane] = impulse * unit[i];
     }
   }
 }
@@ -158,14 +184,13 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
       break;
     if (!UpdateScalings()) break;
-    FactoriseNewton();
+    kkt_.Factorise(scaled_, blocks_, normal_blocks_);
     const double mu = now.gap / degree_;
 
-    for (int i = 0; i < num_rows_; ++i) target_[i] = -lambda_[i];
     refine_ = gap < kRefineBelow;
     refine_to_ = 0.1 * std::min(kResidualShare * settings.tolerance, std::sqrt(aim));
-    ComputeDirection(1, false);
-    const double affine = LongestStep(1);
+    ComputeDirection(1, false, &direction_);
+    const double affine = LongestStep(direction_.bound, 1);
     // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
     const bool stuck = stalled >= kStuck;
     const bool careful = stuck || least_sigma > 0;
@@ -176,8 +201,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     AimAt(goal, stuck ? affine : 1);
-    ComputeDirection(weight, refine_);
-    double step = std::min(1.0, kStepShare * LongestStep(2));
+    ComputeDirection(weight, refine_, &direction_);
+    double step = std::min(1.0, kStepShare * LongestStep(direction_.bound, 2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
       if (!ImproveCentrality(weight, std::max(goal, 1e-3 * mu), &step)) break;
     }
@@ -195,11 +220,11 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
 // 0 <= z . (A v + c) <= |A^T z| |v| + z . c in the mass metric and its dual.
 double InteriorPoint::LeastEnergy() {
   const int stride = 6 * kkt_.num_fields();
-  error_.assign(dual_.size(), 0.0);
+  std::fill(error_.begin(), error_.end(), 0.0);
   double lack = 0;
   for (const Rows& rows : rows_) {
-    if (rows.sign < 0 || rows.IsSoft()) continue;
-    const Vector3 j = MapFromRows(rows.cone, &z_[rows.first]);
+    if (rows.field > 0 || rows.IsSoft()) continue;
+    const Vector3 j = ImpulseAt(rows.cone, z_, rows.place);
     lack -= j.dot(rows.offset);
     AddForce(scaled_.contacts[rows.contact], stride, 0, 1, j, &error_);
   }
@@ -215,24 +240,16 @@ double InteriorPoint::LeastEnergy() {
 // and keep the new direction if it can be followed farther.                                                     [Gon96]
 bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   const double reach = std::min(1.0, *step + kCorrectorReach);
-  saved_target_ = target_, saved_ds_ = ds_, saved_dz_ = dz_, saved_dy_ = dy_;
-  saved_plain_ = ds_plain_;
-  parallel::ForkRanges(static_cast<int>(rows_.size()), kRowsPerPiece, [&](int first, int last) {
-    for (int r = first; r < last; ++r) {
-      const int at = rows_[r].first;
-      CorrectCentrality(rows_[r].cone.kind, &lambda_[at], &ds_[at], &dz_[at], reach, kProductLow * aim,
-                        kProductHigh * aim, &target_[at]);
-    }
+  ForBatches([&](int first, int last) {
+    kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, reach, kProductLow * aim,
+                     kProductHigh * aim);
   });
-  ComputeDirection(weight, refine_);
-  const double longer = std::min(1.0, kStepShare * LongestStep(2));
-  if (longer >= *step + kCorrectorGain * (reach - *step)) {
-    *step = longer;
-    return true;
-  }
-  target_.swap(saved_target_), ds_.swap(saved_ds_), dz_.swap(saved_dz_), dy_.swap(saved_dy_);
-  ds_plain_.swap(saved_plain_);
-  return false;
+  ComputeDirection(weight, refine_, &trial_);
+  const double longer = std::min(1.0, kStepShare * LongestStep(trial_.bound, 2));
+  if (longer < *step + kCorrectorGain * (reach - *step)) return false;
+  *step = longer;
+  std::swap(direction_, trial_);
+  return true;
 }
 
 void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
@@ -244,7 +261,7 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::
   solution->slips.assign(slips.begin(), slips.end());
   solution->slips.resize(nc, 0.0);
   for (int c = 0; c < nc; ++c) {
-    solution->impulses[c] = mean_mass_ * velocity_scale * MapFromRows(rows_[c].cone, &z_[rows_[c].first]);
+    solution->impulses[c] = mean_mass_ * velocity_scale * ImpulseAt(rows_[c].cone, z_, rows_[c].place);
     ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
     if (!near.empty()) solution->slips[c] += softness_[c] * (solution->impulses[c][0] - near[c][0]);
   }
@@ -252,7 +269,8 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::
   solution->bounce_multipliers.clear();
   if (kkt_.num_fields() == 1) return;
   for (int c = 0; c < nc; ++c)
-    solution->bounce_multipliers.push_back(mean_mass_ * velocity_scale * z_[rows_[nc + c].first]);
+    solution->bounce_multipliers.push_back(mean_mass_ * velocity_scale *
+                                           ImpulseAt(rows_[nc + c].cone, z_, rows_[nc + c].place)[0]);
   // p from the answer's own v and gamma, so that M (v - p) = N^T gamma holds to rounding.
   solution->multipliers = solution->velocities;
   for (int c = 0; c < nc; ++c)

@@ -11,10 +11,11 @@
 #include <span>
 #include <vector>
 
+#include "parallel/fork.h"
 #include "qp/cone.h"
-#include "qp/incidence.h"
 #include "qp/kkt.h"
 #include "qp/problem.h"
+#include "qp/row_batches.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
 
@@ -31,66 +32,77 @@ class InteriorPoint {
              std::span<const Vector3> near = {});
 
  private:
-  // What one contact contributes: first row in s_ and z_, its cone, and the constant part of its velocity.
+  static constexpr int kBatchesPerPiece = 64;
+
+  // What one contact contributes: its cone, the constant part of its velocity, and where its rows are.
   struct Rows {
-    int first;
     int contact;
-    int field;    // whose velocity it constrains
-    double sign;  // +1, or -1 where the rows enter the matrix negatively (kinetic cone rows)
+    int field;  // whose velocity it constrains
     ContactCone cone;
     Vector3 offset;
     double compliance, softness;  // R = compliance I + softness n n^T
+    RowPlace place;
     bool IsSoft() const { return compliance > 0 || softness > 0; }
-    Vector3 Yield(const Vector3& j) const { return compliance * j + Vector3(softness * j[0], 0, 0); }  // R j
   };
   struct Residuals {
     double gap, primal, dual;
   };
+  struct Direction {
+    std::vector<Lanes> target, ds, dz, plain, constants;
+    std::vector<double> dy;
+    double bound = 0;  // 1 / the longest step, 0 if it has no end
+    RowDirection View() { return {target.data(), ds.data(), dz.data(), plain.data(), constants.data()}; }
+  };
 
   void Load(const Problem& problem, const Settings& settings, std::span<const double> slips,
             std::span<const Vector3> near);
+  void AddRows(const Rows& rows);
+  void PlaceRows();
   void ChooseStart();
   Residuals ComputeResiduals();
   double LeastEnergy();
   bool UpdateScalings();
-  void FactoriseNewton();
-  // Direction for the complementarity targets in target_ (scaled space), residuals weighted by `weight`.
-  void ComputeDirection(double weight, bool refine);  // reads primal_, dual_ and the factors
-  void CompleteDirection(double weight);
-  void Correct();
-  double DirectionError(double weight);
+  // Direction for its targets, residuals weighted by `weight`. Reads primal_, dual_ and the factors.
+  void ComputeDirection(double weight, bool refine, Direction* direction);
+  void Correct(Direction* direction);
+  double DirectionError(double weight, Direction* direction);
   double MassNorm(const std::vector<double>& momentum) const;
-  double LongestStep(double limit);
   void AimAt(double goal, double share);
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
   void Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
                std::span<const Vector3> near, Solution* solution);
-
-  Scaling ScalingOf(size_t r) { return {point_.data() + rows_[r].first, lambda_.data() + rows_[r].first, eta_[r]}; }
+  // run(first, last) over the batches, side by side.
+  template <typename Run>
+  void ForBatches(const Run& run) {
+    parallel::ForkRanges(static_cast<int>(batches_.size()), kBatchesPerPiece, run);
+  }
+  RowArrays Arrays();
 
   Problem scaled_;
-  Incidence incidence_;
   KktSystem kkt_;
+  const RowKernels* kernels_ = &BestRowKernels();
+  RowBatches batches_;
   std::vector<Rows> rows_;
-  int num_rows_ = 0, degree_ = 0;
+  int degree_ = 0;
   double mean_mass_ = 1, energy_scale_ = 1, energy_limit_ = 0;
-  std::vector<double> y_;                       // unknowns
-  std::vector<double> s_, z_, point_, lambda_;  // per row
-  std::vector<double> eta_;                     // per Rows
-  std::vector<double> primal_, dual_;           // residuals: s - A y - c; stationarity
-  std::vector<double> target_, ds_, dz_, dy_;   // direction; target, ds and dz in scaled space
-  std::vector<double> ds_plain_;                // not scaled
-  std::vector<double> saved_target_, saved_ds_, saved_dz_, saved_dy_, saved_plain_, best_z_, best_y_;
-  std::vector<double> error_;       // of the direction, in the momentum balance
-  std::vector<Vector3> constants_;  // per Rows: part of dj that dy does not change
-  std::vector<Vector3> forces_;     // per field and contact
-  std::vector<double> partial_;     // per range of rows
+  std::vector<double> y_;                                // unknowns, and two numbers to spare
+  std::vector<Lanes> s_, z_, point_, inverse_, lambda_;  // per row
+  std::vector<Lanes> primal_;                            // s - A y - c
+  std::vector<double> dual_;                             // stationarity
+  Direction direction_, trial_;
+  std::vector<Lanes> best_z_;
+  std::vector<double> best_y_;
+  std::vector<double> error_;     // of the direction, in the momentum balance
+  std::vector<double> gathered_;  // sum of the forces on each body, field by field
+  std::vector<Lanes> forces_;     // three a batch
+  std::vector<double> partial_;   // per range of batches
   bool refine_ = false;
   double refine_to_ = 0;               // error of a direction that is small enough
   std::vector<double> softness_;       // per contact, in the caller's units: what its slip gives way per impulse
-  std::vector<Matrix3> softening_;     // (I + D R)^-1 per Rows; unused where R = 0
+  std::vector<Lanes> softening_;       // (I + D R)^-1, nine a batch; unused where R = 0
+  std::vector<Lanes> scaling_blocks_;  // D, nine a batch
   std::vector<Matrix3> blocks_;        // D per contact
   std::vector<double> normal_blocks_;  // E per contact
 };

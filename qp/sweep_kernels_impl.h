@@ -1,70 +1,20 @@
 // Body of the sweep kernels for one vector width. Included by sweep_kernels_<isa>.cpp, which define ISLET_LANES (doubles
 // in a vector), ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared
 // header, compiled with wider vectors, could be chosen by the linker for everyone.
-#if defined(__SSE2__)
-#include <immintrin.h>
-#endif
-
+#include "qp/lanes_impl.h"
 #include "qp/sweep_kernels.h"
 
 namespace islet::qp {
 namespace {
 
-constexpr int kLanes = ISLET_LANES;
 constexpr int kNewtonSteps = 60;           // with the bracket; two or three are usual
 constexpr double kNewtonTolerance = 1e-6;  // of mu j_n / |j_t|; only the direction depends on it
-typedef double Vec __attribute__((vector_size(kLanes * sizeof(double)), aligned(sizeof(double)), may_alias));
-typedef decltype(Vec{} < Vec{}) Mask;
 
-inline Vec Load(const double* p) { return *reinterpret_cast<const Vec*>(p); }
-inline void Store(double* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
-inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
-inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
-
-#if ISLET_LANES == 8
-inline bool Any(Mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
-// Two Newton steps from 14 bits: rounding error as small as a division's, without the wait for the divider.
-inline Vec Inverse(Vec a) {
-  Vec r = (Vec)_mm512_maskz_rcp14_pd(0xff, (__m512d)a);
-  for (int i = 0; i < 2; ++i) r += r * (1 - a * r);
-  return r;
-}
-inline Vec InverseRoot(Vec a) {
-  Vec r = (Vec)_mm512_maskz_rsqrt14_pd(0xff, (__m512d)a);
-  for (int i = 0; i < 2; ++i) r += 0.5 * r * (1 - a * r * r);
-  return r;
-}
-#elif ISLET_LANES == 4
-inline bool Any(Mask m) { return _mm256_movemask_pd((__m256d)m) != 0; }
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_pd((__m256d)a); }
-#else
-inline bool Any(Mask m) { return (m[0] | m[1]) != 0; }
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
-#endif
-
-// Six components of the velocities of kLanes bodies, lane by lane; and back. A transposition in registers.
-#if ISLET_LANES == 8
-#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+// Six components of the velocities of kLanes bodies, lane by lane, and back.
 inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
-  Vec even[4], odd[4];
-  for (int i = 0; i < 4; ++i) {
-    const Vec p = Load(y[body[2 * i]].y), q = Load(y[body[2 * i + 1]].y);
-    even[i] = ISLET_SHUFFLE(p, q, 0, 8, 2, 10, 4, 12, 6, 14);
-    odd[i] = ISLET_SHUFFLE(p, q, 1, 9, 3, 11, 5, 13, 7, 15);
-  }
-  for (int k = 0; k < 2; ++k) {
-    const Vec* in = k == 0 ? even : odd;
-    const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 1, 2, 3, 8, 9, 10, 11);
-    const Vec q = ISLET_SHUFFLE(in[2], in[3], 0, 1, 2, 3, 8, 9, 10, 11);
-    const Vec r = ISLET_SHUFFLE(in[0], in[1], 4, 5, 6, 7, 12, 13, 14, 15);
-    const Vec s = ISLET_SHUFFLE(in[2], in[3], 4, 5, 6, 7, 12, 13, 14, 15);
-    out[k] = ISLET_SHUFFLE(p, q, 0, 1, 4, 5, 8, 9, 12, 13);
-    out[2 + k] = ISLET_SHUFFLE(p, q, 2, 3, 6, 7, 10, 11, 14, 15);
-    out[4 + k] = ISLET_SHUFFLE(r, s, 0, 1, 4, 5, 8, 9, 12, 13);
-  }
+  Gather([&](int i) { return y[body[i]].y; }, out);
 }
+#if ISLET_LANES == 8
 inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   const Vec zero = {};
   Vec pair[4][2];  // [components 2m and 2m + 1][even or odd bodies]: 128 bits a body
@@ -84,24 +34,6 @@ inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   }
 }
 #elif ISLET_LANES == 4
-#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
-inline void Transpose(const Vec* in, Vec* out) {
-  const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 4, 2, 6), q = ISLET_SHUFFLE(in[0], in[1], 1, 5, 3, 7);
-  const Vec r = ISLET_SHUFFLE(in[2], in[3], 0, 4, 2, 6), s = ISLET_SHUFFLE(in[2], in[3], 1, 5, 3, 7);
-  out[0] = ISLET_SHUFFLE(p, r, 0, 1, 4, 5);
-  out[1] = ISLET_SHUFFLE(q, s, 0, 1, 4, 5);
-  out[2] = ISLET_SHUFFLE(p, r, 2, 3, 6, 7);
-  out[3] = ISLET_SHUFFLE(q, s, 2, 3, 6, 7);
-}
-inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
-  Vec in[4], rest[4];
-  for (int i = 0; i < 4; ++i) in[i] = Load(y[body[i]].y);
-  Transpose(in, out);
-  for (int i = 0; i < 4; ++i) in[i] = Load(y[body[i]].y + 4);
-  Transpose(in, rest);
-  out[4] = rest[0];
-  out[5] = rest[1];
-}
 inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   const Vec rest[4] = {in[4], in[5], Vec{}, Vec{}};
   Vec out[4];
@@ -111,9 +43,6 @@ inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   for (int i = 0; i < 4; ++i) Store(y[body[i]].y + 4, out[i]);
 }
 #else
-inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
-  for (int k = 0; k < 6; ++k) out[k] = Vec{y[body[0]].y[k], y[body[1]].y[k]};
-}
 inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   for (int k = 0; k < 6; ++k)
     for (int i = 0; i < 2; ++i) y[body[i]].y[k] = in[k][i];

@@ -1,0 +1,94 @@
+// Vectors of ISLET_LANES doubles with one contact in each lane, for the kernels that go through contacts in batches of eight.
+// Part of sweep_kernels_impl.h and row_kernels_impl.h, which define ISLET_LANES; nothing but builtins and intrinsics is used.
+#pragma once
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+namespace islet::qp {
+namespace {
+
+constexpr int kLanes = ISLET_LANES;
+typedef double Vec __attribute__((vector_size(kLanes * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef decltype(Vec{} < Vec{}) Mask;
+
+inline Vec Load(const double* p) { return *reinterpret_cast<const Vec*>(p); }
+inline void Store(double* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
+inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
+inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
+
+#if ISLET_LANES == 8
+inline bool Any(Mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
+// Two Newton steps from 14 bits: rounding error as small as a division's, without the wait for the divider.
+inline Vec Inverse(Vec a) {
+  Vec r = (Vec)_mm512_maskz_rcp14_pd(0xff, (__m512d)a);
+  for (int i = 0; i < 2; ++i) r += r * (1 - a * r);
+  return r;
+}
+inline Vec InverseRoot(Vec a) {
+  Vec r = (Vec)_mm512_maskz_rsqrt14_pd(0xff, (__m512d)a);
+  for (int i = 0; i < 2; ++i) r += 0.5 * r * (1 - a * r * r);
+  return r;
+}
+#elif ISLET_LANES == 4
+inline bool Any(Mask m) { return _mm256_movemask_pd((__m256d)m) != 0; }
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_pd((__m256d)a); }
+#else
+inline bool Any(Mask m) { return (m[0] | m[1]) != 0; }
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
+#endif
+
+// Six numbers from address(i) on, lane i; on wider vectors two more are read there. A transposition in registers.
+#if ISLET_LANES == 8
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+template <typename Address>
+inline void Gather(const Address& address, Vec* out) {
+  Vec even[4], odd[4];
+  for (int i = 0; i < 4; ++i) {
+    const Vec p = Load(address(2 * i)), q = Load(address(2 * i + 1));
+    even[i] = ISLET_SHUFFLE(p, q, 0, 8, 2, 10, 4, 12, 6, 14);
+    odd[i] = ISLET_SHUFFLE(p, q, 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+  for (int k = 0; k < 2; ++k) {
+    const Vec* in = k == 0 ? even : odd;
+    const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 1, 2, 3, 8, 9, 10, 11);
+    const Vec q = ISLET_SHUFFLE(in[2], in[3], 0, 1, 2, 3, 8, 9, 10, 11);
+    const Vec r = ISLET_SHUFFLE(in[0], in[1], 4, 5, 6, 7, 12, 13, 14, 15);
+    const Vec s = ISLET_SHUFFLE(in[2], in[3], 4, 5, 6, 7, 12, 13, 14, 15);
+    out[k] = ISLET_SHUFFLE(p, q, 0, 1, 4, 5, 8, 9, 12, 13);
+    out[2 + k] = ISLET_SHUFFLE(p, q, 2, 3, 6, 7, 10, 11, 14, 15);
+    out[4 + k] = ISLET_SHUFFLE(r, s, 0, 1, 4, 5, 8, 9, 12, 13);
+  }
+}
+#elif ISLET_LANES == 4
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+inline void Transpose(const Vec* in, Vec* out) {
+  const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 4, 2, 6), q = ISLET_SHUFFLE(in[0], in[1], 1, 5, 3, 7);
+  const Vec r = ISLET_SHUFFLE(in[2], in[3], 0, 4, 2, 6), s = ISLET_SHUFFLE(in[2], in[3], 1, 5, 3, 7);
+  out[0] = ISLET_SHUFFLE(p, r, 0, 1, 4, 5);
+  out[1] = ISLET_SHUFFLE(q, s, 0, 1, 4, 5);
+  out[2] = ISLET_SHUFFLE(p, r, 2, 3, 6, 7);
+  out[3] = ISLET_SHUFFLE(q, s, 2, 3, 6, 7);
+}
+template <typename Address>
+inline void Gather(const Address& address, Vec* out) {
+  Vec in[4], rest[4];
+  for (int i = 0; i < 4; ++i) in[i] = Load(address(i));
+  Transpose(in, out);
+  for (int i = 0; i < 4; ++i) in[i] = Load(address(i) + 4);
+  Transpose(in, rest);
+  out[4] = rest[0];
+  out[5] = rest[1];
+}
+#else
+template <typename Address>
+inline void Gather(const Address& address, Vec* out) {
+  for (int k = 0; k < 6; ++k) out[k] = Vec{address(0)[k], address(1)[k]};
+}
+#endif
+
+}  // namespace
+}  // namespace islet::qp
