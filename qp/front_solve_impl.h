@@ -47,27 +47,66 @@ void ForwardLines(const Front& f, int j, int from, int to, double* x) {
     SubtractColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
 }
 
+// Lanes from .. to-1 of what is at p, zeros elsewhere; p may hold anything there.
+ISLET_INLINE Vec LoadSome(const double* p, int from, int to) {
+#if ISLET_LANES == 8
+  return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>((1u << to) - (1u << from)), p);
+#else
+  Vec v = {};
+  for (int i = from; i < to; ++i) v[i] = p[i];
+  return v;
+#endif
+}
+
+// sum[p] = sum of column p times x over the lines [from, end).
+template <int N>
+ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
+  Vec sums[8] = {};
+  const auto add_some = [&](int line, int first, int last) {
+    const Vec v = LoadSome(x + line, first, last);
+    for (int p = 0; p < N; ++p) sums[p] += LoadSome(columns + line + p * stride, first, last) * v;
+  };
+  int line = from;
+  if (from % kLanes != 0) {
+    line = from - from % kLanes;
+    add_some(line, from % kLanes, end - line < kLanes ? end - line : kLanes);
+    line += kLanes;
+  }
+  for (; line + kLanes <= end; line += kLanes) {
+    const Vec v = Load(x + line);
+    for (int p = 0; p < N; ++p) sums[p] += Load(columns + line + p * stride) * v;
+  }
+  if (line < end) add_some(line, 0, end - line);
+#if ISLET_LANES == 8
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+  Vec pairs[4], fours[2];
+  for (int i = 0; i < 4; ++i)
+    pairs[i] = ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14) +
+               ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  for (int i = 0; i < 2; ++i)
+    fours[i] = ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 0, 1, 8, 9, 4, 5, 12, 13) +
+               ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 2, 3, 10, 11, 6, 7, 14, 15);
+  const Vec all = ISLET_SHUFFLE(fours[0], fours[1], 0, 1, 2, 3, 8, 9, 10, 11) +
+                  ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
+  for (int p = 0; p < N; ++p) sum[p] = all[p];
+#undef ISLET_SHUFFLE
+#else
+  for (int p = 0; p < N; ++p) {
+    sum[p] = 0;
+    for (int t = 0; t < kLanes; ++t) sum[p] += sums[p][t];
+  }
+#endif
+}
+
 // x[c] -= (column c below the panel block at j) x.
 template <int N>
 void BackwardColumns(const Front& f, int j, int from, int to, double* x) {
   const int first = f.lead + j + f.BlockColumns(j), end = f.lead + f.n;
+  if (first == end) return;
   for (int c = from; c < to; c += N) {
-    const double* l = f.panel + c * f.panel_stride;
-    Vec sums[N] = {};
-    double sum[N] = {};
-    int line = first;
-    for (; line < end && line % kLanes != 0; ++line)
-      for (int p = 0; p < N; ++p) sum[p] += l[line + p * f.panel_stride] * x[line];
-    for (; line + kLanes <= end; line += kLanes) {
-      const Vec v = Load(x + line);
-      for (int p = 0; p < N; ++p) sums[p] += Load(l + line + p * f.panel_stride) * v;
-    }
-    for (; line < end; ++line)
-      for (int p = 0; p < N; ++p) sum[p] += l[line + p * f.panel_stride] * x[line];
-    for (int p = 0; p < N; ++p) {
-      for (int t = 0; t < kLanes; ++t) sum[p] += sums[p][t];
-      x[f.lead + c + p] -= sum[p];
-    }
+    double sum[N];
+    DotColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
+    for (int p = 0; p < N; ++p) x[f.lead + c + p] -= sum[p];
   }
 }
 
@@ -78,8 +117,7 @@ void BackwardBlock(const Front& f, int j, double* x) {
     const double* l = f.panel + f.lead + c * f.panel_stride;
     double* own = x + f.lead;
     double sum[N] = {};
-    for (int r = c + N; r < stop; ++r)
-      for (int p = 0; p < N; ++p) sum[p] += l[r + p * f.panel_stride] * own[r];
+    if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
     for (int p = N - 1; p >= 0; --p) {
       const double* column = l + p * f.panel_stride;
       double value = own[c + p] - sum[p];

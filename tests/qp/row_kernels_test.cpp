@@ -250,7 +250,7 @@ TEST_P(RowKernelsOf, TargetsAreThoseOfTheCones) {
   kernels_->aim(Arrays(), Direction(), 0, End(), 0.3, 0.6);
   qp::RowDirection next = Direction();
   next.target = other_.data();
-  kernels_->centre(Arrays(), Direction(), next, 0, End(), 0.8, 0.1, 2.0);
+  kernels_->centre(Arrays(), Direction(), next, 0, End(), 0.8, 0.1, 0.15);
   int corrected = 0;
   for (const Entry& e : entries_) {
     Rows target{};
@@ -258,7 +258,7 @@ TEST_P(RowKernelsOf, TargetsAreThoseOfTheCones) {
     AimAtCentre(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.3, 0.6, target.data());
     ExpectSame(Get(target_, e), target, e);
     const double before = target[0];
-    CorrectCentrality(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.8, 0.1, 2.0, target.data());
+    CorrectCentrality(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.8, 0.1, 0.15, target.data());
     ExpectSame(Get(other_, e), target, e);
     corrected += target[0] != before;
   }
