@@ -8,7 +8,7 @@ namespace {
 
 // x -= columns j .. j+N-1 times value, for the lines [from, to).
 template <int N>
-ISLET_INLINE void SubtractColumns(const double* columns, int stride, const double* value, int from, int to, double* x) {
+ISLET_INLINE void SubtractColumns(const Number* columns, int stride, const Number* value, int from, int to, Number* x) {
   for (int line = from; line < to; line += kLanes) {
     Vec sum = Load(x + line);
     for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
@@ -18,22 +18,22 @@ ISLET_INLINE void SubtractColumns(const double* columns, int stride, const doubl
 
 // Solves the triangle of columns j .. j+N-1 in place; then the lines up to `end` of the vector that it ends in.
 template <int N>
-void ForwardBlock(const Front& f, int j, double* x) {
+void ForwardBlock(const ThisFront& f, int j, Number* x) {
   const int stop = j + f.BlockColumns(j), end = f.SolveBegin(j);
   for (int c = j; c < stop; c += N) {
-    const double* l = f.panel + c * f.panel_stride;
-    double* own = x + f.lead + c;
-    double value[N];
+    const Number* l = f.panel + c * f.panel_stride;
+    Number* own = x + f.lead + c;
+    Number value[N];
     for (int p = 0; p < N; ++p) value[p] = own[p];
     for (int p = 0; p < N; ++p) {
-      const double* column = l + f.lead + c + p * f.panel_stride;
+      const Number* column = l + f.lead + c + p * f.panel_stride;
       value[p] *= column[p];
       for (int q = p + 1; q < N; ++q) value[q] -= column[q] * value[p];
     }
     for (int p = 0; p < N; ++p) own[p] = value[p];
-    const int line = RoundDown(f.lead + c + N), stays = f.lead + c + N - line;
+    const int line = ThisFront::RoundDown(f.lead + c + N), stays = f.lead + c + N - line;
     if (line >= end) continue;
-    double kept[kVector];  // whole vectors: what is overwritten before the first line is put back
+    Number kept[ThisFront::kVector];  // whole vectors: what is overwritten before the first line is put back
     for (int q = 0; q < stays; ++q) kept[q] = x[line + q];
     SubtractColumns<N>(l, f.panel_stride, value, line, end, x);
     for (int q = 0; q < stays; ++q) x[line + q] = kept[q];
@@ -41,16 +41,18 @@ void ForwardBlock(const Front& f, int j, double* x) {
 }
 
 template <int N>
-void ForwardLines(const Front& f, int j, int from, int to, double* x) {
+void ForwardLines(const ThisFront& f, int j, int from, int to, Number* x) {
   const int stop = j + f.BlockColumns(j);
   for (int c = j; c < stop; c += N)
     SubtractColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
 }
 
 // Lanes from .. to-1 of what is at p, zeros elsewhere; p may hold anything there.
-ISLET_INLINE Vec LoadSome(const double* p, int from, int to) {
-#if ISLET_LANES == 8
-  return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>((1u << to) - (1u << from)), p);
+ISLET_INLINE Vec LoadSome(const Number* p, int from, int to) {
+#if ISLET_BITS == 512
+  const unsigned lanes = (1u << to) - (1u << from);
+  if constexpr (sizeof(Number) == 8) return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>(lanes), p);
+  return (Vec)_mm512_maskz_loadu_ps(static_cast<__mmask16>(lanes), p);
 #else
   Vec v = {};
   for (int i = from; i < to; ++i) v[i] = p[i];
@@ -60,7 +62,7 @@ ISLET_INLINE Vec LoadSome(const double* p, int from, int to) {
 
 // sum[p] = sum of column p times x over the lines [from, end).
 template <int N>
-ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
+ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x, int from, int end, Number* sum) {
   Vec sums[8] = {};
   const auto add_some = [&](int line, int first, int last) {
     const Vec v = LoadSome(x + line, first, last);
@@ -90,6 +92,16 @@ ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x,
                   ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
   for (int p = 0; p < N; ++p) sum[p] = all[p];
 #undef ISLET_SHUFFLE
+#elif ISLET_LANES == 16
+#define ISLET_SHUFFLE(a, ...) __builtin_shufflevector(a, a, __VA_ARGS__)
+  for (int p = 0; p < N; ++p) {
+    Vec v = sums[p];
+    v += ISLET_SHUFFLE(v, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
+    v += ISLET_SHUFFLE(v, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11);
+    v += ISLET_SHUFFLE(v, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13);
+    sum[p] = v[0] + v[1];
+  }
+#undef ISLET_SHUFFLE
 #else
   for (int p = 0; p < N; ++p) {
     sum[p] = 0;
@@ -100,27 +112,27 @@ ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x,
 
 // x[c] -= (column c below the panel block at j) x.
 template <int N>
-void BackwardColumns(const Front& f, int j, int from, int to, double* x) {
+void BackwardColumns(const ThisFront& f, int j, int from, int to, Number* x) {
   const int first = f.lead + j + f.BlockColumns(j), end = f.lead + f.n;
   if (first == end) return;
   for (int c = from; c < to; c += N) {
-    double sum[N];
+    Number sum[N];
     DotColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
     for (int p = 0; p < N; ++p) x[f.lead + c + p] -= sum[p];
   }
 }
 
 template <int N>
-void BackwardBlock(const Front& f, int j, double* x) {
+void BackwardBlock(const ThisFront& f, int j, Number* x) {
   const int stop = j + f.BlockColumns(j);
   for (int c = stop - N; c >= j; c -= N) {
-    const double* l = f.panel + f.lead + c * f.panel_stride;
-    double* own = x + f.lead;
-    double sum[N] = {};
+    const Number* l = f.panel + f.lead + c * f.panel_stride;
+    Number* own = x + f.lead;
+    Number sum[N] = {};
     if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
     for (int p = N - 1; p >= 0; --p) {
-      const double* column = l + p * f.panel_stride;
-      double value = own[c + p] - sum[p];
+      const Number* column = l + p * f.panel_stride;
+      Number value = own[c + p] - sum[p];
       for (int q = p + 1; q < N; ++q) value -= column[c + q] * own[c + q];
       own[c + p] = value * column[c + p];
     }
@@ -128,7 +140,7 @@ void BackwardBlock(const Front& f, int j, double* x) {
 }
 
 template <int N>
-void ForwardFront(const Front& f, double* x) {
+void ForwardFront(const ThisFront& f, Number* x) {
   for (int j = 0; j < f.k; j += kPanelBlock) {
     ForwardBlock<N>(f, j, x);
     ForwardLines<N>(f, j, f.SolveBegin(j), f.EndLine(), x);
@@ -136,7 +148,7 @@ void ForwardFront(const Front& f, double* x) {
 }
 
 template <int N>
-void BackwardFront(const Front& f, double* x) {
+void BackwardFront(const ThisFront& f, Number* x) {
   for (int j = (f.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
     BackwardColumns<N>(f, j, j, j + f.BlockColumns(j), x);
     BackwardBlock<N>(f, j, x);
