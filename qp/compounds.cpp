@@ -15,6 +15,7 @@ constexpr double kApart = 0.5;       // of v_ref: velocity at a contact after th
 constexpr size_t kMostClusters = 8;  // beyond it two attempts in three are in vain
 constexpr size_t kCrowd = 6;         // contacts per cluster
 constexpr int kBonds = 3;            // contacts that let two bodies neither slide nor turn
+constexpr double kBlame = 1.5;       // of the shortest length of a step that a cone allowed
 constexpr double kRigid = 1e-9;      // relative: how well a Jacobian is that of a point on a rigid body
 
 Matrix3 Cross(const Vector3& r) {
@@ -41,12 +42,35 @@ bool Compounds::Find(const Problem& problem, std::span<const Vector3> start, con
   if (bodies < 2) return false;
   FindBonds(problem, start, velocities, velocity_scale);
   if (2 * bonds_.size() < static_cast<size_t>(bodies * kBonds)) return false;
+  return Reduce(problem, start);
+}
+
+bool Compounds::Reduce(const Problem& problem, std::span<const Vector3> start) {
   if (!Join(problem)) return false;
   NumberClusters(problem);
   if (2 * centres_.size() > parent_.size() || centres_.size() > kMostClusters) return false;
   ReduceBodies(problem);
   ReduceContacts(problem, start);
   return true;
+}
+
+bool Compounds::Split(const Problem& problem, std::span<const Vector3> start) {
+  if (lengths_.empty()) return false;
+  const double limit = std::min(1.0, kBlame * *std::min_element(lengths_.begin(), lengths_.end()));
+  const auto bars = [&](const Bond& bond) {
+    const auto at = std::lower_bound(sticking_.begin(), sticking_.end(), bond.contact);
+    return at != sticking_.end() && *at == bond.contact && lengths_[at - sticking_.begin()] < limit;
+  };
+  size_t kept = 0;
+  for (size_t begin = 0, end = 0; begin < bonds_.size(); begin = end) {
+    bool holds = true;
+    for (; end < bonds_.size() && bonds_[end].a == bonds_[begin].a && bonds_[end].b == bonds_[begin].b; ++end)
+      holds = holds && !bars(bonds_[end]);
+    for (size_t k = begin; holds && k < end; ++k) bonds_[kept++] = bonds_[k];
+  }
+  bonds_.resize(kept);
+  const size_t before = centres_.size();
+  return Reduce(problem, start) && centres_.size() > before;
 }
 
 void Compounds::FindBonds(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,

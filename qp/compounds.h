@@ -7,6 +7,7 @@
 //             between clusters and with walls
 //   expand    from the reduced answer: velocities of all bodies, and those impulses inside the clusters, nearest to the ones
 //             of the frame before, that give each body its share of the motion
+//   split     where there are none: clusters come apart at the pairs that bar the way to them
 //
 // Positions are no part of a problem: lever arms are read off the Jacobians, and where these are not those of points on rigid
 // bodies nothing is bound. Whether clusters do hold together is for the caller to judge, by the law at all contacts.
@@ -38,6 +39,10 @@ class Compounds {
               std::span<const Vector3> reduced_impulses, double goal, std::vector<Vector3>* impulses,
               std::vector<double>* velocities);
 
+  // After an Expand that was false: lets go of the pairs that the impulses inside would have left their cones at first. False
+  // where too many clusters remain or nothing came loose; else all is as after Find.
+  bool Split(const Problem& problem, std::span<const Vector3> start);
+
   // Whether the clusters meet at so many contacts that the reduced impulses are one answer of many.
   bool crowded() const;
   int factorisations() const { return factorisations_; }  // since Find
@@ -51,6 +56,7 @@ class Compounds {
   void FindBonds(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,
                  double velocity_scale);
   int Root(int body);
+  bool Reduce(const Problem& problem, std::span<const Vector3> start);
   bool Join(const Problem& problem);
   void NumberClusters(const Problem& problem);
   void ReduceBodies(const Problem& problem);
@@ -77,6 +83,7 @@ class Compounds {
   std::vector<Matrix3> blocks_;               // per sticking contact
   std::vector<Vector3> begin_;
   std::vector<Vector3> changes_;               // per sticking contact
+  std::vector<double> lengths_;                // per sticking contact: how much of the last step its cone allowed
   std::vector<double> missing_, multipliers_;  // 6 per body
 };
 

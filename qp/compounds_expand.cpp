@@ -46,6 +46,7 @@ bool Compounds::Expand(const Problem& problem, std::span<const Vector3> start,
   }
   impulses->assign(problem.contacts.size(), Vector3::Zero());
   for (size_t c = 0; c < outer_.size(); ++c) (*impulses)[outer_[c]] = reduced_impulses[c];
+  lengths_.clear();
   FindSticking(problem, *velocities, goal);
   if (sticking_.empty()) return false;
   begin_ = *impulses;
@@ -164,9 +165,12 @@ void Compounds::Step(std::vector<Vector3>* impulses) {
     }
   }
   double length = 1;
-  for (size_t k = 0; k < sticking_.size(); ++k)
-    length =
-        std::min(length, kStepShare * StepInCone((*impulses)[sticking_[k]], changes_[k], inside_.contacts[k].friction));
+  lengths_.resize(sticking_.size(), 1);
+  for (size_t k = 0; k < sticking_.size(); ++k) {
+    const double here = kStepShare * StepInCone((*impulses)[sticking_[k]], changes_[k], inside_.contacts[k].friction);
+    length = std::min(length, here);
+    lengths_[k] = std::min(lengths_[k], here);
+  }
   for (size_t k = 0; k < sticking_.size(); ++k) (*impulses)[sticking_[k]] += length * changes_[k];
 }
 

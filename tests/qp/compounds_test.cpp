@@ -290,6 +290,50 @@ TEST(Compounds, LetGoWhereAFaceOpens) {
   EXPECT_GE(opened, 2);
 }
 
+// Pushed above a heavy part a tower opens at the face between: it comes apart there, and both parts stay compounds.
+TEST(Compounds, ComeApartAtTheFaceThatOpens) {
+  Random random(11);
+  int apart = 0, tipped = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const int boxes = random.Integer(6, 12), heavy = random.Integer(2, boxes - 3);
+    Pile pile = Tower(&random, boxes, 2, 2);
+    for (int i = 0; i < heavy; ++i) {
+      qp::BodyTerm& body = pile.problem.bodies[i];
+      body.mass *= 10;
+      body.inertia *= 10;
+      body.inverse_inertia /= 10;
+    }
+    Problem problem = pile.problem;
+    const double push = random.Uniform(1, 2) / (boxes - heavy);
+    for (int i = heavy; i < boxes; ++i) problem.bodies[i].velocity[0] += push * kFall;
+    const qp::Solution solution = Climb(problem, Full(pile.problem).impulses);
+    ExpectSameAnswer(problem, solution);
+    const double turn = std::abs(solution.velocities[6 * heavy + 4] - solution.velocities[6 * heavy - 2]);
+    tipped += turn > 1e-3 * kFall;
+    apart += turn > 1e-3 * kFall && solution.rung == Rung::kCompound;
+  }
+  EXPECT_GE(tipped, 35);
+  EXPECT_GE(apart, tipped - 1);
+}
+
+// The top is pushed harder than what is below it, and that harder than the rest: two faces give way.
+TEST(Compounds, ComeApartTwice) {
+  Random random(12);
+  int thrice = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    const Pile pile = Tower(&random, 12, 0.5, 2);
+    Problem problem = pile.problem;
+    for (int i = 6; i < 12; ++i) problem.bodies[i].velocity[0] += (i < 9 ? 0.9 : 1.5) * kFall;
+    const qp::Solution solution = Climb(problem, Full(pile.problem).impulses);
+    ExpectSameAnswer(problem, solution);
+    const auto parts = [&](int at) {
+      return std::abs(solution.velocities[6 * at] - solution.velocities[6 * at - 6]) > 1e-3 * kFall;
+    };
+    thrice += solution.rung == Rung::kCompound && parts(6) && parts(9);
+  }
+  EXPECT_GE(thrice, 16);
+}
+
 // Impulses of a problem that differs, on islands of all kinds: what the rung answers meets the law.
 TEST(Compounds, AnswerNothingThatBreaksTheLaw) {
   Random random(6);
