@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "islands/disjoint_sets.h"
+
 namespace islet {
 namespace {
 
@@ -30,12 +32,22 @@ double Dot(const Twist& p, const Twist& q, double radius) {
 
 }  // namespace
 
+CertifiedFreezing::Wrench CertifiedFreezing::PullOn(const Body& body, const Settings& settings) {
+  return {body.mass * settings.gravity + body.force_W, body.torque_W};
+}
+
+double CertifiedFreezing::Size(const Wrench& wrench, double radius) {
+  return wrench.force.norm() + wrench.torque.norm() / radius;
+}
+
 void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings) {
   for (size_t i = reference_position_.size(); i < bodies.size(); ++i) {
     reference_position_.push_back(bodies[i].position_W);
     reference_rotation_.push_back(bodies[i].rotation_WB);
     still_seconds_.push_back(0);
+    undisturbed_seconds_.push_back(0);
     last_twist_.push_back(TwistOf(bodies[i]));
+    last_pull_.push_back(PullOn(bodies[i], settings));
     last_gain_.emplace_back();
     steady_.push_back(0);
     calm_seconds_.push_back(0);
@@ -48,12 +60,17 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
     const double turned_other_sign = 2 * (body.rotation_WB.coeffs() + reference_rotation_[i].coeffs()).norm();
     const double travel =
         (body.position_W - reference_position_[i]).norm() + body.radius * std::min(turned, turned_other_sign);
-    if (travel <= settings.freeze_travel * body.radius) {
+    const Wrench pull = PullOn(body, settings);
+    const Wrench change{pull.force - last_pull_[i].force, pull.torque - last_pull_[i].torque};
+    const bool alike = Size(change, body.radius) <= kCalmShare * Size(pull, body.radius);
+    last_pull_[i] = pull;
+    if (alike && travel <= settings.freeze_travel * body.radius) {
       still_seconds_[i] += dt;
+      undisturbed_seconds_[i] += dt;
     } else {
       reference_position_[i] = body.position_W;
       reference_rotation_[i] = body.rotation_WB;
-      still_seconds_[i] = 0;
+      still_seconds_[i] = undisturbed_seconds_[i] = 0;
     }
   }
 }
@@ -180,22 +197,42 @@ void CertifiedFreezing::TrackLoads(const SuiteFrame& frame, const Settings& sett
   }
 }
 
+// Bodies joined by contacts in which all rest: nothing in there moves that could hand one of them another load.
+void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settings& settings) {
+  const size_t n = frame.bodies.size();
+  touched_.assign(n, 0);
+  roots_.resize(n);
+  islands::DisjointSets islands(roots_);
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const int a = frame.contacts.contacts[c].body_a, b = frame.contacts.contacts[c].body_b;
+    if (frame.bodies[a].Moves() && frame.bodies[b].Moves()) islands.Union(a, b);
+    if (frame.holding[c][0] > 0) touched_[a] = touched_[b] = 1;
+  }
+  const auto rests = [&](size_t i) {
+    return touched_[i] && !steady_[i] && still_seconds_[i] >= settings.freeze_seconds &&
+           FastestPoint(TwistOf(frame.bodies[i]), frame.bodies[i].radius) <= kRestShare * frame.rest_speed;
+  };
+  restless_.assign(n, 0);
+  for (size_t i = 0; i < n; ++i)
+    if (frame.bodies[i].Moves() && !rests(i)) restless_[islands.Find(static_cast<int>(i))] = 1;
+  for (const Contact& contact : frame.contacts.contacts) {
+    const auto moved_wall = [&](int i) { return !frame.bodies[i].Moves() && !StandsStill(frame.bodies[i]); };
+    if (moved_wall(contact.body_a)) restless_[islands.Find(contact.body_b)] = 1;
+    if (moved_wall(contact.body_b)) restless_[islands.Find(contact.body_a)] = 1;
+  }
+  for (size_t i = 0; i < n; ++i) restless_[i] = restless_[islands.Find(static_cast<int>(i))];
+}
+
 bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                const Settings& settings) {
   TrackGain(frame);
   TrackLoads(frame, settings);
-  touched_.assign(frame.bodies.size(), 0);
-  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
-    if (frame.holding[c][0] <= 0) continue;
-    touched_[frame.contacts.contacts[c].body_a] = 1;
-    touched_[frame.contacts.contacts[c].body_b] = 1;
-  }
+  FindRestingIslands(frame, settings);
   bool any = false;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    if (!body.Moves() || !touched_[i] || steady_[i] ||
-        std::min(still_seconds_[i], calm_seconds_[i]) < settings.freeze_seconds)
-      continue;
+    const double calm = std::min({still_seconds_[i], undisturbed_seconds_[i], calm_seconds_[i]});
+    if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < settings.freeze_seconds)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
     body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit;

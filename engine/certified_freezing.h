@@ -2,7 +2,8 @@
 // acts on it.
 //
 //   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, whose
-//            contacts have pressed alike for that time, which the static-contact solution of this very frame leaves at rest,
+//            contacts have pressed alike for that time, or in whose island all stand still (loads that no motion changes are
+//            as good in one distribution as in another), which the static-contact solution of this very frame leaves at rest,
 //            and which does not accelerate: however slow, what gains velocity in the same direction frame by frame stands on
 //            an edge or a top, and will fall
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
@@ -24,7 +25,7 @@ namespace islet {
 
 class CertifiedFreezing {
  public:
-  // Start of a frame: how long has each body stood still?
+  // Start of a frame: how long has each body stood still, under the same gravity and external force?
   void TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings);
 
   // Frozen bodies whose balance is broken, ascending. lenient: per body, whether solves of this frame have changed the
@@ -45,7 +46,7 @@ class CertifiedFreezing {
   double StillSpeed(const Body& body, const Settings& settings) const;
 
   // The body has to stand still anew before it may freeze.
-  void Disturb(int body) { still_seconds_[body] = 0; }
+  void Disturb(int body) { undisturbed_seconds_[body] = 0; }
 
   // End of a frame: freezes what may freeze; false if nothing may. Velocities stay, to be given back to what turns out not to be
   // balanced.
@@ -54,28 +55,38 @@ class CertifiedFreezing {
   void Release(const SuiteFrame& frame, int body);
 
  private:
+  struct Wrench {
+    Vector3 force, torque;  // [N], [N m]
+  };
   struct Load {
     Vector3 linear, angular;                // [N s], [N m s] of everything
     Vector3 moving_linear, moving_angular;  // without the stored impulses
     double size, moving_size;               // [N s] sums of magnitudes: what "zero" is relative to
     double outside;  // farthest that a stored impulse lies outside its friction cone, of its size
   };
+  static Wrench PullOn(const Body& body, const Settings& settings);  // gravity and external force
+  static double Size(const Wrench& wrench, double radius);           // [N]
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
   void TrackGain(const SuiteFrame& frame);
+  void FindRestingIslands(const SuiteFrame& frame, const Settings& settings);
   void TrackLoads(const SuiteFrame& frame, const Settings& settings);
   static double Imbalance(const Body& body, const Load& load);
   static double Tolerance(const Load& load);  // imbalance that counts as none
 
   std::vector<Vector3> reference_position_;
   std::vector<Quaternion> reference_rotation_;
+  std::vector<Wrench> last_pull_;
   std::vector<double> still_seconds_;
+  std::vector<double> undisturbed_seconds_;    // the same, from Disturb on
   std::vector<Twist> last_twist_, last_gain_;  // at the end of the last frame, and by how much it had changed
   std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
   std::vector<double> calm_seconds_;           // how long the impulses at its contacts have been steady
   std::vector<double> change_, pressed_;       // [N s] of this frame: by how much they did, and how large they are
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
+  std::vector<int> roots_;              // islands of bodies that move
+  std::vector<std::uint8_t> restless_;  // per body: not all of its island rests
 };
 
 }  // namespace islet

@@ -35,6 +35,13 @@ inline double ReboundSpeed(const Contact& contact, double approach) {
   return std::max(0.0, contact.restitution * approach - contact.fading);
 }
 
+// Whether the static problem may take this approach [m/s] along with the weight of the step: gravity alone makes as much of it
+// within the step (free_fall, [m/s]), and rebounds would lift nothing that shows, and all be over in a fraction of the step.
+inline bool IsSlight(const Contact& contact, double approach, double free_fall) {
+  constexpr double kRebounds = 0.05;  // of free_fall; Newton's rebounds last 2 e u / ((1 - e) g), all together
+  return approach <= free_fall && contact.restitution * approach <= kRebounds * (1 - contact.restitution) * free_fall;
+}
+
 // How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).
 double MixFriction(double friction_a, double friction_b);
 double MixRestitution(double restitution_a, double restitution_b);

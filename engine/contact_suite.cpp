@@ -14,7 +14,6 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
-
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
     throw std::invalid_argument("contact " + std::to_string(number) + ": " + field + " = " + std::to_string(value));
@@ -150,8 +149,8 @@ void ContactSuite::Impl::SettleCaughtBodies() {
       const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
       return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
     };
-    if (contact.touches && contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a)) <= frame.threshold)
-      continue;
+    const double speed = contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a));
+    if (contact.touches && std::abs(speed) <= frame.threshold) continue;
     caught.push_back(contact.body_a);
     caught.push_back(contact.body_b);
   }

@@ -70,8 +70,10 @@ struct ContactSuite::Impl : SuiteMemory {
   void ForEachIsland(Task task);
   IslandView View(int island) const;
   void CutAtImmovable();
+  bool CollidesSlightly(const IslandView& view) const;
   void Bounce(StepReport* report);
   void WakeByBounce();
+  void LeaveToStatic(const IslandView& view, ResponseOutcome* collision);
   bool MayDraft(const IslandView& view) const;
   void ResolveIsland(int island, Pass pass, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);

@@ -6,6 +6,7 @@ namespace islet {
 namespace {
 
 constexpr size_t kDraftBodies = 32;  // smaller islands are certified at once
+constexpr size_t kMergedBodies = 5;  // smaller islands cost microseconds: nothing to save
 
 }  // namespace
 
@@ -39,6 +40,24 @@ void ContactSuite::Impl::CutAtImmovable() {
   for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
 }
 
+// Something approaches, and all that does is slight. (The paper's laws of bouncing resolve every collision.)
+bool ContactSuite::Impl::CollidesSlightly(const IslandView& view) const {
+  if (!settings.ladder.Has(qp::Rung::kMerged) || settings.bounce_law != BounceLaw::kExact ||
+      view.bodies.size() < kMergedBodies)
+    return false;
+  bool approaches = false;
+  for (const int number : view.contacts) {
+    const Contact& contact = frame.contacts.contacts[number];
+    if (!contact.touches) continue;
+    const double speed = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
+    if (speed <= frame.threshold) continue;
+    const bool in_static = frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves();
+    if (!in_static || !IsSlight(contact, speed, frame.rest_speed)) return false;
+    approaches = true;
+  }
+  return approaches;
+}
+
 // Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.
 void ContactSuite::Impl::Bounce(StepReport* report) {
   cut.resize(frame.bodies.size());
@@ -48,6 +67,7 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
   bounce_counts.assign(partition.num_islands(), 0);
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
+    if (CollidesSlightly(view)) return;
     bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings,
                                                        frame.threshold, frame.bodies, frame.bounces);
   });
@@ -88,6 +108,15 @@ bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
   });
 }
 
+void ContactSuite::Impl::LeaveToStatic(const IslandView& view, ResponseOutcome* collision) {
+  *collision = {};
+  collision->rung = qp::Rung::kMerged;
+  for (const int number : view.contacts) {
+    collision->contacts += frame.contacts.contacts[number].touches;
+    frame.collisions[number].setZero();
+  }
+}
+
 // Where bodies woke into an island that was resolved before, its collisions stand unless they hit one of those as a wall.
 void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   const IslandView view = View(island);
@@ -96,8 +125,12 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   worker->responder.SetDraft(draft);
   if (pass != Pass::kWoken || WokenWereHit(view)) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
-                                                            frame.threshold, frame.bodies, frame.collisions);
+    if (CollidesSlightly(view)) {
+      LeaveToStatic(view, &outcome.collision);
+    } else {
+      outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                              frame.threshold, frame.bodies, frame.collisions);
+    }
     if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   } else {
     for (const int i : view.bodies) {

@@ -9,6 +9,7 @@ namespace islet::qp {
 
 enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
+  kMerged,         // collisions as slow as the weight of a step: left to the static problem
   kClosedForm,     // one contact, or one body that walls hold: a formula
   kHeld,           // the impulses of the frame before still hold
   kCorners,        // contacts inside the hull of a face's others are left out
@@ -18,9 +19,9 @@ enum class Rung : std::uint8_t {
   kSweeps,         // Gauss-Seidel sweeps alone
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
-inline constexpr int kNumRungs = 9;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", "held",   "corners",       "compound",
-                                                      "planar",  "normal",      "sweeps", "interior_point"};
+inline constexpr int kNumRungs = 10;
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing",  "merged", "closed_form", "held",   "corners",
+                                                      "compound", "planar", "normal",      "sweeps", "interior_point"};
 
 // Which rungs may be used. The first one and the last two always may.
 class Ladder {

@@ -1,0 +1,182 @@
+// Collisions that the static problem takes along (rung `merged`): which do, that the answer is that of both problems where
+// nothing lets go in between, and that what is no such collision is still resolved as one.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "engine/contact.h"
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Ball;
+using testing::Cube;
+using testing::Energy;
+using testing::Floor;
+using testing::ImpulseOn;
+using testing::kGravity;
+
+constexpr double kDt = 1.0 / 60;
+constexpr double kFall = kGravity * kDt;
+
+Settings Awake(bool merged) {
+  Settings settings;
+  settings.freezing = Freezing::kOff;
+  settings.threads = 1;
+  if (!merged) settings.ladder = settings.ladder.Without(qp::Rung::kMerged);
+  return settings;
+}
+
+int Merged(const StepReport& report) { return report.ladder.rungs[static_cast<int>(qp::Rung::kMerged)].problems; }
+
+// Cubes side by side, that slide across the row: one island, in which the cubes do nothing to each other.
+World SlidingRow(const Settings& settings, double speed, double approach, double restitution = 0, int length = 5) {
+  World world(settings);
+  world.Add(Floor(0.5, restitution));
+  for (int i = 0; i < length; ++i) {
+    BodyDefinition cube = Cube({0, static_cast<double>(i), 0.5}, 0.5, restitution);
+    cube.linear_velocity_W = {speed, 0, -approach};
+    world.Add(cube);
+  }
+  return world;
+}
+
+TEST(SlightCollisions, UpToFreeFallWithoutReboundsNeverElastic) {
+  Contact contact;
+  EXPECT_TRUE(IsSlight(contact, kFall, kFall));
+  EXPECT_FALSE(IsSlight(contact, 1.001 * kFall, kFall));
+  contact.restitution = 0.2;  // 0.2 u <= 0.05 * 0.8 g dt
+  EXPECT_TRUE(IsSlight(contact, 0.199 * kFall, kFall));
+  EXPECT_FALSE(IsSlight(contact, 0.201 * kFall, kFall));
+  contact.restitution = 1;
+  EXPECT_FALSE(IsSlight(contact, 1e-12 * kFall, kFall));
+  contact.restitution = 0;
+  EXPECT_FALSE(IsSlight(contact, 1e-12, 0)) << "without gravity nothing is slight";
+}
+
+// By hand: the floor stops m (u + g dt) and rubs half of that, in one problem as in two.
+TEST(SlightCollisions, SlidingRowByHand) {
+  const double u = 0.3 * kFall, stopped = u + kFall;
+  for (const bool merged : {true, false}) {
+    World world = SlidingRow(Awake(merged), 2, u);
+    const StepReport report = world.Step(kDt);
+    EXPECT_EQ(Merged(report), merged);
+    EXPECT_EQ(report.bounces == 0, merged);
+    for (int i = 1; i <= 5; ++i) {
+      const Body& cube = world.body(i);
+      EXPECT_NEAR(cube.linear_velocity_W.x(), 2 - 0.5 * stopped, 2e-6);
+      EXPECT_NEAR(cube.linear_velocity_W.z(), 0, 2e-6);
+      EXPECT_LT(cube.angular_velocity_W.norm(), 1e-5);
+      EXPECT_LT((ImpulseOn(world, i) - Vector3(-0.5, 0, 1) * stopped).norm(), 2e-6);
+    }
+  }
+}
+
+TEST(SlightCollisions, NotAmongFewBodies) {
+  EXPECT_EQ(Merged(SlidingRow(Awake(true), 2, 0.3 * kFall, 0, 4).Step(kDt)), 0);
+}
+
+// Frozen bodies and a wall that comes: no static problem would take their collision along.
+TEST(SlightCollisions, NotBetweenBodiesThatNoProblemMoves) {
+  Settings settings = Awake(true);
+  settings.freezing = Freezing::kCertified;
+  World world(settings);
+  world.Add(Floor());
+  for (int i = 0; i < 6; ++i) world.Add(Cube({static_cast<double>(i), 0, 0.5}));
+  BodyDefinition wall = Cube({-1, 0, 0.6}, 0);
+  wall.kind = BodyKind::kKinematic;
+  const int pusher = world.Add(wall);
+  testing::StepTimes(&world, 60);
+  ASSERT_TRUE(world.body(1).frozen);
+  world.SetVelocity(pusher, {1e-3, 0, 0}, Vector3::Zero());
+  world.Step(kDt);
+  for (int i = 1; i <= 6; ++i) EXPECT_NEAR(world.body(i).linear_velocity_W.x(), 1e-3, 1e-6);
+}
+
+// The approach is over before the body moves: it neither sinks in nor is pushed out, and the lift costs no sliding distance.
+TEST(SlightCollisions, MovesWithTheVelocityAfterwards) {
+  World world = SlidingRow(Awake(true), 2, 0.3 * kFall);
+  ASSERT_EQ(Merged(world.Step(kDt)), 1);
+  EXPECT_NEAR(world.body(1).position_W.z(), 0.5, 1e-7);
+  EXPECT_NEAR(world.body(1).position_W.x(), kDt * world.body(1).linear_velocity_W.x(), 1e-7);
+}
+
+TEST(SlightCollisions, OnTheOtherSideOfTheLimitItIsACollision) {
+  for (const auto& [restitution, approach, merged] : {std::tuple{0.0, 0.99, 1},
+                                                      {0.0, 1.01, 0},
+                                                      {0.2, 0.19, 1},
+                                                      {0.2, 0.21, 0},
+                                                      {0.9, 5e-3, 1},
+                                                      {0.9, 6e-3, 0},
+                                                      {1.0, 1e-3, 0}}) {
+    SCOPED_TRACE(::testing::Message() << "e = " << restitution << ", " << approach << " g dt");
+    World world = SlidingRow(Awake(true), 0, approach * kFall, restitution);
+    const StepReport report = world.Step(kDt);
+    EXPECT_EQ(Merged(report), merged);
+    EXPECT_EQ(report.bounces + report.collision_qp.solved > 0, !merged);
+  }
+}
+
+TEST(SlightCollisions, OnlyByTheExactLawAndOnlyWithWeight) {
+  Settings paper = Settings::Paper();
+  paper.freezing = Freezing::kOff;
+  EXPECT_EQ(Merged(SlidingRow(paper, 0, 0.3 * kFall).Step(kDt)), 0);
+  Settings weightless = Awake(true);
+  weightless.gravity.setZero();
+  EXPECT_EQ(Merged(SlidingRow(weightless, 0, 1e-3).Step(kDt)), 0);
+}
+
+// One blow in the island, and all its collisions are resolved first.
+TEST(SlightCollisions, NotBesideABlow) {
+  World world = SlidingRow(Awake(true), 0, 0.3 * kFall);
+  BodyDefinition second = Cube({0, 2, 1.5});
+  second.linear_velocity_W = {0, 0, -3};
+  world.Add(second);
+  const StepReport report = world.Step(kDt);
+  EXPECT_EQ(Merged(report), 0);
+  EXPECT_GT(report.bounces, 0);
+}
+
+// A heap that falls, with and without: rest by the same time, energy only falls, every answer certified.
+TEST(SlightCollisions, HeapComesToRestAllTheSame) {
+  for (const bool merged : {true, false}) {
+    SCOPED_TRACE(merged);
+    World world(Awake(merged));
+    world.Add(Floor(0.5, 0.2));
+    for (int side = 0; side < 4; ++side) {
+      BodyDefinition wall = Cube(testing::Turn(0.5 * M_PI * side, Vector3::UnitZ()) * Vector3(2.1, 0, 1), 0.5, 0.2);
+      wall.shape = Shape::Box(side % 2 == 0 ? Vector3(0.5, 2, 1) : Vector3(2, 0.5, 1));
+      wall.kind = BodyKind::kFixed;
+      wall.mass.reset();
+      world.Add(wall);
+    }
+    for (int i = 0; i < 24; ++i) {
+      BodyDefinition cube = Cube({0.3 * (i % 3), 0.4 * (i % 2), 1 + 1.8 * i}, 0.5, 0.2);
+      cube.rotation_WB = testing::Turn(0.7 * i, Vector3(1, 0.3 * i, 2));
+      world.Add(cube);
+    }
+    int taken = 0;
+    double worst = 0, energy = Energy(world.bodies());
+    for (int frame = 0; frame < 900; ++frame) {
+      const StepReport report = world.Step(kDt);
+      taken += Merged(report);
+      EXPECT_EQ(report.static_qp.failed + report.collision_qp.failed, 0);
+      worst = std::max(worst, report.certificate.dual);
+      if (frame % 10 == 9) {
+        const double now = Energy(world.bodies());
+        EXPECT_LT(now, energy + 1e-3 * 24) << frame;
+        energy = now;
+      }
+    }
+    EXPECT_EQ(taken > 20, merged) << taken;
+    EXPECT_LT(worst, 1e-5);
+    double fastest = 0;
+    for (const Body& body : world.bodies()) fastest = std::max(fastest, body.linear_velocity_W.norm());
+    EXPECT_LT(fastest, 1e-3);
+  }
+}
+
+}  // namespace
+}  // namespace islet
