@@ -24,6 +24,11 @@ constexpr int kMaxSweeps = 150;
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
 
+// Times the deepest overlap of its island: no correction of a pass moves a point farther. Between surfaces that are nearly
+// parallel the linear problem sees its way out far away: of 9,800 corrections in cubeglass, cubejam and sphereglass all
+// stayed below 4.1 times but one, which threw a cube by 1.3 m for 1.2 mm; another one took a cube at rest through a wall.
+constexpr double kFarthest = 20;
+
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
@@ -242,10 +247,18 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
     w.problem.contacts[k].drift = Vector3(gaps_[numbers[k]], 0, 0);
   }
   if (!SolveDisplacements(scale, &w)) return;
-  for (size_t i = 0; i < members.size(); ++i) {
+  double deepest = 0, farthest = 0;
+  for (const int c : numbers) deepest = std::max(deepest, -gaps_[c]);
+  const auto displacement = [&w](size_t i) {
     const double* d = &w.solution.velocities[6 * i];
-    planned_[members[i]].linear += Vector3(d[0], d[1], d[2]);
-    planned_[members[i]].angular += Vector3(d[3], d[4], d[5]);
+    return Twist{{d[0], d[1], d[2]}, {d[3], d[4], d[5]}};
+  };
+  for (size_t i = 0; i < members.size(); ++i)
+    farthest = std::max(farthest, FastestPoint(displacement(i), bodies[members[i]].radius));
+  const double share = std::min(1.0, kFarthest * deepest / farthest);
+  for (size_t i = 0; i < members.size(); ++i) {
+    planned_[members[i]].linear += share * displacement(i).linear_W;
+    planned_[members[i]].angular += share * displacement(i).angular_W;
   }
 }
 
