@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/rotation.h"
 #include "engine/suite_frame.h"
@@ -117,7 +118,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   free_turns_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
   MotionOutcome outcome;
-  outcome.reached = false;
+  outcome.reached = swept_only_ = false;
   for (outcome.passes = 0;; ++outcome.passes) {
     PlanFlights(outcome.passes, tolerances, bodies, *contacts);
     const bool corrected = !outcome.reached && Correct(tolerances, bodies, *contacts);
@@ -225,6 +226,7 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
   pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
     if (wanted_[island]) SolveIsland(island, worker, deepest, bodies, contacts);
   });
+  for (Worker& worker : workers_) swept_only_ |= std::exchange(worker.failed, false);
   return true;
 }
 
@@ -246,7 +248,7 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
     w.problem.contacts[k].friction = 0;
     w.problem.contacts[k].drift = Vector3(gaps_[numbers[k]], 0, 0);
   }
-  if (!SolveDisplacements(scale, &w)) return;
+  SolveDisplacements(scale, &w);
   double deepest = 0, farthest = 0;
   for (const int c : numbers) deepest = std::max(deepest, -gaps_[c]);
   const auto displacement = [&w](size_t i) {
@@ -282,31 +284,35 @@ void Mover::RestoreSpins(std::span<Body> bodies) {
   }
 }
 
-// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. What
-// is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
-bool Mover::SolveDisplacements(double scale, Worker* worker) const {
+// What is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
+void Mover::SolveDisplacements(double scale, Worker* worker) const {
   if (!worker->plane.Reduce(worker->problem, scale))
     return SolveDisplacements(scale, worker->problem, &worker->solution, worker);
-  if (!SolveDisplacements(scale, worker->plane.problem(), &worker->flat_solution, worker)) return false;
+  SolveDisplacements(scale, worker->plane.problem(), &worker->flat_solution, worker);
   worker->plane.Expand(worker->problem, worker->flat_solution, &worker->solution);
-  return true;
 }
 
-bool Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const {
+// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
+// there is no way out for all, which costs it most, what the sweeps found is taken, in this pass and in those to come.
+void Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const {
   qp::Solution& solution = *out;
   solution.slips.assign(problem.contacts.size(), 0.0);
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   worker->sweeps.Prepare(problem);
   if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities,
-                           qp::Pace::kMomentum) < kMaxSweeps)
-    return true;
+                           qp::Pace::kMomentum) < kMaxSweeps ||
+      swept_only_)
+    return;
+  worker->swept = solution;
   qp::Settings settings;
   settings.model = Model::kConvex;
   settings.velocity_scale = scale;
   settings.tolerance = kPassTolerance;
   worker->solver.Solve(problem, settings, &solution);
-  return solution.status == qp::Status::kSolved || solution.status == qp::Status::kInaccurate;
+  if (solution.status == qp::Status::kSolved || solution.status == qp::Status::kInaccurate) return;
+  worker->failed = true;
+  solution = worker->swept;
 }
 
 // The free turn keeps the angular momentum. A correction only puts the body elsewhere: it turns the velocity along with the

@@ -74,11 +74,12 @@ class Mover {
   struct Worker {
     IslandGatherer gatherer;
     qp::Problem problem;
-    qp::Solution solution;
+    qp::Solution solution, swept;
     qp::PlanarProblem plane;
     qp::Solution flat_solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
+    bool failed = false;  // an interior-point solve of this pass
   };
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
@@ -90,8 +91,8 @@ class Mover {
                    const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
-  bool SolveDisplacements(double scale, Worker* worker) const;
-  bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
+  void SolveDisplacements(double scale, Worker* worker) const;
+  void SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
@@ -106,6 +107,7 @@ class Mover {
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
+  bool swept_only_ = false;                    // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
