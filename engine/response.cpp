@@ -258,6 +258,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
 ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const ContactFrames& contacts,
                                                 const Settings& settings, double speed_floor, double rest_limit,
                                                 double dt, std::span<Body> bodies, std::span<Vector3> impulses) {
+  draft_ = false;  // whatever this responder did last
   const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses); };
   if (island.contacts.empty() || settings.cone != Cone::kCircular) return solve_anew();
   const Stopwatch watch;

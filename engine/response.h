@@ -51,7 +51,7 @@ class IslandResponder {
                                     std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
-  // Stops after the sweeps, as soon as they tell which bodies wake.
+  // From now on these two stop after the sweeps, as soon as they tell which bodies wake.
   void SetDraft(bool draft) { draft_ = draft; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <vector>
 
 #include "engine/world.h"
 #include "tests/support/worlds.h"
@@ -51,6 +52,21 @@ TEST(Drafts, EveryAnswerThatIsReportedIsCertified) {
   }
   EXPECT_GT(drafts, 0);
   EXPECT_GT(woken, 10);
+}
+
+// A worker that has drafted an island may be the one that balances frozen bodies next: to the tolerance, like any other.
+TEST(Drafts, SameBitsOnAnyNumberOfThreads) {
+  std::vector<World> worlds;
+  for (const int threads : {1, 2, 3}) {
+    Settings settings;
+    settings.threads = threads;
+    worlds.push_back(FrozenLayer(settings));
+  }
+  for (int frame = 0; frame < 150; ++frame) {
+    for (World& world : worlds) world.Step(kStep);
+    ASSERT_EQ(worlds[1].StateHash(), worlds[0].StateHash()) << frame;
+    ASSERT_EQ(worlds[2].StateHash(), worlds[0].StateHash()) << frame;
+  }
 }
 
 TEST(Drafts, NoneWithoutFrozenBodiesOrInTheSweptTier) {

@@ -231,6 +231,29 @@ TEST(ResolveStatic, ColumnOfTenLoads) {
   }
 }
 
+// Which worker balances frozen bodies is chance, and so would be the answer if it depended on what that worker did before.
+TEST(ResolveHolding, IsNeverADraft) {
+  std::vector<Vector3> impulses;
+  for (const bool after_draft : {false, true}) {
+    Island column;
+    column.bodies.push_back(Wall());
+    for (int i = 0; i < 20; ++i) {
+      column.bodies.push_back(UnitCube({0.02 * (i % 3), 0.01 * (i % 4), i + 0.5}));
+      AddFace(&column, i, i + 1, {0, 0, static_cast<double>(i)}, 0, 0.5);
+    }
+    column.AddGravity();
+    column.Begin();
+    column.responder.SetDraft(after_draft);
+    const ResponseOutcome outcome = column.responder.ResolveHolding(
+        {column.members, column.numbers}, {column.contacts, column.frames}, column.settings, kGravity * kDt,
+        /*rest_limit=*/1e-30, kDt, column.bodies, column.impulses);
+    EXPECT_EQ(outcome.status, QpStatus::kSolved);
+    EXPECT_LT(outcome.certificate.dual, 1e-6);
+    if (after_draft) EXPECT_EQ(column.impulses, impulses);
+    impulses = column.impulses;
+  }
+}
+
 // T15: a heavy cube on a light one.
 TEST(ResolveStatic, HeavyOnLight) {
   for (const double ratio : {1.0, 1e2}) {
