@@ -249,7 +249,9 @@ TEST(ResolveHolding, IsNeverADraft) {
         /*rest_limit=*/1e-30, kDt, column.bodies, column.impulses);
     EXPECT_EQ(outcome.status, QpStatus::kSolved);
     EXPECT_LT(outcome.certificate.dual, 1e-6);
-    if (after_draft) EXPECT_EQ(column.impulses, impulses);
+    if (after_draft) {
+      EXPECT_EQ(column.impulses, impulses);
+    }
     impulses = column.impulses;
   }
 }
