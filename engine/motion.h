@@ -74,12 +74,12 @@ class Mover {
   struct Worker {
     IslandGatherer gatherer;
     qp::Problem problem;
-    qp::Solution solution, swept;
+    qp::Solution solution;
     qp::PlanarProblem plane;
     qp::Solution flat_solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
-    bool failed = false;  // an interior-point solve of this pass
+    bool corrected = false, failed = false;  // an island of this pass, an interior-point solve
   };
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
@@ -91,8 +91,8 @@ class Mover {
                    const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
-  void SolveDisplacements(double scale, Worker* worker) const;
-  void SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
+  bool SolveDisplacements(double scale, Worker* worker) const;
+  bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,

@@ -68,11 +68,15 @@ void CheckAgainstDense(const Problem& problem, int fields, Random* random, qp::K
     std::vector<double> z(b.size());
     for (int i = 0; i < b.size(); ++i) z[slot(i)] = b[i];
     kkt->Solve(z.data());
-    if (!single) EXPECT_EQ(z, x);
+    if (!single) {
+      EXPECT_EQ(z, x);
+    }
     for (int i = 0; i < b.size(); ++i) y[i] = z[slot(i)];
     const double left = (s * y - b).norm() / (s.norm() * y.norm());
     EXPECT_LT(left, 1e-5);
-    if (single) EXPECT_GT(left, 1e-10);
+    if (single) {
+      EXPECT_GT(left, 1e-10);
+    }
   }
 }
 
