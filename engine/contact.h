@@ -35,11 +35,15 @@ inline double ReboundSpeed(const Contact& contact, double approach) {
   return std::max(0.0, contact.restitution * approach - contact.fading);
 }
 
-// Whether the static problem may take this approach [m/s] along with the weight of the step: gravity alone makes as much of it
-// within the step (free_fall, [m/s]), and rebounds would lift nothing that shows, and all be over in a fraction of the step.
-inline bool IsSlight(const Contact& contact, double approach, double free_fall) {
-  constexpr double kRebounds = 0.05;  // of free_fall; Newton's rebounds last 2 e u / ((1 - e) g), all together
-  return approach <= free_fall && contact.restitution * approach <= kRebounds * (1 - contact.restitution) * free_fall;
+// Whether the static problem may take this approach [m/s] along with the weight of the step: gravity [m/s^2] alone makes as much
+// of it within dt, and the rebound is none, or what presses the contact ends all its bounces in a fraction of the step.
+inline bool IsSlight(const Contact& contact, double approach, const Vector3& gravity_W, double dt) {
+  constexpr double kRebound = 0.05;  // of the speed that gravity gives along the normal: they last 2 e u / ((1 - e) g)
+  constexpr double kTrembling = 0.01;  // of that along any normal: 3 mm/s at 1/30 s
+  const double rebound = ReboundSpeed(contact, approach), fall = gravity_W.norm() * dt;
+  return approach <= fall &&
+         rebound <= (1 - contact.restitution) *
+                        std::max(kRebound * std::abs(gravity_W.dot(contact.normal_W)) * dt, kTrembling * fall);
 }
 
 // How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).

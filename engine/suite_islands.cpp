@@ -40,22 +40,25 @@ void ContactSuite::Impl::CutAtImmovable() {
   for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
 }
 
-// Something approaches, and all that does is slight. (The paper's laws of bouncing resolve every collision.)
+// Something approaches, and all that does is slight. (The paper's laws of bouncing resolve every collision. Bodies that only
+// touch each other fly: nothing presses them together, and their momenta are to stay.)
 bool ContactSuite::Impl::CollidesSlightly(const IslandView& view) const {
   if (!settings.ladder.Has(qp::Rung::kMerged) || settings.bounce_law != BounceLaw::kExact ||
       view.bodies.size() < kMergedBodies)
     return false;
-  bool approaches = false;
+  bool approaches = false, held = false;
   for (const int number : view.contacts) {
     const Contact& contact = frame.contacts.contacts[number];
     if (!contact.touches) continue;
-    const double speed = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
+    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
+    held = held || !a.Moves() || !b.Moves();
+    const double speed = -NormalVelocity(contact, a, b);
     if (speed <= frame.threshold) continue;
-    const bool in_static = frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves();
-    if (!in_static || !IsSlight(contact, speed, frame.rest_speed)) return false;
+    const bool in_static = a.Moves() || b.Moves();
+    if (!in_static || !IsSlight(contact, speed, frame.gravity, frame.dt)) return false;
     approaches = true;
   }
-  return approaches;
+  return approaches && held;
 }
 
 // Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.

@@ -45,16 +45,59 @@ World SlidingRow(const Settings& settings, double speed, double approach, double
 }
 
 TEST(SlightCollisions, UpToFreeFallWithoutReboundsNeverElastic) {
+  const Vector3 gravity(0, 0, -kGravity);
   Contact contact;
-  EXPECT_TRUE(IsSlight(contact, kFall, kFall));
-  EXPECT_FALSE(IsSlight(contact, 1.001 * kFall, kFall));
+  EXPECT_TRUE(IsSlight(contact, kFall, gravity, kDt));
+  EXPECT_FALSE(IsSlight(contact, 1.001 * kFall, gravity, kDt));
   contact.restitution = 0.2;  // 0.2 u <= 0.05 * 0.8 g dt
-  EXPECT_TRUE(IsSlight(contact, 0.199 * kFall, kFall));
-  EXPECT_FALSE(IsSlight(contact, 0.201 * kFall, kFall));
+  EXPECT_TRUE(IsSlight(contact, 0.199 * kFall, gravity, kDt));
+  EXPECT_FALSE(IsSlight(contact, 0.201 * kFall, gravity, kDt));
+  contact.normal_W = Vector3::UnitX();  // gravity does not press it: 0.2 u <= 0.01 * 0.8 g dt
+  EXPECT_TRUE(IsSlight(contact, 0.039 * kFall, gravity, kDt));
+  EXPECT_FALSE(IsSlight(contact, 0.041 * kFall, gravity, kDt));
+  contact.fading = 0.1 * kFall;  // but others do: that takes the rebound
+  EXPECT_TRUE(IsSlight(contact, 0.5 * kFall, gravity, kDt));
+  contact.fading = 0;
   contact.restitution = 1;
-  EXPECT_FALSE(IsSlight(contact, 1e-12 * kFall, kFall));
+  EXPECT_FALSE(IsSlight(contact, 1e-12 * kFall, gravity, kDt));
   contact.restitution = 0;
-  EXPECT_FALSE(IsSlight(contact, 1e-12, 0)) << "without gravity nothing is slight";
+  EXPECT_FALSE(IsSlight(contact, 1e-12, Vector3::Zero(), kDt)) << "without gravity nothing is slight";
+}
+
+// Cubes in the air, the middle one spinning: they fall like one, and keep their momenta.
+TEST(SlightCollisions, NotInFreeFall) {
+  World world(Awake(true));
+  for (int i = 0; i < 9; ++i) {
+    BodyDefinition cube = Cube({static_cast<double>(i % 3), static_cast<double>(i / 3), 100});
+    if (i == 4) cube.angular_velocity_W = {0.3, 0.2, 1};
+    world.Add(cube);
+  }
+  const Vector3 spin = testing::AngularMomentum(world.bodies());
+  for (int frame = 0; frame < 60; ++frame) EXPECT_EQ(Merged(world.Step(kDt)), 0);
+  Vector3 centre = Vector3::Zero();
+  for (const Body& body : world.bodies()) centre += body.position_W / 9;
+  EXPECT_LT((centre - Vector3(1, 1, 100 - 0.5 * kGravity)).norm(), 1e-9);
+  const Vector3 arm = Vector3(1, 1, 100).cross(9 * Vector3(0, 0, -kGravity));  // torque of the weight about the origin
+  EXPECT_LT((testing::AngularMomentum(world.bodies()) - spin - arm).norm(), 1e-9);
+}
+
+// A row that slides into a wall without friction: nothing presses it there, so it comes back.
+TEST(SlightCollisions, NotAgainstAWallThatNothingPressesAt) {
+  World world(Awake(true));
+  world.Add(Floor(0, 0.5));
+  world.Add({.shape = Shape::Box({0.5, 4, 0.5}),
+             .kind = BodyKind::kFixed,
+             .position_W = {-1, 3, 0.5},
+             .friction = 0,
+             .restitution = 0.5});
+  const double u = 0.045 * kFall;
+  for (int i = 0; i < 6; ++i) {
+    BodyDefinition cube = Cube({0, static_cast<double>(i), 0.5}, 0, 0.5);
+    cube.linear_velocity_W = {-u, 0, 0};
+    world.Add(cube);
+  }
+  world.Step(kDt);
+  for (int i = 2; i < 8; ++i) EXPECT_NEAR(world.body(i).linear_velocity_W.x(), 0.5 * u, 1e-6 * kFall) << i;
 }
 
 // By hand: the floor stops m (u + g dt) and rubs half of that, in one problem as in two.
@@ -179,7 +222,7 @@ TEST(SlightCollisions, HeapComesToRestAllTheSame) {
         energy = now;
       }
     }
-    EXPECT_EQ(taken > 20, merged) << taken;
+    EXPECT_EQ(taken > 5, merged) << taken;
     EXPECT_LT(worst, 1e-5);
     double fastest = 0;
     for (const Body& body : world.bodies()) fastest = std::max(fastest, body.linear_velocity_W.norm());
