@@ -189,7 +189,7 @@ void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
         "number for the contact's normal");
   }
   out->AtMost("renumbered heap with friction at rest", "",
-              ChangeByOrder(DefinitionsAt(FallingHeap(27), Frames(8, s.dt), s), s), tolerance);
+              ChangeByOrder(DefinitionsAt(FallingHeap(27), Frames(16, s.dt), s), s), tolerance);
 }
 
 void MeasureOrder(const CheckSettings& s, Measurements* out) {
