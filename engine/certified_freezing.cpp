@@ -231,7 +231,7 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
   bool any = false;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    const double calm = std::min({still_seconds_[i], undisturbed_seconds_[i], calm_seconds_[i]});
+    const double calm = std::min(undisturbed_seconds_[i], calm_seconds_[i]);
     if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < settings.freeze_seconds)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));

@@ -78,7 +78,7 @@ class CertifiedFreezing {
   std::vector<Quaternion> reference_rotation_;
   std::vector<Wrench> last_pull_;
   std::vector<double> still_seconds_;
-  std::vector<double> undisturbed_seconds_;    // the same, from Disturb on
+  std::vector<double> undisturbed_seconds_;    // the same, from the last Disturb on
   std::vector<Twist> last_twist_, last_gain_;  // at the end of the last frame, and by how much it had changed
   std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
   std::vector<double> calm_seconds_;           // how long the impulses at its contacts have been steady

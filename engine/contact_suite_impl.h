@@ -73,7 +73,7 @@ struct ContactSuite::Impl : SuiteMemory {
   bool CollidesSlightly(const IslandView& view) const;
   void Bounce(StepReport* report);
   void WakeByBounce();
-  void LeaveToStatic(const IslandView& view, ResponseOutcome* collision);
+  ResponseOutcome LeaveToStatic(const IslandView& view);
   bool MayDraft(const IslandView& view) const;
   void ResolveIsland(int island, Pass pass, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);

@@ -193,7 +193,8 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
   *outcome = before;
 }
 
-// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would, or if there is no way out.
+// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would, or
+// if there is no way out.
 bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
                     const std::vector<Contact>& contacts) {
   double deepest = 0;

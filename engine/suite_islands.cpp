@@ -111,13 +111,15 @@ bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
   });
 }
 
-void ContactSuite::Impl::LeaveToStatic(const IslandView& view, ResponseOutcome* collision) {
-  *collision = {};
-  collision->rung = qp::Rung::kMerged;
+// Takes the place of a collision problem: no impulses, and what an earlier pass of the frame found is gone.
+ResponseOutcome ContactSuite::Impl::LeaveToStatic(const IslandView& view) {
+  ResponseOutcome outcome;
+  outcome.rung = qp::Rung::kMerged;
   for (const int number : view.contacts) {
-    collision->contacts += frame.contacts.contacts[number].touches;
+    outcome.contacts += frame.contacts.contacts[number].touches;
     frame.collisions[number].setZero();
   }
+  return outcome;
 }
 
 // Where bodies woke into an island that was resolved before, its collisions stand unless they hit one of those as a wall.
@@ -128,12 +130,10 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   worker->responder.SetDraft(draft);
   if (pass != Pass::kWoken || WokenWereHit(view)) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    if (CollidesSlightly(view)) {
-      LeaveToStatic(view, &outcome.collision);
-    } else {
-      outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
-                                                              frame.threshold, frame.bodies, frame.collisions);
-    }
+    outcome.collision = CollidesSlightly(view)
+                            ? LeaveToStatic(view)
+                            : worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                                  frame.threshold, frame.bodies, frame.collisions);
     if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   } else {
     for (const int i : view.bodies) {
