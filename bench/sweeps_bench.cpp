@@ -127,7 +127,7 @@ void RegisterAll() {
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
-  benchmark::AddCustomContext("kernels", islet::qp::BestSweepKernels().name);
+  benchmark::AddCustomContext("kernels", islet::qp::BestSweepKernels().plain->name);
   islet::qp::RegisterAll();
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();

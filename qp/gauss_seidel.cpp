@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "parallel/fork.h"
+#include "qp/body_algebra.h"
 
 namespace islet::qp {
 namespace {
@@ -33,6 +34,14 @@ Matrix3 Root(const Matrix3& a) {
 
 }  // namespace
 
+template <typename Number>
+void GaussSeidel::MakeRoom(Field<Number>* field) const {
+  field->batches.resize(order_.num_batches());
+  field->states.resize(order_.num_batches());
+  field->velocities.resize(roots_.size() + order_.sections().size());
+  field->previous.resize(roots_.size());
+}
+
 void GaussSeidel::Prepare(const Problem& problem) {
   order_.Build(problem);
   roots_.resize(problem.bodies.size());
@@ -42,12 +51,10 @@ void GaussSeidel::Prepare(const Problem& problem) {
   }
   compliant_ = std::any_of(problem.contacts.begin(), problem.contacts.end(),
                            [](const ContactTerm& c) { return c.compliance > 0; });
-  velocities_.resize(roots_.size() + order_.sections().size());
-  previous_.resize(roots_.size());
+  single_prepared_ = false;
   sums_.resize(order_.sections().size());
   axes_.resize(problem.contacts.size());
-  batches_.resize(order_.num_batches());
-  states_.resize(order_.num_batches());
+  MakeRoom(&plain_);
   for (size_t s = 0; s < order_.sections().size(); ++s) {
     const SweepOrder::Section& section = order_.sections()[s];
     const int pieces = (section.num_batches + kPrepareBatches - 1) / kPrepareBatches;
@@ -61,7 +68,7 @@ void GaussSeidel::Prepare(const Problem& problem) {
 
 // still: the place of an immovable body.
 void GaussSeidel::PrepareBatch(const Problem& problem, int number, int still) {
-  SweepBatch& batch = batches_[number];
+  SweepBatch<double>& batch = plain_.batches[number];
   for (int lane = 0; lane < kBatchLanes; ++lane) {
     const int c = order_.contacts()[number * kBatchLanes + lane];
     batch.body[0][lane] = c >= 0 && problem.contacts[c].body_a >= 0 ? problem.contacts[c].body_a : still;
@@ -81,9 +88,9 @@ void GaussSeidel::PrepareBatch(const Problem& problem, int number, int still) {
   }
 }
 
-void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, SweepBatch* out) {
+void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, SweepBatch<double>* out) {
   const ContactTerm& contact = problem.contacts[number];
-  SweepBatch& batch = *out;
+  SweepBatch<double>& batch = *out;
   const int bodies[2] = {contact.body_a, contact.body_b};
   const Jacobian* const jacobians[2] = {&contact.jacobian_a, &contact.jacobian_b};
   Jacobian rows[2];
@@ -138,14 +145,34 @@ void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, S
   batch.compliance[lane] = contact.compliance;
 }
 
-SweepSums GaussSeidel::SweepOnce(double momentum) {
+// The batches of double precision, rounded.
+void GaussSeidel::PrepareSingle() {
+  MakeRoom(&single_);
+  for (size_t b = 0; b < plain_.batches.size(); ++b) {
+    const SweepBatch<double>& from = plain_.batches[b];
+    SweepBatch<float>& to = single_.batches[b];
+    std::copy_n(&from.rows[0][0][0][0], sizeof from.rows / sizeof(double), &to.rows[0][0][0][0]);
+    std::copy_n(&from.offset[0][0], 3 * kBatchLanes, &to.offset[0][0]);
+    std::copy_n(&from.tangent[0][0], 2 * kBatchLanes, &to.tangent[0][0]);
+    std::copy_n(&from.shear[0][0], 2 * kBatchLanes, &to.shear[0][0]);
+    std::copy_n(from.normal, kBatchLanes, to.normal);
+    std::copy_n(from.friction, kBatchLanes, to.friction);
+    std::copy_n(from.weight, kBatchLanes, to.weight);
+    std::copy_n(from.compliance, kBatchLanes, to.compliance);
+    std::copy_n(&from.body[0][0], 2 * kBatchLanes, &to.body[0][0]);
+  }
+  single_prepared_ = true;
+}
+
+template <typename Number>
+SweepSums GaussSeidel::SweepOnce(Number momentum, Field<Number>* field) {
   const std::vector<int>& phases = order_.phase_start();
   for (size_t p = 0; p + 1 < phases.size(); ++p) {
     parallel::Fork(phases[p + 1] - phases[p], [&](int piece) {
       const int number = phases[p] + piece;
       const SweepOrder::Section& section = order_.sections()[number];
-      sums_[number] = kernels_->coulomb(section.num_batches, &batches_[section.first_batch], compliant_, momentum,
-                                        &states_[section.first_batch], velocities_.data());
+      sums_[number] = field->kernels->coulomb(section.num_batches, &field->batches[section.first_batch], compliant_,
+                                              momentum, &field->states[section.first_batch], field->velocities.data());
     });
   }
   SweepSums total;
@@ -157,27 +184,41 @@ SweepSums GaussSeidel::SweepOnce(double momentum) {
   return total;
 }
 
+namespace {
+
 // The velocities of x + momentum (x - previous): they are linear in the impulses.
-void GaussSeidel::Extrapolate(double momentum) {
-  for (size_t i = 0; i < roots_.size(); ++i) {
+template <typename Number>
+void Extrapolate(Number momentum, std::vector<SweepVelocity<Number>>* velocities,
+                 std::vector<SweepVelocity<Number>>* previous) {
+  for (size_t i = 0; i < previous->size(); ++i) {
     for (int k = 0; k < 6; ++k) {
-      const double y = velocities_[i].y[k];
-      velocities_[i].y[k] = y + momentum * (y - previous_[i].y[k]);
-      previous_[i].y[k] = y;
+      const Number y = (*velocities)[i].y[k];
+      (*velocities)[i].y[k] = y + momentum * (y - (*previous)[i].y[k]);
+      (*previous)[i].y[k] = y;
     }
   }
 }
 
+// Onto the cone, which single precision meets to its own rounding.
+Vector3 WithinCone(const Vector3& j, double friction) {
+  const double slide = j.tail<2>().norm(), most = friction * j[0];
+  if (slide <= most) return j;
+  const double scale = most / slide;
+  return {j[0], scale * j[1], scale * j[2]};
+}
+
+}  // namespace
+
 // Into the coordinates of the kernels: x = T^-1 j, y = G^-1 v = G^T M v.
+template <typename Number>
 void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impulses,
-                       const std::vector<double>& velocities) {
-  using Block = Eigen::Map<Vector3>;
+                       const std::vector<double>& velocities, Field<Number>* field) const {
   using ConstBlock = Eigen::Map<const Vector3>;
   for (size_t slot = 0; slot < order_.contacts().size(); ++slot) {
     const int c = order_.contacts()[slot];
     const size_t lane = slot % kBatchLanes;
-    const SweepBatch& batch = batches_[slot / kBatchLanes];
-    SweepState& state = states_[slot / kBatchLanes];
+    const SweepBatch<double>& batch = plain_.batches[slot / kBatchLanes];
+    SweepState<Number>& state = field->states[slot / kBatchLanes];
     for (int d = 0; d < 3; ++d) state.x[d][lane] = state.previous[d][lane] = 0;
     state.lambda[lane] = 0;
     if (c < 0) continue;
@@ -186,61 +227,79 @@ void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impul
     double normal = j[0];
     for (int k = 0; k < 2; ++k) {
       normal -= batch.shear[k][lane] * t[k];
-      if (batch.tangent[k][lane] > 0) state.x[1 + k][lane] = t[k] / batch.tangent[k][lane];
+      if (batch.tangent[k][lane] > 0) state.x[1 + k][lane] = static_cast<Number>(t[k] / batch.tangent[k][lane]);
     }
-    state.x[0][lane] = normal / batch.normal[lane];
+    state.x[0][lane] = static_cast<Number>(normal / batch.normal[lane]);
     for (int d = 0; d < 3; ++d) state.previous[d][lane] = state.x[d][lane];
   }
-  velocities_.assign(velocities_.size(), {});
+  std::fill(field->velocities.begin(), field->velocities.end(), SweepVelocity<Number>{});
   for (size_t i = 0; i < roots_.size(); ++i) {
     const double* v = velocities.data() + 6 * i;
-    Block(velocities_[i].y) = ConstBlock(v) / roots_[i].mass_root;
+    const Vector3 linear = ConstBlock(v) / roots_[i].mass_root;
     const Vector3 momentum = problem.bodies[i].inertia * ConstBlock(v + 3);
-    Block(velocities_[i].y + 3).noalias() = roots_[i].inertia_root.transpose() * momentum;
-    previous_[i] = velocities_[i];
+    const Vector3 angular = roots_[i].inertia_root.transpose() * momentum;
+    SweepVelocity<Number>& y = field->velocities[i];
+    for (int k = 0; k < 3; ++k) y.y[k] = static_cast<Number>(linear[k]), y.y[3 + k] = static_cast<Number>(angular[k]);
+    field->previous[i] = y;
   }
 }
 
-void GaussSeidel::Unload(std::vector<Vector3>* impulses, std::vector<double>* velocities) const {
+template <typename Number>
+void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impulses,
+                         std::vector<double>* velocities) const {
   using Block = Eigen::Map<Vector3>;
-  using ConstBlock = Eigen::Map<const Vector3>;
   for (size_t i = 0; i < roots_.size(); ++i) {
     double* v = velocities->data() + 6 * i;
-    Block{v} = ConstBlock(velocities_[i].y) * roots_[i].mass_root;
-    Block(v + 3).noalias() = roots_[i].inertia_root * ConstBlock(velocities_[i].y + 3);
+    const Number* y = field.velocities[i].y;
+    Block{v} = Vector3(y[0], y[1], y[2]) * roots_[i].mass_root;
+    Block(v + 3).noalias() = roots_[i].inertia_root * Vector3(y[3], y[4], y[5]);
   }
   for (size_t slot = 0; slot < order_.contacts().size(); ++slot) {
     const int c = order_.contacts()[slot];
     if (c < 0) continue;
     const size_t lane = slot % kBatchLanes;
-    const SweepBatch& batch = batches_[slot / kBatchLanes];
-    const SweepState& state = states_[slot / kBatchLanes];
+    const SweepBatch<double>& batch = plain_.batches[slot / kBatchLanes];
+    const SweepState<Number>& state = field.states[slot / kBatchLanes];
     const double t[2] = {batch.tangent[0][lane] * state.x[1][lane], batch.tangent[1][lane] * state.x[2][lane]};
     (*impulses)[c] = {batch.normal[lane] * state.x[0][lane] + batch.shear[0][lane] * t[0] + batch.shear[1][lane] * t[1],
                       axes_[c].cosine * t[0] - axes_[c].sine * t[1], axes_[c].sine * t[0] + axes_[c].cosine * t[1]};
   }
 }
 
-int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
-                       std::vector<double>* velocities, Pace pace) {
-  if (problem.contacts.empty() || max_sweeps <= 0) return std::max(0, std::min(max_sweeps, 1));
-  Load(problem, *impulses, *velocities);
-  double theta = 1, last_change = INFINITY, momentum = 0;
+template <typename Number>
+int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_sweeps, double tolerance,
+                         std::vector<Vector3>* impulses, std::vector<double>* velocities, Pace pace) {
+  Load(problem, *impulses, *velocities, field);
+  double theta = 1, last_change = INFINITY;
+  Number momentum = 0;
   int sweep = 0;
   while (sweep < max_sweeps) {
     ++sweep;
-    if (pace == Pace::kMomentum) Extrapolate(momentum);
-    const SweepSums sums = SweepOnce(momentum);
+    if (pace == Pace::kMomentum) Extrapolate(momentum, &field->velocities, &field->previous);
+    const SweepSums sums = SweepOnce(momentum, field);
     if (sums.largest <= tolerance) break;
     if (pace == Pace::kPlain) continue;
     const bool astray = sums.ahead < 0 || sums.change > kMaxGrowth * last_change;
     const double next = astray ? 1 : 0.5 * (1 + std::sqrt(1 + 4 * theta * theta));
-    momentum = astray ? 0 : std::min((theta - 1) / next, kMaxMomentum);
+    momentum = static_cast<Number>(astray ? 0 : std::min((theta - 1) / next, kMaxMomentum));
     theta = next;
     last_change = sums.change;
   }
-  Unload(impulses, velocities);
+  Unload(*field, impulses, velocities);
   return sweep;
+}
+
+int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
+                       std::vector<double>* velocities, Pace pace, Precision precision) {
+  if (problem.contacts.empty() || max_sweeps <= 0) return std::max(0, std::min(max_sweeps, 1));
+  if (precision == Precision::kDouble)
+    return SweepIn(&plain_, problem, max_sweeps, tolerance, impulses, velocities, pace);
+  if (!single_prepared_) PrepareSingle();
+  const int sweeps = SweepIn(&single_, problem, max_sweeps, tolerance, impulses, velocities, pace);
+  for (int c = 0; c < problem.num_contacts(); ++c)
+    (*impulses)[c] = WithinCone((*impulses)[c], problem.contacts[c].friction);
+  VelocitiesAfter(problem, *impulses, velocities);
+  return sweeps;
 }
 
 }  // namespace islet::qp

@@ -1,5 +1,6 @@
-// Vectors of ISLET_LANES doubles with one contact in each lane, for the kernels that go through contacts in batches of eight.
-// Part of sweep_kernels_impl.h and row_kernels_impl.h, which define ISLET_LANES; nothing but builtins and intrinsics is used.
+// Vectors of ISLET_LANES numbers with one contact in each lane, for the kernels that go through contacts in batches of eight.
+// Part of sweep_kernels_impl.h and row_kernels_impl.h, whose users define ISLET_LANES, and ISLET_SINGLE if the numbers are floats;
+// nothing but builtins and intrinsics is used.
 #pragma once
 
 #if defined(__SSE2__)
@@ -9,16 +10,41 @@
 namespace islet::qp {
 namespace {
 
+#ifdef ISLET_SINGLE
+using Number = float;
+#else
+using Number = double;
+#endif
 constexpr int kLanes = ISLET_LANES;
-typedef double Vec __attribute__((vector_size(kLanes * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef Number Vec __attribute__((vector_size(kLanes * sizeof(Number)), aligned(sizeof(Number)), may_alias));
 typedef decltype(Vec{} < Vec{}) Mask;
 
-inline Vec Load(const double* p) { return *reinterpret_cast<const Vec*>(p); }
-inline void Store(double* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
+inline Vec Load(const Number* p) { return *reinterpret_cast<const Vec*>(p); }
+inline void Store(Number* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
 inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
 inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
 
-#if ISLET_LANES == 8
+#if defined(ISLET_SINGLE) && ISLET_LANES == 8
+inline bool Any(Mask m) { return _mm256_movemask_ps((__m256)m) != 0; }
+#ifdef __AVX512VL__
+// One Newton step from 14 bits.
+inline Vec Inverse(Vec a) {
+  const Vec r = (Vec)_mm256_maskz_rcp14_ps(0xff, (__m256)a);
+  return r + r * (1 - a * r);
+}
+inline Vec InverseRoot(Vec a) {
+  const Vec r = (Vec)_mm256_maskz_rsqrt14_ps(0xff, (__m256)a);
+  return r + 0.5F * r * (1 - a * r * r);
+}
+#else
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_ps((__m256)a); }
+#endif
+#elif defined(ISLET_SINGLE)
+inline bool Any(Mask m) { return _mm_movemask_ps((__m128)m) != 0; }
+inline Vec Inverse(Vec a) { return 1 / a; }
+inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm_sqrt_ps((__m128)a); }
+#elif ISLET_LANES == 8
 inline bool Any(Mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
 // Two Newton steps from 14 bits: rounding error as small as a division's, without the wait for the divider.
 inline Vec Inverse(Vec a) {
@@ -42,8 +68,33 @@ inline Vec InverseRoot(Vec a) { return 1 / Vec{__builtin_sqrt(a[0]), __builtin_s
 #endif
 
 // Six numbers from address(i) on, lane i; on wider vectors two more are read there. A transposition in registers.
-#if ISLET_LANES == 8
 #define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#if defined(ISLET_SINGLE) && ISLET_LANES == 8
+inline void Transpose(const Vec* in, Vec* out) {
+  Vec pairs[8], fours[8];  // [component of 128 bits][two, four lanes of them]
+  for (int i = 0; i < 8; i += 2) {
+    pairs[i] = ISLET_SHUFFLE(in[i], in[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+    pairs[i + 1] = ISLET_SHUFFLE(in[i], in[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+  }
+  for (int i = 0; i < 8; i += 4) {
+    for (int k = 0; k < 2; ++k) {
+      fours[i + 2 * k] = ISLET_SHUFFLE(pairs[i + k], pairs[i + 2 + k], 0, 1, 8, 9, 4, 5, 12, 13);
+      fours[i + 2 * k + 1] = ISLET_SHUFFLE(pairs[i + k], pairs[i + 2 + k], 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+  }
+  for (int k = 0; k < 4; ++k) {
+    out[k] = ISLET_SHUFFLE(fours[k], fours[4 + k], 0, 1, 2, 3, 8, 9, 10, 11);
+    out[4 + k] = ISLET_SHUFFLE(fours[k], fours[4 + k], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+}
+template <typename Address>
+inline void Gather(const Address& address, Vec* out) {
+  Vec in[8], all[8];
+  for (int i = 0; i < 8; ++i) in[i] = Load(address(i));
+  Transpose(in, all);
+  for (int k = 0; k < 6; ++k) out[k] = all[k];
+}
+#elif ISLET_LANES == 8
 template <typename Address>
 inline void Gather(const Address& address, Vec* out) {
   Vec even[4], odd[4];
@@ -64,7 +115,6 @@ inline void Gather(const Address& address, Vec* out) {
   }
 }
 #elif ISLET_LANES == 4
-#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 inline void Transpose(const Vec* in, Vec* out) {
   const Vec p = ISLET_SHUFFLE(in[0], in[1], 0, 4, 2, 6), q = ISLET_SHUFFLE(in[0], in[1], 1, 5, 3, 7);
   const Vec r = ISLET_SHUFFLE(in[2], in[3], 0, 4, 2, 6), s = ISLET_SHUFFLE(in[2], in[3], 1, 5, 3, 7);

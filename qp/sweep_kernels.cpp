@@ -6,24 +6,28 @@
 
 namespace islet::qp {
 
-extern const SweepKernels kSse2SweepKernels;
+extern const SweepKernels<double> kSse2SweepKernels;
+extern const SweepKernels<float> kSse2SingleSweepKernels;
 #ifdef ISLET_WIDE_KERNELS
-extern const SweepKernels kAvx2SweepKernels;
-extern const SweepKernels kAvx512SweepKernels;
+extern const SweepKernels<double> kAvx2SweepKernels, kAvx512SweepKernels;
+extern const SweepKernels<float> kAvx2SingleSweepKernels, kAvx512SingleSweepKernels;
 #endif
 
-const SweepKernels* FindSweepKernels(const char* name) {
-  if (!FindFrontKernels(name)) return nullptr;  // the machine cannot run them
+SweepKernelSet FindSweepKernels(const char* name) {
+  if (!FindFrontKernels(name)) return {nullptr, nullptr};  // the machine cannot run them
 #ifdef ISLET_WIDE_KERNELS
-  if (std::strcmp(name, "avx2") == 0) return &kAvx2SweepKernels;
-  if (std::strcmp(name, "avx512") == 0) return __builtin_cpu_supports("avx512dq") ? &kAvx512SweepKernels : nullptr;
+  if (std::strcmp(name, "avx2") == 0) return {&kAvx2SweepKernels, &kAvx2SingleSweepKernels};
+  if (std::strcmp(name, "avx512") == 0) {
+    if (!__builtin_cpu_supports("avx512dq")) return {nullptr, nullptr};
+    return {&kAvx512SweepKernels, &kAvx512SingleSweepKernels};
+  }
 #endif
-  return &kSse2SweepKernels;
+  return {&kSse2SweepKernels, &kSse2SingleSweepKernels};
 }
 
-const SweepKernels& BestSweepKernels() {
-  const SweepKernels* set = FindSweepKernels(BestFrontKernels().name);
-  return set ? *set : kSse2SweepKernels;
+SweepKernelSet BestSweepKernels() {
+  const SweepKernelSet set = FindSweepKernels(BestFrontKernels().name);
+  return set.plain ? set : SweepKernelSet{&kSse2SweepKernels, &kSse2SingleSweepKernels};
 }
 
 }  // namespace islet::qp

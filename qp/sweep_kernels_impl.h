@@ -1,5 +1,5 @@
-// Body of the sweep kernels for one vector width. Included by sweep_kernels_<isa>.cpp, which define ISLET_LANES (doubles
-// in a vector), ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared
+// Body of the sweep kernels for one vector width. Included by sweep_kernels_<isa>.cpp and sweep_kernels_<isa>_single.cpp, which
+// define ISLET_LANES (numbers in a vector), ISLET_SINGLE for floats, ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared
 // header, compiled with wider vectors, could be chosen by the linker for everyone.
 #include "qp/lanes_impl.h"
 #include "qp/sweep_kernels.h"
@@ -7,15 +7,27 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kNewtonSteps = 60;           // with the bracket; two or three are usual
-constexpr double kNewtonTolerance = 1e-6;  // of mu j_n / |j_t|; only the direction depends on it
+using Batch = SweepBatch<Number>;
+using State = SweepState<Number>;
+using Velocity = SweepVelocity<Number>;
+
+constexpr int kNewtonSteps = 60;  // with the bracket; two or three are usual
+// Of mu j_n / |j_t|; only the direction depends on it.
+constexpr Number kNewtonTolerance = sizeof(Number) == sizeof(double) ? Number(1e-6) : Number(1e-5);
 
 // Six components of the velocities of kLanes bodies, lane by lane, and back.
-inline void Gather(const SweepVelocity* y, const int* body, Vec* out) {
+inline void Gather(const Velocity* y, const int* body, Vec* out) {
   Gather([&](int i) { return y[body[i]].y; }, out);
 }
-#if ISLET_LANES == 8
-inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+#if defined(ISLET_SINGLE) && ISLET_LANES == 8
+inline void Scatter(const Vec* in, const int* body, Velocity* y) {
+  const Vec all[8] = {in[0], in[1], in[2], in[3], in[4], in[5], Vec{}, Vec{}};
+  Vec out[8];
+  Transpose(all, out);
+  for (int i = 0; i < 8; ++i) Store(y[body[i]].y, out[i]);
+}
+#elif ISLET_LANES == 8
+inline void Scatter(const Vec* in, const int* body, Velocity* y) {
   const Vec zero = {};
   Vec pair[4][2];  // [components 2m and 2m + 1][even or odd bodies]: 128 bits a body
   for (int m = 0; m < 3; ++m) {
@@ -34,7 +46,7 @@ inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   }
 }
 #elif ISLET_LANES == 4
-inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+inline void Scatter(const Vec* in, const int* body, Velocity* y) {
   const Vec rest[4] = {in[4], in[5], Vec{}, Vec{}};
   Vec out[4];
   Transpose(in, out);
@@ -43,7 +55,7 @@ inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
   for (int i = 0; i < 4; ++i) Store(y[body[i]].y + 4, out[i]);
 }
 #else
-inline void Scatter(const Vec* in, const int* body, SweepVelocity* y) {
+inline void Scatter(const Vec* in, const int* body, Velocity* y) {
   for (int k = 0; k < 6; ++k)
     for (int i = 0; i < 2; ++i) y[body[i]].y[k] = in[k][i];
 }
@@ -59,7 +71,7 @@ struct Law {
 // x_n is that of a contact that sticks, whatever x_t. The answer lies on the cone exactly, by its last scaling; lambda is
 // left one step better than the answer, for the next sweep.
 inline void Slide(const Law& law, Mask slides, Vec* x, Vec* lambda) {
-  const Vec zero = {}, one = zero + 1, infinite = zero + __builtin_inf();
+  const Vec zero = {}, one = zero + 1, infinite = zero + Number(__builtin_inf());
   const Vec t1 = law.tangent[0] * x[1], t2 = law.tangent[1] * x[2], n = law.normal * x[0];
   const Vec a1 = law.tangent[0] * law.tangent[0], a2 = law.tangent[1] * law.tangent[1];
   const Vec start = Inverse(a1 + a2);
@@ -78,7 +90,7 @@ inline void Slide(const Law& law, Mask slides, Vec* x, Vec* lambda) {
     high = value < zero ? high : l;
     const Mask inside = (newton > low) & (newton < high);
     const Mask close = (value <= kNewtonTolerance) & (value >= -kNewtonTolerance);
-    const Vec halved = high == infinite ? 4 * l + start : 0.5 * (low + high);
+    const Vec halved = high == infinite ? 4 * l + start : Number(0.5) * (low + high);
     l = inside ? newton : (close ? l : halved);
     if (!Any(seeks & ~close)) break;
   }
@@ -116,8 +128,8 @@ struct Sums {
   Vec largest, change, ahead;
 };
 
-inline void Visit(const SweepBatch& batch, int lane, bool compliant, Vec momentum, SweepState* state,
-                  SweepVelocity* velocities, Sums* sums) {
+inline void Visit(const Batch& batch, int lane, bool compliant, Vec momentum, State* state, Velocity* velocities,
+                  Sums* sums) {
   const int* body_a = batch.body[0] + lane;
   const int* body_b = batch.body[1] + lane;
   Vec ya[6], yb[6], u[3], before[3], x[3], change[3];
@@ -162,8 +174,8 @@ inline void Visit(const SweepBatch& batch, int lane, bool compliant, Vec momentu
   sums->largest = Max(Max(Max(Abs(j1), Abs(j2)), Abs(jn)) * Load(batch.weight + lane), sums->largest);
 }
 
-SweepSums SweepCoulomb(int num_batches, const SweepBatch* batches, bool compliant, double momentum, SweepState* states,
-                       SweepVelocity* velocities) {
+SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Number momentum, State* states,
+                       Velocity* velocities) {
   Sums sums = {};
   for (int b = 0; b < num_batches; ++b)
     for (int lane = 0; lane < kBatchLanes; lane += kLanes)
@@ -174,7 +186,7 @@ SweepSums SweepCoulomb(int num_batches, const SweepBatch* batches, bool complian
     out.change += sums.change[i];
     out.ahead += sums.ahead[i];
   }
-#if ISLET_LANES > 2
+#ifdef __AVX__
   // The compiler forgets it on this path, and then all narrow code that follows runs at half its speed.
   _mm256_zeroupper();
 #endif
@@ -183,7 +195,7 @@ SweepSums SweepCoulomb(int num_batches, const SweepBatch* batches, bool complian
 
 }  // namespace
 
-extern const SweepKernels ISLET_KERNEL_SET;
-const SweepKernels ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, SweepCoulomb};
+extern const SweepKernels<Number> ISLET_KERNEL_SET;
+const SweepKernels<Number> ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, SweepCoulomb};
 
 }  // namespace islet::qp

@@ -21,11 +21,12 @@ struct Swept {
   int sweeps = 0;
 };
 
-Swept SweepFromZero(const Problem& problem, int most, double tolerance, qp::Pace pace = qp::Pace::kPlain) {
+Swept SweepFromZero(const Problem& problem, int most, double tolerance, qp::Pace pace = qp::Pace::kPlain,
+                    qp::Precision precision = qp::Precision::kDouble) {
   qp::GaussSeidel solver;
   Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
   solver.Prepare(problem);
-  swept.sweeps = solver.Sweep(problem, most, tolerance, &swept.impulses, &swept.velocities, pace);
+  swept.sweeps = solver.Sweep(problem, most, tolerance, &swept.impulses, &swept.velocities, pace, precision);
   return swept;
 }
 
@@ -48,11 +49,11 @@ Swept SweepPlainly(const Problem& problem, int sweeps) {
   return swept;
 }
 
-const std::vector<const qp::SweepKernels*>& AllKernels() {
-  static const std::vector<const qp::SweepKernels*> all = [] {
-    std::vector<const qp::SweepKernels*> sets;
+const std::vector<qp::SweepKernelSet>& AllKernels() {
+  static const std::vector<qp::SweepKernelSet> all = [] {
+    std::vector<qp::SweepKernelSet> sets;
     for (const char* name : {"sse2", "avx2", "avx512"})
-      if (const qp::SweepKernels* set = qp::FindSweepKernels(name)) sets.push_back(set);
+      if (const qp::SweepKernelSet set = qp::FindSweepKernels(name); set.plain) sets.push_back(set);
     return sets;
   }();
   return all;
@@ -62,9 +63,9 @@ const std::vector<const qp::SweepKernels*>& AllKernels() {
 void ExpectLikePlainSweeps(const Problem& problem, int sweeps, double tolerance) {
   const Swept plain = SweepPlainly(problem, sweeps);
   const double scale = VelocityScale(problem);
-  for (const qp::SweepKernels* kernels : AllKernels()) {
-    SCOPED_TRACE(kernels->name);
-    qp::GaussSeidel solver(*kernels);
+  for (const qp::SweepKernelSet& kernels : AllKernels()) {
+    SCOPED_TRACE(kernels.plain->name);
+    qp::GaussSeidel solver(kernels);
     Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
     solver.Prepare(problem);
     solver.Sweep(problem, sweeps, 0, &swept.impulses, &swept.velocities, qp::Pace::kPlain);
@@ -110,6 +111,46 @@ TEST(GaussSeidel, LikePlainSweepsWithCompliance) {
 }
 
 // A contact whose tangents move nothing, as in a plane.
+// 1,000 sweeps come as near to the law as either can.
+TEST(GaussSeidel, SinglePrecisionMeetsTheLawToItsRounding) {
+  Random random(84);
+  const Problem problems[] = {RandomCluster(&random, 200, 0.3, 0.6, 1), RandomCluster(&random, 100, 0, 0, 100),
+                              RandomStack(&random, 10, 0.3, 0.6, 1)};
+  for (const Problem& problem : problems) {
+    for (const qp::SweepKernelSet& kernels : AllKernels()) {
+      SCOPED_TRACE(kernels.single->name);
+      const double scale = VelocityScale(problem);
+      qp::GaussSeidel solver(kernels);
+      const auto map_after = [&](qp::Precision precision) {
+        Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
+        solver.Prepare(problem);
+        solver.Sweep(problem, 1000, 0, &swept.impulses, &swept.velocities, qp::Pace::kMomentum, precision);
+        EXPECT_LT(MomentumResidual(problem, swept.velocities, swept.impulses), 1e-12);
+        for (size_t c = 0; c < swept.impulses.size(); ++c) {
+          const Vector3& j = swept.impulses[c];
+          EXPECT_LE(j.tail<2>().norm(), problem.contacts[c].friction * j[0] * (1 + 1e-14)) << c;
+        }
+        return qp::CoulombMap(problem, swept.velocities, swept.impulses).rms;
+      };
+      EXPECT_LT(map_after(qp::Precision::kDouble), 1e-7 * scale);
+      const double single = map_after(qp::Precision::kSingle);
+      EXPECT_LT(single, 1e-4 * scale);
+      EXPECT_GT(single, 1e-7 * scale);  // not double in disguise
+    }
+  }
+}
+
+// A few sweeps take both the same way.
+TEST(GaussSeidel, SinglePrecisionGoesTheSameWay) {
+  for (const NamedProblem& island : RandomIslands(85, 30, 10, true)) {
+    SCOPED_TRACE(island.name);
+    const double scale = VelocityScale(island.problem);
+    const Swept plain = SweepFromZero(island.problem, 3, 0);
+    const Swept single = SweepFromZero(island.problem, 3, 0, qp::Pace::kPlain, qp::Precision::kSingle);
+    EXPECT_LT(VelocityDistance(island.problem, plain.velocities, single.velocities), 1e-4 * scale);
+  }
+}
+
 TEST(GaussSeidel, FlatContacts) {
   ProblemBuilder builder;
   builder.AddBox({0, 0, 0.5}, {0.5, 0.5, 0.5}, 2, {0.3, 8, -1});
@@ -160,16 +201,19 @@ TEST(GaussSeidel, SameBitsForAnyNumberOfThreads) {
   Random random(80);
   const Problem problem = RandomStack(&random, 600, 0.1, 0.6, 10);
   ASSERT_GE(problem.num_contacts(), 1500);
-  const Swept alone = SweepFromZero(problem, 30, 0, qp::Pace::kMomentum);
-  for (int workers : {1, 2, 4, 8}) {
-    parallel::WorkerPool pool(workers);
-    for (int repeat = 0; repeat < 3; ++repeat) {
-      Swept swept;
-      pool.ForEach(1, [&](int, int) { swept = SweepFromZero(problem, 30, 0, qp::Pace::kMomentum); });
-      ASSERT_EQ(swept.velocities.size(), alone.velocities.size());
-      EXPECT_EQ(std::memcmp(swept.velocities.data(), alone.velocities.data(), sizeof(double) * alone.velocities.size()),
-                0);
-      for (size_t c = 0; c < swept.impulses.size(); ++c) ASSERT_EQ(swept.impulses[c], alone.impulses[c]) << c;
+  for (const qp::Precision precision : {qp::Precision::kDouble, qp::Precision::kSingle}) {
+    const auto sweep = [&] { return SweepFromZero(problem, 30, 0, qp::Pace::kMomentum, precision); };
+    const Swept alone = sweep();
+    for (int workers : {1, 2, 4, 8}) {
+      parallel::WorkerPool pool(workers);
+      for (int repeat = 0; repeat < 3; ++repeat) {
+        Swept swept;
+        pool.ForEach(1, [&](int, int) { swept = sweep(); });
+        ASSERT_EQ(swept.velocities.size(), alone.velocities.size());
+        const size_t bytes = sizeof(double) * alone.velocities.size();
+        EXPECT_EQ(std::memcmp(swept.velocities.data(), alone.velocities.data(), bytes), 0);
+        for (size_t c = 0; c < swept.impulses.size(); ++c) ASSERT_EQ(swept.impulses[c], alone.impulses[c]) << c;
+      }
     }
   }
 }
@@ -232,10 +276,14 @@ TEST(GaussSeidel, SweepsAllocateNothing) {
   qp::GaussSeidel solver;
   std::vector<Vector3> impulses(problem.contacts.size(), Vector3::Zero());
   std::vector<double> velocities = FreeVelocities(problem);
-  solver.Prepare(problem);
+  const auto sweep = [&] {
+    solver.Prepare(problem);
+    solver.Sweep(problem, 10, 0, &impulses, &velocities);
+    solver.Sweep(problem, 10, 0, &impulses, &velocities, qp::Pace::kMomentum, qp::Precision::kSingle);
+  };
+  sweep();
   const AllocationCounter counter;
-  solver.Prepare(problem);
-  solver.Sweep(problem, 10, 0, &impulses, &velocities);
+  sweep();
   EXPECT_EQ(counter.count(), 0);
 }
 
