@@ -1,11 +1,11 @@
 // Freezing that never lies: a frozen body carries the impulses that hold it, and stays frozen only while they balance what
 // acts on it.
 //
-//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, whose
-//            contacts have pressed alike for that time, or in whose island all stand still (loads that no motion changes are
-//            as good in one distribution as in another), which the static-contact solution of this very frame leaves at rest,
-//            and which does not accelerate: however slow, what gains velocity in the same direction frame by frame stands on
-//            an edge or a top, and will fall
+//   freezes  a body that has stood still for a time in seconds, judged by the displacement of its farthest point, in whose
+//            island all do (loads that no motion changes are as good in one distribution as in another); or that has stood
+//            still for ten times as long, with contacts that pressed alike; which the static-contact solution of this very
+//            frame leaves at rest, and which does not accelerate: however slow, what gains velocity in the same direction
+//            frame by frame stands on an edge or a top, and will fall
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
 //            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their
 //            cones. A support that is gone, a load that changed, gravity that turned, friction that was lowered, a wall
