@@ -128,8 +128,7 @@ IslandView ContactSuite::Impl::HeldView(const IslandView& view, Worker* worker) 
   const auto bounces = [this](int number) {
     const Contact& contact = frame.contacts.contacts[number];
     if (contact.touches) return false;
-    const double approach =
-        -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
+    const double approach = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
     return approach > frame.threshold && OutlastsStep(contact, approach, frame.rest_speed);
   };
   worker->held.clear();

@@ -267,7 +267,9 @@ void World::Impl::SelectResolved(double dt) {
     if (!touches) {
       const double pull = settings.gravity.norm() * dt;
       const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
-      if (OutlastsStep(c, approach - pull, pull) || c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
+      if (OutlastsStep(c, approach - pull, pull) || c.gap > approach * dt || !IsSupported(c.body_a, dt) ||
+          !IsSupported(c.body_b, dt))
+        continue;
     }
     resolved.push_back(c);
     const bool passes = Passes(dt, {}, &resolved.back());

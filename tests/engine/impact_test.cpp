@@ -160,7 +160,8 @@ TEST(Impact, CubeThatABlowSendsAgainstAWallRebounds) {
     constexpr double kDt = 1.0 / 60;
     World world(Awake());
     world.Add(Floor(0, 0));
-    world.Add({.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kFixed, .position_W = {2.002, 0, 2}, .restitution = e});
+    world.Add(
+        {.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kFixed, .position_W = {2.002, 0, 2}, .restitution = e});
     world.Add(Cube({1, 0, 0.5}, 0, 0));
     testing::StepTimes(&world, 10, kDt);
     BodyDefinition ball = Ball({-0.3, 0, 0.5}, 0.5, 0, 1);
