@@ -374,7 +374,8 @@ StepReport World::Step(double dt) {
 
   report.penetration_max = moved.penetration_max;
   report.motion_passes = moved.passes;
-  report.motion_failures = moved.reached ? 0 : 1;
+  report.motion_failures = moved.reached && moved.held_back == 0 ? 0 : 1;
+  report.held_back = moved.held_back;
   w.time += dt;
   return report;
 }
