@@ -18,6 +18,8 @@ constexpr double kRestShare = 1e-4;
 // An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
 // ball has that stands 1e-8 rad off the top of another.
 constexpr double kSteadyShare = 1e-9;
+// What rests on a kinematic body that creeps is not held back at all, but for what a solver's tolerance may be.
+constexpr double kMoverShare = 1e-6;
 // Impulses at a body's contacts that change by no more than this share from one frame to the next are steady.
 constexpr double kCalmShare = 1e-2;
 // A body beside others that move is patient: it waits so many times freeze_seconds. What stops there for a moment goes on
@@ -54,6 +56,9 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
     last_gain_.emplace_back();
     steady_.push_back(0);
     calm_seconds_.push_back(0);
+    on_mover_.push_back(0);
+    withheld_.emplace_back();
+    withheld_now_.emplace_back();
   }
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
@@ -71,11 +76,46 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
       still_seconds_[i] += dt;
       undisturbed_seconds_[i] += dt;
     } else {
+      if (still_seconds_[i] < settings.freeze_seconds && travel > settings.freeze_travel * body.radius)
+        withheld_[i] = {};
       reference_position_[i] = body.position_W;
       reference_rotation_[i] = body.rotation_WB;
       still_seconds_[i] = undisturbed_seconds_[i] = 0;
     }
   }
+}
+
+// Bodies that touch a kinematic body which moves, and what freezing took from each in the frame before.
+void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
+  const std::span<const Body> bodies = frame.bodies;
+  on_mover_.assign(bodies.size(), 0);
+  const auto moved_wall = [&](int i) { return !bodies[i].Moves() && !StandsStill(bodies[i]); };
+  for (const Contact& contact : frame.contacts.contacts) {
+    if (!contact.touches) continue;
+    if (moved_wall(contact.body_a)) on_mover_[contact.body_b] = 1;
+    if (moved_wall(contact.body_b)) on_mover_[contact.body_a] = 1;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (bodies[i].frozen) {
+      withheld_[i].linear_W += withheld_now_[i].linear_W;
+      withheld_[i].angular_W += withheld_now_[i].angular_W;
+    }
+    withheld_now_[i] = {};
+  }
+}
+
+// What is below rounding does not count: 1e-9 g dt are 5 mm in a year.
+bool CertifiedFreezing::StaysBehind(const SuiteFrame& frame, int number, bool at_end, const Settings& settings) {
+  const Body& body = frame.bodies[number];
+  const Twist twist = TwistOf(body), &before = withheld_[number];
+  Twist& now = withheld_now_[number];
+  const double step = frame.dt * FastestPoint(twist, body.radius);
+  if (!at_end || step > FastestPoint(now, body.radius)) now = {frame.dt * twist.linear_W, frame.dt * twist.angular_W};
+  const Twist sum{before.linear_W + now.linear_W, before.angular_W + now.angular_W};
+  const double way = FastestPoint(sum, body.radius);
+  if (on_mover_[number] && step > kMoverShare * frame.rest_speed * frame.dt) return true;
+  return step > kSteadyShare * frame.rest_speed * frame.dt && way > settings.freeze_travel * body.radius &&
+         way > FastestPoint(before, body.radius);
 }
 
 void CertifiedFreezing::AddContact(const SuiteFrame& frame, size_t number) {
@@ -239,7 +279,8 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
       continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
-    body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit;
+    body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit &&
+                  !StaysBehind(frame, static_cast<int>(i), /*at_end=*/false, settings);
     any = any || body.frozen;
   }
   return any;

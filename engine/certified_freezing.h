@@ -28,6 +28,9 @@ class CertifiedFreezing {
   // Start of a frame: how long has each body stood still, under the same gravity and external force?
   void TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings);
 
+  // After TrackTravel, when the contacts of the frame are known.
+  void BeginFrame(const SuiteFrame& frame);
+
   // Frozen bodies whose balance is broken, ascending. lenient: per body, whether solves of this frame have changed the
   // impulses around it: what they leave is seen to in the next frame.
   void FindUnbalanced(const SuiteFrame& frame, std::span<const std::uint8_t> lenient, std::vector<int>* unbalanced);
@@ -44,6 +47,12 @@ class CertifiedFreezing {
   double WakeSpeed(const SuiteFrame& frame, int body, bool lenient, const Settings& settings) const;
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
   double StillSpeed(const Body& body, const Settings& settings) const;
+
+  // A frozen body has the velocity that somebody found for it, below what wakes it, and is to be put to rest all the same: notes
+  // the way [m, rad] that this withholds from it in the frame. True if all that was withheld since it last moved by itself (by
+  // freeze_travel radii within freeze_seconds) would exceed freeze_travel radii at its farthest point: it must not stay frozen.
+  // at_end: of the frame, when it adds to what Freeze noted only if it is faster than that.
+  bool StaysBehind(const SuiteFrame& frame, int body, bool at_end, const Settings& settings);
 
   // The body has to stand still anew before it may freeze.
   void Disturb(int body) { undisturbed_seconds_[body] = 0; }
@@ -83,6 +92,8 @@ class CertifiedFreezing {
   std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
   std::vector<double> calm_seconds_;           // how long the impulses at its contacts have been steady
   std::vector<double> change_, pressed_;       // [N s] of this frame: by how much they did, and how large they are
+  std::vector<std::uint8_t> on_mover_;         // per body: touches a kinematic body that moves
+  std::vector<Twist> withheld_, withheld_now_;  // [m, rad] per body: see StaysBehind; so far, and in this frame
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
   std::vector<int> roots_;              // islands of bodies that move

@@ -35,6 +35,12 @@ inline double ReboundSpeed(const Contact& contact, double approach) {
   return std::max(0.0, contact.restitution * approach - contact.fading);
 }
 
+// Whether the rebound from an approach [m/s], below 0 if it opens, lasts longer than the step in which gravity adds free_fall
+// [m/s]. Nothing may slow it down before the blow, then.
+inline bool OutlastsStep(const Contact& contact, double approach, double free_fall) {
+  return 2 * contact.restitution * approach > (1 - contact.restitution) * free_fall;
+}
+
 // Whether the static problem may take this approach [m/s] along with the weight of the step: gravity [m/s^2] alone makes as much
 // of it within dt, and the rebound is none, or what presses the contact ends all its bounces in a fraction of the step.
 inline bool IsSlight(const Contact& contact, double approach, const Vector3& gravity_W, double dt) {

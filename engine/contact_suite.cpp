@@ -110,7 +110,10 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.contacts = {contacts, frame.frames};
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding})
     impulses->assign(contacts.size(), Vector3::Zero());
-  if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
+  if (settings.freezing == Freezing::kCertified) {
+    certified.TrackTravel(bodies, dt, settings);
+    certified.BeginFrame(frame);
+  }
   freeze_counters.resize(bodies.size(), 0);
   suspected = false;
   lenient.assign(bodies.size(), 0);

@@ -44,6 +44,7 @@ struct ContactSuite::Impl : SuiteMemory {
   struct Worker {
     SequentialResolver sequential;
     IslandResponder responder;
+    std::vector<int> held;  // contacts of an island that its static problem may hold
   };
   std::vector<Worker> workers;
   struct Outcome {
@@ -74,6 +75,7 @@ struct ContactSuite::Impl : SuiteMemory {
   void Bounce(StepReport* report);
   void WakeByBounce();
   ResponseOutcome LeaveToStatic(const IslandView& view);
+  IslandView HeldView(const IslandView& view, Worker* worker);
   bool MayDraft(const IslandView& view) const;
   void ResolveIsland(int island, Pass pass, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);

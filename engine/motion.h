@@ -43,6 +43,7 @@ struct MotionOutcome {
   int passes = 0;              // position problems solved one after the other
   bool reached = true;         // no pair overlaps by more than the tolerance
   double penetration_max = 0;  // [m] at the end
+  int held_back = 0;           // bodies that stayed where the step began, since the passes could not part them
 };
 
 class Mover {

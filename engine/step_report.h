@@ -94,7 +94,8 @@ struct StepReport {
   Certificate certificate;     // worst over the islands
   double penetration_max = 0;  // [m] deepest overlap after the move
   int motion_passes = 0;
-  int motion_failures = 0;    // 1 if the overlap tolerance was not reached
+  int motion_failures = 0;    // 1 if the overlap tolerance was not reached, or only by holding bodies back
+  int held_back = 0;          // bodies that stayed where the step began: no correction found a way out for them
   double kinetic_energy = 0;  // [J] after the step
 };
 

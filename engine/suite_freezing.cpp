@@ -98,7 +98,8 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
     const double speed = FastestPoint(TwistOf(body), body.radius);
-    if (speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) woken.push_back(i);
+    const bool behind = certified.StaysBehind(frame, i, at_end, settings);
+    if (behind || speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) woken.push_back(i);
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }

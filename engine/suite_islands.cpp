@@ -122,6 +122,26 @@ ResponseOutcome ContactSuite::Impl::LeaveToStatic(const IslandView& view) {
   return outcome;
 }
 
+// What the static problem may hold, once blows have passed. An open contact that a blow has set going is left to the motion, to
+// bounce when it touches: its load would brake it to gap / dt, and all of its energy would be gone.
+IslandView ContactSuite::Impl::HeldView(const IslandView& view, Worker* worker) {
+  const auto bounces = [this](int number) {
+    const Contact& contact = frame.contacts.contacts[number];
+    if (contact.touches) return false;
+    const double approach = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
+    return approach > frame.threshold && OutlastsStep(contact, approach, frame.rest_speed);
+  };
+  worker->held.clear();
+  for (const int number : view.contacts) {
+    if (bounces(number)) {
+      frame.holding[number].setZero();
+    } else {
+      worker->held.push_back(number);
+    }
+  }
+  return {view.bodies, worker->held};
+}
+
 // Where bodies woke into an island that was resolved before, its collisions stand unless they hit one of those as a wall.
 void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   const IslandView view = View(island);
@@ -141,13 +161,14 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
       SetTwist(woke ? frame.after_bounces[i] : frame.before_gravity[i], &frame.bodies[i]);
     }
   }
+  const IslandView held = HeldView(view, worker);
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
     frame.before_gravity[i] = TwistOf(body);
     const Twist change = ChangeByForces(frame.dt, frame.gravity, body);
     SetTwist({body.linear_velocity_W + change.linear_W, body.angular_velocity_W + change.angular_W}, &body);
   }
-  outcome.resting = worker->responder.ResolveStatic(view, frame.contacts, settings, frame.speed_floor, frame.dt,
+  outcome.resting = worker->responder.ResolveStatic(held, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
   outcome.collision.draft = outcome.resting.draft = draft;

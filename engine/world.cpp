@@ -267,8 +267,9 @@ void World::Impl::SelectResolved(double dt) {
     if (!touches) {
       const double pull = settings.gravity.norm() * dt;
       const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
-      const bool rebounds = 2 * c.restitution * (approach - pull) > (1 - c.restitution) * pull;
-      if (rebounds || c.gap > approach * dt || !IsSupported(c.body_a, dt) || !IsSupported(c.body_b, dt)) continue;
+      if (OutlastsStep(c, approach - pull, pull) || c.gap > approach * dt || !IsSupported(c.body_a, dt) ||
+          !IsSupported(c.body_b, dt))
+        continue;
     }
     resolved.push_back(c);
     const bool passes = Passes(dt, {}, &resolved.back());
@@ -373,7 +374,8 @@ StepReport World::Step(double dt) {
 
   report.penetration_max = moved.penetration_max;
   report.motion_passes = moved.passes;
-  report.motion_failures = moved.reached ? 0 : 1;
+  report.motion_failures = moved.reached && moved.held_back == 0 ? 0 : 1;
+  report.held_back = moved.held_back;
   w.time += dt;
   return report;
 }

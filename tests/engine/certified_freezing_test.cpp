@@ -322,6 +322,21 @@ TEST(CertifiedFreezing, KinematicFloorThatStartsTakesItsLoadAlong) {
   EXPECT_NEAR(world.body(2).position_W.x() - world.body(0).position_W.x(), 0, 2e-3);
 }
 
+// Slower than what wakes a frozen body, but it never stops: what lies on it and is put to rest again and again must not stay
+// behind by more than the way that counts as standing still, 1e-3 radii. (The upper ones stayed where they were.)
+TEST(CertifiedFreezing, KinematicFloorThatCreepsLeavesNothingBehind) {
+  for (const double speed : {5e-5, 1.5e-4, 1e-3}) {
+    World world = FrozenOnKinematic(2);
+    world.SetVelocity(0, {speed, 0, 0}, Vector3::Zero());
+    StepTimes(&world, static_cast<int>(2e-3 / speed / kDt));
+    EXPECT_NEAR(world.body(0).position_W.x(), 2e-3, 2e-5);
+    for (const int body : {1, 2}) {
+      const double behind = world.body(0).position_W.x() - world.body(body).position_W.x();
+      EXPECT_NEAR(behind, 0, body == 1 ? 2e-5 : 1.01e-3 * world.body(body).radius) << speed << " " << body;
+    }
+  }
+}
+
 TEST(CertifiedFreezing, KinematicFloorThatSinksLetsItsLoadFall) {
   World world = FrozenOnKinematic(1);
   world.SetVelocity(0, {0, 0, -3}, Vector3::Zero());

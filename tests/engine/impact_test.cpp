@@ -133,6 +133,49 @@ TEST(Impact, SupportedBallsMeetAtFullSpeed) {
   }
 }
 
+// The second is at rest when the step begins, and its gap to the third is less than gravity closes in a step. The blow sets it
+// going, and its load must not brake it before it hits. (Half of the energy was lost.)
+TEST(Impact, BlowIsPassedOnOverAGapThatTheNextStepCloses) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    for (const double gap : {1.1e-3, 2e-3, 5e-3}) {
+      World world(Awake());
+      world.Add(Floor(0, 0));
+      world.Add(Ball({1.3, 0, 0.5}, 0.5, 0, 1));
+      world.Add(Ball({2.3 + gap, 0, 0.5}, 0.5, 0, 1));
+      testing::StepTimes(&world, 10, dt);
+      BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1);
+      ball.linear_velocity_W = {3, 0, 0};
+      world.Add(ball);
+      testing::StepTimes(&world, static_cast<int>(0.5 / dt), dt);
+      EXPECT_NEAR(world.body(3).linear_velocity_W.x(), 0, 1e-9) << dt << " " << gap;
+      EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 0, 1e-9) << dt << " " << gap;
+      EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 3, 1e-9) << dt << " " << gap;
+    }
+  }
+}
+
+// The same with a wall: a cube at rest in front of it is hit, and rebounds from it as fast as it was sent there.
+TEST(Impact, CubeThatABlowSendsAgainstAWallRebounds) {
+  for (const double e : {0.3, 1.0}) {
+    constexpr double kDt = 1.0 / 60;
+    World world(Awake());
+    world.Add(Floor(0, 0));
+    world.Add(
+        {.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kFixed, .position_W = {2.002, 0, 2}, .restitution = e});
+    world.Add(Cube({1, 0, 0.5}, 0, 0));
+    testing::StepTimes(&world, 10, kDt);
+    BodyDefinition ball = Ball({-0.3, 0, 0.5}, 0.5, 0, 1);
+    ball.linear_velocity_W = {3, 0, 0};
+    world.Add(ball);
+    double speed = 3;
+    for (int frame = 0; frame < 10; ++frame) {
+      world.Step(kDt);
+      speed = std::min(speed, world.body(2).linear_velocity_W.x());
+    }
+    EXPECT_NEAR(speed, -3 * e, 1e-9) << e;
+  }
+}
+
 // What gravity gives in the part of the step that an impact cuts off comes with the next flight: the floor feels m g t.
 TEST(Impact, NoTimeIsLost) {
   World world(Awake());
