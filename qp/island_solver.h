@@ -24,6 +24,7 @@
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
+#include "qp/normal_interior_point.h"
 #include "qp/normal_newton.h"
 #include "qp/one_body.h"
 #include "qp/planar_interior_point.h"
@@ -80,6 +81,7 @@ class IslandSolver {
 
   InteriorPoint interior_point_;
   NormalNewton normal_newton_;
+  NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;
   GaussSeidel gauss_seidel_;
   Compounds compounds_;
