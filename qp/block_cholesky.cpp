@@ -86,7 +86,7 @@ bool BlockCholeskyOf<Number>::Analyse(int num_nodes, int block, std::span<const 
   block_ = block;
   pairs_.assign(pairs.begin(), pairs.end());
   kernels_ = &BestFrontKernelsOf<Number>().For(block);
-  analysis_.Analyse(num_nodes, pairs, &elimination_);
+  analysis_.Analyse(num_nodes, pairs, &elimination_, block);
   PlaceFronts();
   return true;
 }

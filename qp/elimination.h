@@ -59,8 +59,8 @@ double FrontTime(int columns, int below);
 class EliminationAnalysis {
  public:
   // pairs: nodes joined by at least one contact; repeated pairs and both orders allowed. A handful of nodes make one
-  // dense front.
-  void Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out);
+  // dense front. block: unknowns per node, which decides what searching for a better order may cost.
+  void Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out, int block = 6);
 
  private:
   struct Run {

@@ -156,45 +156,69 @@ int Eliminate(const ThisFront& f, int j) {
   return replaced;
 }
 
-template <int T, int N>
+// G groups of N columns behind the panel block, for T vectors of lines.
+template <int T, int N, int G>
 ISLET_INLINE void UpdateTile(const ThisFront& f, const Scratch& s, int j, int line, const Number* b, Number* c,
                              int stride, bool fresh) {
-  Vec sum[T][N];
+  Vec sum[T][G * N];
   if (fresh) {
-    for (int q = 0; q < N; ++q)
+    for (int q = 0; q < G * N; ++q)
       for (int t = 0; t < T; ++t) sum[t][q] = Vec{};
   } else {
-    LoadTile<T, N>(c, stride, sum);
+    LoadTile<T, G * N>(c, stride, sum);
   }
-  AddMultiple<T, N>(s.width, f.panel + line + j * f.panel_stride, f.panel_stride, b, sum);
-  StoreTile<T, N>(sum, c, stride);
+  const Number* a = f.panel + line + j * f.panel_stride;
+  for (int p = 0; p < s.width; ++p, a += f.panel_stride, b += N) {
+    Vec column[T];
+    for (int t = 0; t < T; ++t) column[t] = Load(a + t * kLanes);
+    for (int g = 0; g < G; ++g)
+      for (int q = 0; q < N; ++q)
+        for (int t = 0; t < T; ++t)
+          sum[t][g * N + q] = MultiplyAdd(column[t], b[g * N * s.width + q], sum[t][g * N + q]);
+  }
+  StoreTile<T, G * N>(sum, c, stride);
+}
+
+// Lines [first, end) of G groups of columns; at most a tile of them.
+template <int N, int G>
+ISLET_INLINE void UpdateGroups(const ThisFront& f, const Scratch& s, int j, int first, int end, const Number* b,
+                               Number* out, int stride, bool fresh) {
+  int line = first;
+  if (line + kTile * kLanes == end) {
+    UpdateTile<kTile, N, G>(f, s, j, line, b, out + line, stride, fresh);
+    return;
+  }
+  if (kTile > 2 && line + 2 * kLanes <= end) {
+    UpdateTile<2, N, G>(f, s, j, line, b, out + line, stride, fresh);
+    line += 2 * kLanes;
+  }
+  for (; line < end; line += kLanes) UpdateTile<1, N, G>(f, s, j, line, b, out + line, stride, fresh);
 }
 
 // Lines [from, to) of the columns behind the panel block; no split at line lead + k within.
 template <int N>
 void UpdatePart(const ThisFront& f, int j, int from, int to) {
+  constexpr int kGroups = N <= 3 ? 2 : 1;  // of few columns two at once: more sums that do not wait for each other
   const Scratch s(f, j);
   const int behind = j + s.width, tile = kTile * kLanes;
   const int middle = f.lead + f.k;
   for (int begin = from; begin < to; begin += tile) {
     const int end = begin + tile < to ? begin + tile : to;
     const Number* b = s.packed;
-    for (int c = behind; c < f.n && f.lead + c < end; c += N, b += N * s.width) {
+    for (int c = behind; c < f.n && f.lead + c < end;) {
       const int diagonal = (f.lead + c) / kLanes * kLanes;
-      int line = diagonal > begin ? diagonal : begin;
+      const int line = diagonal > begin ? diagonal : begin;
       const bool in_panel = c < f.k;
       const int stride = in_panel ? f.panel_stride : f.update_stride;
       Number* out = in_panel ? f.panel + c * stride : f.update + (c - f.k) * stride - middle;
       const bool fresh = !in_panel && f.fresh && j == 0;
-      if (line + tile == end) {
-        UpdateTile<kTile, N>(f, s, j, line, b, out + line, stride, fresh);
-        continue;
+      if (kGroups > 1 && c + kGroups * N <= (in_panel ? f.k : f.n)) {
+        UpdateGroups<N, kGroups>(f, s, j, line, end, b, out, stride, fresh);
+        c += kGroups * N, b += kGroups * N * s.width;
+      } else {
+        UpdateGroups<N, 1>(f, s, j, line, end, b, out, stride, fresh);
+        c += N, b += N * s.width;
       }
-      if (kTile > 2 && line + 2 * kLanes <= end) {
-        UpdateTile<2, N>(f, s, j, line, b, out + line, stride, fresh);
-        line += 2 * kLanes;
-      }
-      for (; line < end; line += kLanes) UpdateTile<1, N>(f, s, j, line, b, out + line, stride, fresh);
     }
   }
 }

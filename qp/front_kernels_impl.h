@@ -13,8 +13,32 @@
 namespace islet::qp {
 namespace {
 
+// to += from, `count` numbers.
+ISLET_INLINE void AddLine(const Number* from, int count, Number* to) {
+  int r = 0;
+  for (; r + kLanes <= count; r += kLanes) Store(to + r, Load(to + r) + Load(from + r));
+#if ISLET_BITS == 512
+  if (r == count) return;
+  const unsigned rest = (1u << (count - r)) - 1;
+  if constexpr (sizeof(Number) == 8) {
+    const auto mask = static_cast<__mmask8>(rest);
+    const __m512d sum = _mm512_add_pd(_mm512_maskz_loadu_pd(mask, to + r), _mm512_maskz_loadu_pd(mask, from + r));
+    _mm512_mask_storeu_pd(to + r, mask, sum);
+  } else {
+    const auto mask = static_cast<__mmask16>(rest);
+    const __m512 sum = _mm512_add_ps(_mm512_maskz_loadu_ps(mask, to + r), _mm512_maskz_loadu_ps(mask, from + r));
+    _mm512_mask_storeu_ps(to + r, mask, sum);
+  }
+#else
+  for (; r + 2 <= count; r += 2) *reinterpret_cast<PairAt*>(to + r) += *reinterpret_cast<const PairAt*>(from + r);
+  if (r < count) to[r] += from[r];
+#endif
+}
+
+template <int N>
 void ExtendAdd(const ThisFront& parent, int m, const int* to, const Number* child, int begin, int end) {
-  const int block = parent.block, child_stride = ThisFront::OddStride(m * block), columns = parent.k / block;
+  const int block = N == 3 ? 3 : parent.block, child_stride = ThisFront::OddStride(m * block),
+            columns = parent.k / block;
   for (int j = begin; j < end; ++j) {
     const bool in_panel = to[j] < columns;
     const int stride = in_panel ? parent.panel_stride : parent.update_stride;
@@ -27,12 +51,7 @@ void ExtendAdd(const ThisFront& parent, int m, const int* to, const Number* chil
       const Number* a = in + i * block;
       Number* b = out + to[i] * block;
       const int rows = run * block;
-      for (int q = 0; q < block; ++q, a += child_stride, b += stride) {
-        int r = 0;
-        for (; r + kLanes <= rows; r += kLanes) Store(b + r, Load(b + r) + Load(a + r));
-        for (; r + 2 <= rows; r += 2) *reinterpret_cast<PairAt*>(b + r) += *reinterpret_cast<const PairAt*>(a + r);
-        if (r < rows) b[r] += a[r];
-      }
+      for (int q = 0; q < block; ++q, a += child_stride, b += stride) AddLine(a, rows, b);
       i += run;
     }
   }
@@ -63,7 +82,7 @@ void AddProducts(int count, const ContactProduct* products, const Number* rows, 
 
 template <int N>
 constexpr FrontKernelsOf<Number> kKernelsFor = {
-    &FactoriseFront<N>, &Eliminate<N>,    &SolveLines<N>,   &UpdateLines<N>,     &ExtendAdd,        &ForwardFront<N>,
+    &FactoriseFront<N>, &Eliminate<N>,    &SolveLines<N>,   &UpdateLines<N>,     &ExtendAdd<N>,     &ForwardFront<N>,
     &BackwardFront<N>,  &ForwardBlock<N>, &ForwardLines<N>, &BackwardColumns<N>, &BackwardBlock<N>, &AddProducts};
 
 }  // namespace

@@ -12,9 +12,10 @@ namespace {
 
 constexpr double kGuessShare = 0.5;    // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kHeldShare = 1e-3;    // of the tolerance: what held before must meet, frame after frame
-constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without friction
+constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without friction, by Newton's method
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
+constexpr int kNormalSweeps = 30;      // before an interior point that starts from them
 constexpr int kHeldSweeps = 30;
 
 bool AnyFriction(const Problem& problem) {
@@ -262,24 +263,35 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
   return true;
 }
 
-// No contact has friction. False where the sweeps do not get near an answer, or there is none: bounces that contradict each
-// other, walls that close on a body.
+// No contact has friction. False where there is no answer (bounces that contradict each other, walls that close on a body), or
+// none that these methods find.
 bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
-  gauss_seidel_.Prepare(problem);
+  const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
   StartFrom(problem, start);
-  gauss_seidel_.Sweep(problem, kSweeps, goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
-  if (MapOfSwept(problem).rms > kNormalStart * settings.velocity_scale) return false;
-  const bool solved = normal_newton_.Solve(problem, goal, kNormalFactorisations, &swept_impulses_);
-  iterations_ += normal_newton_.factorisations();
+  normal_sweeps_.Sweep(problem, big ? kNormalSweeps : kSweeps, goal, &swept_impulses_, &swept_velocities_);
+  const double map = MapOfSwept(problem).rms;
+  bool solved = false;
+  if (map <= kNormalStart * settings.velocity_scale) {
+    solution->impulses = swept_impulses_;
+    solved = normal_newton_.Solve(problem, goal, kNormalFactorisations, &solution->impulses);
+    iterations_ += normal_newton_.factorisations();
+  }
+  if (!solved && big) {
+    solution->impulses = swept_impulses_;
+    solved = normal_interior_point_.Solve(problem, settings, map, swept_velocities_, &solution->impulses);
+    iterations_ += normal_interior_point_.factorisations();
+    solution->gap = normal_interior_point_.gap();
+  }
   if (!solved) {
+    solution->gap = 0;
+    solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
     ++escalations_;
     seconds_in_vain_ += Seconds() - begin;
     return false;
   }
-  solution->impulses = swept_impulses_;
   VelocitiesAfter(problem, solution->impulses, &solution->velocities);
   solution->rung = Rung::kNormal;
   return true;

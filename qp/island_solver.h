@@ -24,7 +24,9 @@
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
+#include "qp/normal_interior_point.h"
 #include "qp/normal_newton.h"
+#include "qp/normal_sweeps.h"
 #include "qp/one_body.h"
 #include "qp/planar_interior_point.h"
 #include "qp/planar_problem.h"
@@ -79,7 +81,9 @@ class IslandSolver {
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
+  NormalSweeps normal_sweeps_;
   NormalNewton normal_newton_;
+  NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;
   GaussSeidel gauss_seidel_;
   Compounds compounds_;
