@@ -12,6 +12,7 @@ constexpr double kNoise = 1e-9;       // of the kinetic energy: what bodies move
 constexpr double kFlat = 1e-5;        // of the largest moment of inertia: no turn about such an axis
 constexpr double kRounding = 1e-15;   // of the angular momenta's sizes
 constexpr double kShiftShare = 1e-2;  // of what shifts contribute where bodies can turn as well
+constexpr double kMostShift = 0.1;    // of the bodies' mean distance from their centre: a round shifts none farther
 constexpr int kRounds = 8;
 
 struct Centre {
@@ -96,8 +97,15 @@ void RestoreSpin(const IslandSpin& before, std::span<const int> members, std::sp
     const Vector3 missing = before.angular_momentum_W - now.angular_momentum_W;
     if (missing.norm() <= kRounding * before.scale) break;
     const bool last = round + 1 == kRounds;
-    const Vector3 turn =
+    Vector3 turn =
         LeastTurn(last ? InertiaOf(members, bodies, centre, true) : Matrix3(points + weight * shifts), missing);
+    if (!last) {
+      double farthest = 0;
+      for (const int i : members)
+        farthest = std::max(farthest, weight * (bodies[i].linear_velocity_W - centre.velocity_W).cross(turn).norm());
+      const double most = kMostShift * std::sqrt(0.5 * points.trace() / centre.mass);
+      if (farthest > most) turn *= most / farthest;
+    }
     for (const int i : members) {
       Body& body = bodies[i];
       const Vector3 arm = body.position_W - centre.position_W;

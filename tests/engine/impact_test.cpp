@@ -301,5 +301,26 @@ TEST(IslandSpin, ShiftedBodiesGetTheirMomentaAndEnergyBack) {
   }
 }
 
+// Two bodies that fly apart nearly in line owe a spin about that line: no shift of theirs can give it, and they spin instead.
+// (They were shifted by 200 km.)
+TEST(IslandSpin, ShiftsAreNeverFartherThanTheBodiesAreApart) {
+  std::vector<Body> bodies(2);
+  const std::vector<int> members{0, 1};
+  for (const int i : members) {
+    const double side = i == 0 ? -1 : 1;
+    bodies[i].mass = 1;
+    bodies[i].inertia_B = Matrix3::Identity() / 6;
+    bodies[i].position_W = {side, 0, 0};
+    bodies[i].linear_velocity_W = {1000 * side, 5 * side, 0};
+    bodies[i].angular_velocity_W = {500, 0, 0};
+  }
+  const IslandSpin before = SpinOf(members, bodies);
+  for (Body& body : bodies) body.angular_velocity_W = {0, 0, 500};
+  const Vector3 angular(before.angular_momentum_W);
+  RestoreSpin(before, members, bodies);
+  EXPECT_LT((testing::AngularMomentum(bodies) - angular).norm(), 1e-9);
+  for (const int i : members) EXPECT_LT((bodies[i].position_W - Vector3(i == 0 ? -1 : 1, 0, 0)).norm(), 1) << i;
+}
+
 }  // namespace
 }  // namespace islet
