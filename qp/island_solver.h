@@ -6,7 +6,8 @@
 //   points inside a face  left out, the others by what follows
 //   bodies in one motion  carried as one body, by what follows
 //   mirror images         an island symmetric about a plane is solved in that plane, by what follows
-//   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
+//   no friction           sweeps, then Newton's method where they came near, else an interior point of one row a contact that
+//                         starts from them; the general interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
 //                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
