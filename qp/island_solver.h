@@ -27,7 +27,6 @@
 #include "qp/natural_map.h"
 #include "qp/normal_interior_point.h"
 #include "qp/normal_newton.h"
-#include "qp/normal_sweeps.h"
 #include "qp/one_body.h"
 #include "qp/planar_interior_point.h"
 #include "qp/planar_problem.h"
@@ -82,7 +81,6 @@ class IslandSolver {
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
-  NormalSweeps normal_sweeps_;
   NormalNewton normal_newton_;
   NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;
