@@ -270,8 +270,10 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
   const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
+  gauss_seidel_.Prepare(problem);
   StartFrom(problem, start);
-  normal_sweeps_.Sweep(problem, big ? kNormalSweeps : kSweeps, goal, &swept_impulses_, &swept_velocities_);
+  gauss_seidel_.Sweep(problem, big ? kNormalSweeps : kSweeps, goal, &swept_impulses_, &swept_velocities_,
+                      Pace::kMomentum);
   const double map = MapOfSwept(problem).rms;
   bool solved = false;
   if (map <= kNormalStart * settings.velocity_scale) {

@@ -6,7 +6,8 @@
 //   points inside a face  left out, the others by what follows
 //   bodies in one motion  carried as one body, by what follows
 //   mirror images         an island symmetric about a plane is solved in that plane, by what follows
-//   no friction           sweeps, finished by Newton's method; the interior point where that finds no answer
+//   no friction           sweeps, then Newton's method where they came near, else an interior point of one row a contact that
+//                         starts from them; the general interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
 //                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
@@ -26,7 +27,6 @@
 #include "qp/natural_map.h"
 #include "qp/normal_interior_point.h"
 #include "qp/normal_newton.h"
-#include "qp/normal_sweeps.h"
 #include "qp/one_body.h"
 #include "qp/planar_interior_point.h"
 #include "qp/planar_problem.h"
@@ -81,7 +81,6 @@ class IslandSolver {
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
-  NormalSweeps normal_sweeps_;
   NormalNewton normal_newton_;
   NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;

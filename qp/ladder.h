@@ -15,7 +15,7 @@ enum class Rung : std::uint8_t {
   kCorners,        // contacts inside the hull of a face's others are left out
   kCompound,       // bodies that move as one are carried as one
   kPlanar,         // symmetric about a plane: the problem in that plane
-  kNormal,         // no friction: sweeps, finished by Newton's method
+  kNormal,         // no friction: sweeps, then Newton's method or an interior point of one row a contact
   kSweeps,         // Gauss-Seidel sweeps alone
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };

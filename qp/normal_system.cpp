@@ -1,7 +1,5 @@
 #include "qp/normal_system.h"
 
-#include <algorithm>
-
 namespace islet::qp {
 namespace {
 
@@ -15,23 +13,18 @@ bool Turns(const BodyTerm& body, const Jacobian& jacobian) {
 
 }  // namespace
 
-bool HasLeverArms(const Problem& problem) {
-  return std::any_of(problem.contacts.begin(), problem.contacts.end(), [&](const ContactTerm& contact) {
-    return (contact.body_a >= 0 && Turns(problem.bodies[contact.body_a], contact.jacobian_a)) ||
-           (contact.body_b >= 0 && Turns(problem.bodies[contact.body_b], contact.jacobian_b));
-  });
-}
-
 void NormalSystem::Prepare(const Problem& problem) {
   const int nc = problem.num_contacts();
   normals_.resize(12 * static_cast<size_t>(nc));
-  width_ = HasLeverArms(problem) ? 6 : 3;
+  width_ = 3;
   for (int c = 0; c < nc; ++c) {
     const ContactTerm& contact = problem.contacts[c];
     for (int i = 0; i < 6; ++i) {
       normals_[12 * c + i] = contact.jacobian_a(0, i);
       normals_[12 * c + 6 + i] = contact.jacobian_b(0, i);
     }
+    if (contact.body_a >= 0 && Turns(problem.bodies[contact.body_a], contact.jacobian_a)) width_ = 6;
+    if (contact.body_b >= 0 && Turns(problem.bodies[contact.body_b], contact.jacobian_b)) width_ = 6;
   }
   inertias_.clear();
   masses_.clear();

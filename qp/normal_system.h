@@ -14,9 +14,6 @@
 
 namespace islet::qp {
 
-// Whether the impulse of some contact, without friction, turns a body.
-bool HasLeverArms(const Problem& problem);
-
 class NormalSystem {
  public:
   // Keeps the symbolic phase while the graph of the problem is the same. Takes the masses and the normals.
