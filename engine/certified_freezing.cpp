@@ -22,8 +22,8 @@ constexpr double kSteadyShare = 1e-9;
 constexpr double kMoverShare = 1e-6;
 // Impulses at a body's contacts that change by no more than this share from one frame to the next are steady.
 constexpr double kCalmShare = 1e-2;
-// A body beside others that move is patient: it waits so many times freeze_seconds. What stops there for a moment goes on
-// when they do; a wall for a few frames, it would only turn them another way.
+// A body beside others that move is patient: it waits so many times freeze_seconds, unless it was frozen when the frame began.
+// What stops there for a moment goes on when they do; a wall for a few frames, it would only turn them another way.
 constexpr double kPatience = 10;
 // An unsteady frame takes back as many steady ones, and a long rest counts as so many times freeze_seconds: a passing blow
 // does not keep a pile awake that has rested.
@@ -275,8 +275,8 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     const double calm = std::min(undisturbed_seconds_[i], calm_seconds_[i]);
-    if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < kPatience * settings.freeze_seconds))
-      continue;
+    const double wait = (was_frozen[i] ? 1 : kPatience) * settings.freeze_seconds;
+    if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < wait)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
     body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit &&
