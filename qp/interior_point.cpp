@@ -101,7 +101,7 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
     const ContactTerm& contact = scaled_.contacts[c];
     AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}});
   }
-  kkt_.Prepare(scaled_, kinetic ? 2 : 1);
+  kkt_.Prepare(scaled_, kinetic ? 2 : 1, !settings.ladder.Has(Rung::kNormal));
   PlaceRows();
 }
 

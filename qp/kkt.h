@@ -23,8 +23,9 @@ namespace islet::qp {
 class KktSystem {
  public:
   // Takes the masses and the Jacobians. The symbolic phase is kept while the graph of the problem is the same.
-  // num_fields: 1 or 2.
-  void Prepare(const Problem& problem, int num_fields);
+  // num_fields: 1 or 2. With one field and no friction, by numbers instead of blocks and, for balls, with three unknowns a body,
+  // unless all six are wanted.
+  void Prepare(const Problem& problem, int num_fields, bool all_unknowns = false);
 
   // Of the factors. Single costs about two thirds and is offered with one field and friction (CanBeSingle).
   enum class Precision { kDouble, kSingle };

@@ -116,15 +116,17 @@ TEST(Kkt, WithoutFrictionAgreesWithDense) {
       d.back()(0, 0) = random.Uniform(0.1, 10);
     }
     const std::vector<double> e(problem.contacts.size(), 0.0);
-    kkt.Prepare(problem, 1);
-    EXPECT_EQ(kkt.Factorise(problem, d, e), 0);
-    EXPECT_EQ(kkt.cholesky().block(), levers ? 6 : 3);
-    const MatrixXd s = DenseSystem(problem, 1, d, e);
-    const VectorXd b = VectorXd::NullaryExpr(s.rows(), [&] { return random.Uniform(-1, 1); });
-    std::vector<double> x(b.data(), b.data() + b.size());
-    kkt.Solve(x.data());
-    const Eigen::Map<const VectorXd> found(x.data(), b.size());
-    EXPECT_LT((s * found - b).norm(), 1e-12 * s.norm() * found.norm());
+    for (const bool all_unknowns : {false, true}) {
+      kkt.Prepare(problem, 1, all_unknowns);
+      EXPECT_EQ(kkt.Factorise(problem, d, e), 0);
+      EXPECT_EQ(kkt.cholesky().block(), levers || all_unknowns ? 6 : 3);
+      const MatrixXd s = DenseSystem(problem, 1, d, e);
+      const VectorXd b = VectorXd::NullaryExpr(s.rows(), [&] { return random.Uniform(-1, 1); });
+      std::vector<double> x(b.data(), b.data() + b.size());
+      kkt.Solve(x.data());
+      const Eigen::Map<const VectorXd> found(x.data(), b.size());
+      EXPECT_LT((s * found - b).norm(), 1e-12 * s.norm() * found.norm());
+    }
   }
 }
 
