@@ -18,8 +18,10 @@ constexpr double kRestShare = 1e-4;
 // An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
 // ball has that stands 1e-8 rad off the top of another.
 constexpr double kSteadyShare = 1e-9;
-// What rests on a kinematic body that creeps is not held back at all, but for what a solver's tolerance may be.
-constexpr double kMoverShare = 1e-6;
+// Of g dt: a kinematic body that moves faster carries what touches it; up to the other one so slowly that what it carries would
+// pass for resting.
+constexpr double kMoverShare = 1e-8;
+constexpr double kCreepShare = 1e-2;
 // Impulses at a body's contacts that change by no more than this share from one frame to the next are steady.
 constexpr double kCalmShare = 1e-2;
 // A body beside others that move is patient: it waits so many times freeze_seconds, unless it was frozen when the frame began.
@@ -85,16 +87,32 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
   }
 }
 
-// Bodies that touch a kinematic body which moves, and what freezing took from each in the frame before.
+// Which bodies a kinematic one may carry, and what freezing took from each in the frame before.
 void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
   const std::span<const Body> bodies = frame.bodies;
+  roots_.resize(bodies.size());
+  islands::DisjointSets joined(roots_);
   on_mover_.assign(bodies.size(), 0);
-  const auto moved_wall = [&](int i) { return !bodies[i].Moves() && !StandsStill(bodies[i]); };
+  touched_.assign(bodies.size(), 0);  // sets of bodies that touch what creeps
+  const auto carries = [&](int wall, int body, const Contact& contact) {
+    const Body& mover = bodies[wall];
+    if (mover.kind != BodyKind::kKinematic || StandsStill(mover)) return;
+    const Vector3 arm = contact.point_W - mover.position_W;
+    const double speed = (mover.linear_velocity_W + mover.angular_velocity_W.cross(arm)).norm();
+    if (speed > kMoverShare * frame.rest_speed) on_mover_[body] = speed <= kCreepShare * frame.rest_speed ? 2 : 1;
+  };
   for (const Contact& contact : frame.contacts.contacts) {
     if (!contact.touches) continue;
-    if (moved_wall(contact.body_a)) on_mover_[contact.body_b] = 1;
-    if (moved_wall(contact.body_b)) on_mover_[contact.body_a] = 1;
+    const bool dynamic =
+        bodies[contact.body_a].kind == BodyKind::kDynamic && bodies[contact.body_b].kind == BodyKind::kDynamic;
+    if (dynamic) joined.Union(contact.body_a, contact.body_b);
+    carries(contact.body_a, contact.body_b, contact);
+    carries(contact.body_b, contact.body_a, contact);
   }
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (on_mover_[i] == 2) touched_[joined.Find(static_cast<int>(i))] = 1;
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (touched_[joined.Find(static_cast<int>(i))]) on_mover_[i] = 1;
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (bodies[i].frozen) {
       withheld_[i].linear_W += withheld_now_[i].linear_W;
@@ -102,6 +120,11 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
     }
     withheld_now_[i] = {};
   }
+}
+
+void CertifiedFreezing::WakeCarried(std::span<Body> bodies) const {
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (on_mover_[i]) bodies[i].frozen = false;
 }
 
 // What is below rounding does not count: 1e-9 g dt are 5 mm in a year.

@@ -31,6 +31,10 @@ class CertifiedFreezing {
   // After TrackTravel, when the contacts of the frame are known.
   void BeginFrame(const SuiteFrame& frame);
 
+  // Then: wakes frozen bodies that touch a kinematic one that moves, or that contacts join to one that creeps. Their neighbours
+  // would be carried towards them as towards walls.
+  void WakeCarried(std::span<Body> bodies) const;
+
   // Frozen bodies whose balance is broken, ascending. lenient: per body, whether solves of this frame have changed the
   // impulses around it: what they leave is seen to in the next frame.
   void FindUnbalanced(const SuiteFrame& frame, std::span<const std::uint8_t> lenient, std::vector<int>* unbalanced);
@@ -87,12 +91,12 @@ class CertifiedFreezing {
   std::vector<Quaternion> reference_rotation_;
   std::vector<Wrench> last_pull_;
   std::vector<double> still_seconds_;
-  std::vector<double> undisturbed_seconds_;    // the same, from the last Disturb on
-  std::vector<Twist> last_twist_, last_gain_;  // at the end of the last frame, and by how much it had changed
-  std::vector<std::uint8_t> steady_;           // gains velocity in the same direction as a frame ago
-  std::vector<double> calm_seconds_;           // how long the impulses at its contacts have been steady
-  std::vector<double> change_, pressed_;       // [N s] of this frame: by how much they did, and how large they are
-  std::vector<std::uint8_t> on_mover_;         // per body: touches a kinematic body that moves
+  std::vector<double> undisturbed_seconds_;     // the same, from the last Disturb on
+  std::vector<Twist> last_twist_, last_gain_;   // at the end of the last frame, and by how much it had changed
+  std::vector<std::uint8_t> steady_;            // gains velocity in the same direction as a frame ago
+  std::vector<double> calm_seconds_;            // how long the impulses at its contacts have been steady
+  std::vector<double> change_, pressed_;        // [N s] of this frame: by how much they did, and how large they are
+  std::vector<std::uint8_t> on_mover_;          // per body: as in WakeCarried
   std::vector<Twist> withheld_, withheld_now_;  // [m, rad] per body: see StaysBehind; so far, and in this frame
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;

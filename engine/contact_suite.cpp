@@ -119,6 +119,7 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   lenient.assign(bodies.size(), 0);
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
+  if (settings.freezing == Freezing::kCertified) certified.WakeCarried(bodies);
   RecallHolding();
   frame.held_before = frame.holding;
 }

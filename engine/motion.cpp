@@ -26,14 +26,32 @@ constexpr int kMaxSweeps = 150;
 constexpr double kPassTolerance = 1e-3;
 
 // Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
-// farther at all than that or than the longest way that a body of the island goes in the step. Between surfaces that are nearly
-// parallel the linear problem sees its way out far away: of 9,800 corrections in cubeglass, cubejam and sphereglass all stayed
-// below 4.1 times but one, which threw a cube by 1.3 m for 1.2 mm; another one took a cube at rest through a wall. (The ends of
-// a row of 300 that all close in have far to go back, each with its neighbours: 20 times the overlap stopped them for ever.)
+// farther at all than that or than the longest way that a body of the island goes freely in the step. Between surfaces that are
+// nearly parallel the linear problem sees its way out far away: of 9,800 corrections in cubeglass, cubejam and sphereglass all
+// stayed below 4.1 times but one, which threw a cube by 1.3 m for 1.2 mm; another one took a cube at rest through a wall. (The
+// ends of a row of 300 that all close in have far to go back, each with its neighbours: 20 times the overlap stopped them.)
 constexpr double kFarthest = 20;
+constexpr double kMassRatio = 100;
 
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
+
+// Light bodies count for at least a hundredth of the heaviest, where something immovable takes up what that moves: else a light
+// box between heavy ones is what gives way, and by mass goes a hundred times as far (1:10,000: 21 m, in a room of 3 m).
+void LevelMasses(qp::Problem* problem) {
+  const bool held = std::any_of(problem->contacts.begin(), problem->contacts.end(),
+                                [](const qp::ContactTerm& c) { return c.body_a < 0 || c.body_b < 0; });
+  if (!held) return;
+  double most = 0;
+  for (const qp::BodyTerm& body : problem->bodies) most = std::max(most, body.mass);
+  for (qp::BodyTerm& body : problem->bodies) {
+    const double factor = most / (kMassRatio * body.mass);
+    if (!(factor > 1)) continue;
+    body.mass *= factor;
+    body.inertia *= factor;
+    body.inverse_inertia /= factor;
+  }
+}
 
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
@@ -119,6 +137,8 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
   free_turns_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
+  free_way_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) free_way_[i] = planned_[i].linear.norm();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
   for (outcome.passes = 0;; ++outcome.passes) {
@@ -249,6 +269,7 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
   w.gatherer.Gather(bodies, {contacts, frames_}, members, numbers, &w.problem);
+  LevelMasses(&w.problem);
   for (qp::BodyTerm& body : w.problem.bodies) {
     body.velocity.setZero();
     body.inertia *= kTurnWeight;
@@ -260,10 +281,22 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   }
   if (!SolveDisplacements(scale, &w)) return;
   w.corrected = true;
-  const auto displacement = [&w](size_t i) {
-    const double* d = &w.solution.velocities[6 * i];
-    return Twist{{d[0], d[1], d[2]}, {d[3], d[4], d[5]}};
-  };
+  const double share = CorrectionShare(members, numbers, bodies, w);
+  for (size_t i = 0; i < members.size(); ++i) {
+    const Twist displacement = w.DisplacementOf(i);
+    planned_[members[i]].linear += share * displacement.linear_W;
+    planned_[members[i]].angular += share * displacement.angular_W;
+  }
+}
+
+Twist Mover::Worker::DisplacementOf(size_t member) const {
+  const double* d = &solution.velocities[6 * member];
+  return {{d[0], d[1], d[2]}, {d[3], d[4], d[5]}};
+}
+
+// How much of the correction that the worker found is made: all of it, unless it goes too far.
+double Mover::CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
+                              const Worker& w) const {
   double deepest = 0, against = 0, farthest = 0, longest = 0;  // [m]
   for (size_t k = 0; k < numbers.size(); ++k) {
     deepest = std::max(deepest, -gaps_[numbers[k]]);
@@ -271,25 +304,20 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
     double turn = 0;
     const auto add = [&](int local, double sign) {
       if (local < 0) return;
-      shift += sign * displacement(local).linear_W;
-      turn = std::max(turn, bodies[members[local]].radius * displacement(local).angular_W.norm());
+      const Twist displacement = w.DisplacementOf(local);
+      shift += sign * displacement.linear_W;
+      turn = std::max(turn, bodies[members[local]].radius * displacement.angular_W.norm());
     };
     add(w.problem.contacts[k].body_a, -1);
     add(w.problem.contacts[k].body_b, 1);
     against = std::max(against, shift.norm() + turn);
   }
   for (size_t i = 0; i < members.size(); ++i) {
-    const int number = members[i];
-    farthest = std::max(farthest, FastestPoint(displacement(i), bodies[number].radius));
-    longest =
-        std::max(longest, (bodies[number].position_W + planned_[number].linear - start_[number].position_W).norm());
+    farthest = std::max(farthest, FastestPoint(w.DisplacementOf(i), bodies[members[i]].radius));
+    longest = std::max(longest, free_way_[members[i]]);
   }
   const double most = kFarthest * deepest;
-  const double share = std::min({1.0, most / against, std::max(most, longest) / farthest});
-  for (size_t i = 0; i < members.size(); ++i) {
-    planned_[members[i]].linear += share * displacement(i).linear_W;
-    planned_[members[i]].angular += share * displacement(i).angular_W;
-  }
+  return std::min({1.0, most / against, std::max(most, longest) / farthest});
 }
 
 // Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.

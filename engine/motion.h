@@ -81,6 +81,8 @@ class Mover {
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
     bool corrected = false, failed = false;  // an island of this pass, an interior-point solve
+
+    Twist DisplacementOf(size_t member) const;  // [m, rad] that `solution` makes
   };
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
@@ -90,6 +92,8 @@ class Mover {
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
+  double CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
+                         const Worker& w) const;
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
@@ -108,7 +112,9 @@ class Mover {
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
-  bool swept_only_ = false;                    // an interior-point solve of this step has failed
+  std::vector<double> free_way_,
+      reach_;                // [m] per body, of this step: of free motion, left for corrections (-1: not asked)
+  bool swept_only_ = false;  // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;

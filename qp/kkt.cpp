@@ -147,8 +147,9 @@ void KktSystem::Pack(const Problem& problem) {
 
 void KktSystem::Prepare(const Problem& problem, int num_fields, bool all_unknowns) {
   num_fields_ = num_fields;
-  frictionless_ = num_fields == 1 && !all_unknowns && std::all_of(problem.contacts.begin(), problem.contacts.end(),
-                                                 [](const ContactTerm& c) { return c.friction == 0; });
+  frictionless_ = num_fields == 1 && !all_unknowns &&
+                  std::all_of(problem.contacts.begin(), problem.contacts.end(),
+                              [](const ContactTerm& c) { return c.friction == 0; });
   if (frictionless_) {
     normal_.Prepare(problem);
     inverse_inertias_.clear();

@@ -337,6 +337,20 @@ TEST(CertifiedFreezing, KinematicFloorThatCreepsLeavesNothingBehind) {
   }
 }
 
+// The upper cubes were walls towards which the lowest was carried: every static problem was infeasible.
+TEST(CertifiedFreezing, KinematicFloorThatCreepsUpLiftsAllThatStandsOnIt) {
+  for (const double speed : {1e-7, 1e-6, 1e-5}) {
+    World world = FrozenOnKinematic(3);
+    world.SetVelocity(0, {0, 0, speed}, Vector3::Zero());
+    for (int frame = 0; frame < 120; ++frame) {
+      const StepReport report = world.Step(kDt);
+      EXPECT_EQ(report.static_qp.failed, 0) << speed << " " << frame;
+      EXPECT_EQ(report.collision_qp.failed, 0) << speed << " " << frame;
+    }
+    for (const int body : {1, 2, 3}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), speed, 1e-2 * speed) << body;
+  }
+}
+
 TEST(CertifiedFreezing, KinematicFloorThatSinksLetsItsLoadFall) {
   World world = FrozenOnKinematic(1);
   world.SetVelocity(0, {0, 0, -3}, Vector3::Zero());

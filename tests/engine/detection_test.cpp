@@ -213,7 +213,9 @@ TEST(Detector, KeptContactsAreThoseOfAFreshDetection) {
       return std::uniform_real_distribution<double>(lower, upper)(rng);
     };
     auto one_in = [&](int n) { return std::uniform_int_distribution<int>(1, n)(rng) == 1; };
-    auto vector = [&](double size) { return Vector3(uniform(-size, size), uniform(-size, size), uniform(-size, size)); };
+    auto vector = [&](double size) {
+      return Vector3(uniform(-size, size), uniform(-size, size), uniform(-size, size));
+    };
     parallel::WorkerPool pool(workers);
     Detector detector(&pool);
     std::vector<Contact> contacts;

@@ -28,8 +28,8 @@ TEST(ClosestOfBoxes, IsThatOfPolytopes) {
   int edges = 0, beyond = 0;
   for (int trial = 0; trial < 3000; ++trial) {
     const Shape a = Shape::Box(Vector3(1.1, 1.1, 1.1) + vector(1)), b = Shape::Box(Vector3(1.1, 1.1, 1.1) + vector(1));
-    const Matrix3 rotation = trial % 5 == 0 ? Matrix3::Identity()
-                                            : Matrix3(Quaternion(Eigen::Vector4d::Random().normalized()));
+    const Matrix3 rotation =
+        trial % 5 == 0 ? Matrix3::Identity() : Matrix3(Quaternion(Eigen::Vector4d::Random().normalized()));
     const Vector3 n = vector(1).normalized();
     const double separation = trial % 7 == 0 ? 1e-6 : uniform(0, 0.5);
     double top = -1e9, bottom = 1e9;
