@@ -25,7 +25,8 @@ constexpr double kCreepShare = 1e-2;
 // Impulses at a body's contacts that change by no more than this share from one frame to the next are steady.
 constexpr double kCalmShare = 1e-2;
 // A body beside others that move is patient: it waits so many times freeze_seconds, unless it was frozen when the frame began.
-// What stops there for a moment goes on when they do; a wall for a few frames, it would only turn them another way.
+// What stops there for a moment goes on when they do; a wall for a few frames, it would only turn them another way. Not in the
+// convex models: what slides is launched there, and a pile trembles for ever.
 constexpr double kPatience = 10;
 // An unsteady frame takes back as many steady ones, and a long rest counts as so many times freeze_seconds: a passing blow
 // does not keep a pile awake that has rested.
@@ -298,7 +299,8 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     const double calm = std::min(undisturbed_seconds_[i], calm_seconds_[i]);
-    const double wait = (was_frozen[i] ? 1 : kPatience) * settings.freeze_seconds;
+    const bool patient = settings.model == Model::kCoulomb && !was_frozen[i];
+    const double wait = (patient ? kPatience : 1) * settings.freeze_seconds;
     if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < wait)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
