@@ -88,9 +88,8 @@ void CertifiedFreezing::TrackTravel(std::span<const Body> bodies, double dt, con
   }
 }
 
-// Which bodies a kinematic one may carry, and what freezing took from each in the frame before.
 void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
-  const std::span<const Body> bodies = frame.bodies;
+  const std::span<Body> bodies = frame.bodies;
   roots_.resize(bodies.size());
   islands::DisjointSets joined(roots_);
   on_mover_.assign(bodies.size(), 0);
@@ -120,12 +119,8 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
       withheld_[i].angular_W += withheld_now_[i].angular_W;
     }
     withheld_now_[i] = {};
-  }
-}
-
-void CertifiedFreezing::WakeCarried(std::span<Body> bodies) const {
-  for (size_t i = 0; i < bodies.size(); ++i)
     if (on_mover_[i]) bodies[i].frozen = false;
+  }
 }
 
 // What is below rounding does not count: 1e-9 g dt are 5 mm in a year.

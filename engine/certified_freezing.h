@@ -28,12 +28,10 @@ class CertifiedFreezing {
   // Start of a frame: how long has each body stood still, under the same gravity and external force?
   void TrackTravel(std::span<const Body> bodies, double dt, const Settings& settings);
 
-  // After TrackTravel, when the contacts of the frame are known.
+  // After TrackTravel, when the contacts of the frame are known: sums what freezing took from each body, and wakes those that a
+  // kinematic one may carry: that touch one that moves, or that contacts join to one that creeps. Their neighbours would be
+  // carried towards them as towards walls.
   void BeginFrame(const SuiteFrame& frame);
-
-  // Then: wakes frozen bodies that touch a kinematic one that moves, or that contacts join to one that creeps. Their neighbours
-  // would be carried towards them as towards walls.
-  void WakeCarried(std::span<Body> bodies) const;
 
   // Frozen bodies whose balance is broken, ascending. lenient: per body, whether solves of this frame have changed the
   // impulses around it: what they leave is seen to in the next frame.
@@ -96,7 +94,7 @@ class CertifiedFreezing {
   std::vector<std::uint8_t> steady_;            // gains velocity in the same direction as a frame ago
   std::vector<double> calm_seconds_;            // how long the impulses at its contacts have been steady
   std::vector<double> change_, pressed_;        // [N s] of this frame: by how much they did, and how large they are
-  std::vector<std::uint8_t> on_mover_;          // per body: as in WakeCarried
+  std::vector<std::uint8_t> on_mover_;          // per body: a kinematic one may carry it
   std::vector<Twist> withheld_, withheld_now_;  // [m, rad] per body: see StaysBehind; so far, and in this frame
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;

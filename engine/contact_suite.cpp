@@ -110,16 +110,13 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.contacts = {contacts, frame.frames};
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding})
     impulses->assign(contacts.size(), Vector3::Zero());
-  if (settings.freezing == Freezing::kCertified) {
-    certified.TrackTravel(bodies, dt, settings);
-    certified.BeginFrame(frame);
-  }
+  if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
   freeze_counters.resize(bodies.size(), 0);
   suspected = false;
   lenient.assign(bodies.size(), 0);
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
-  if (settings.freezing == Freezing::kCertified) certified.WakeCarried(bodies);
+  if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame);
   RecallHolding();
   frame.held_before = frame.holding;
 }

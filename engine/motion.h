@@ -112,9 +112,8 @@ class Mover {
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
-  std::vector<double> free_way_,
-      reach_;                // [m] per body, of this step: of free motion, left for corrections (-1: not asked)
-  bool swept_only_ = false;  // an interior-point solve of this step has failed
+  std::vector<double> free_way_;               // [m] per body, of this step: without corrections
+  bool swept_only_ = false;                    // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, wanted_, held_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
