@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "qp/one_contact.h"
+#include "qp/precision.h"
 #include "qp/problem.h"
 #include "qp/sweep_kernels.h"
 #include "qp/sweep_order.h"
@@ -22,8 +23,6 @@ enum class Pace {
   kMomentum,  // impulses go on for a while in the direction in which they moved: loads are carried several times faster
               // [Nes83]; a sweep that is led astray starts anew from rest
 };
-
-enum class Precision { kDouble, kSingle };
 
 class GaussSeidel {
  public:

@@ -30,7 +30,6 @@ constexpr double kCorrectorGain = 0.1;             // what it must have gained o
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 // Early on, the factors of big islands are of single precision: the steps are as long, and what the directions leave of the
 // momentum balance is removed with the rest.
-constexpr int kSingleBodies = 64;      // least
 constexpr double kSingleAbove = 1e-3;  // gap
 constexpr double kSingleError = 0.01;  // of what the momentum balance lacks: a worse direction is computed anew
 constexpr int kSpare = 2;              // numbers at the end of y, which whole vectors reach
@@ -227,7 +226,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
 
 // The affine direction by factors of single precision; false if they are not good enough for this matrix.
 bool InteriorPoint::AffineInSingle(double largest_error) {
-  if (kkt_.Factorise(scaled_, blocks_, normal_blocks_, KktSystem::Precision::kSingle) > 0) return false;
+  if (kkt_.Factorise(scaled_, blocks_, normal_blocks_, Precision::kSingle) > 0) return false;
   ComputeDirection(1, false, &direction_);
   return DirectionError(1, &direction_) <= largest_error;
 }

@@ -19,8 +19,7 @@ constexpr int kPlaneIterations = 40;  // in the plane an iteration costs little 
 constexpr double kSprawl = 10;        // times mass times v_ref: impulses that may be larger than they need to
 constexpr double kLostRms = 1e-3;     // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;    // of the natural map, for another block
-// Sweeps of single precision take half of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
-constexpr int kSingleBodies = 64;         // least
+// Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps

@@ -16,6 +16,7 @@
 
 #include "qp/block_cholesky.h"
 #include "qp/normal_system.h"
+#include "qp/precision.h"
 #include "qp/problem.h"
 
 namespace islet::qp {
@@ -27,11 +28,9 @@ class KktSystem {
   // unless all six are wanted.
   void Prepare(const Problem& problem, int num_fields, bool all_unknowns = false);
 
-  // Of the factors. Single costs about two thirds and is offered with one field and friction (CanBeSingle).
-  enum class Precision { kDouble, kSingle };
-
   // problem: the one that was prepared. D: one symmetric block per contact. E: one number per contact, unused with one
-  // field. Returns the number of pivots that had to be replaced (0 in a healthy factorisation).
+  // field. precision: of the factors; single costs about two thirds and is offered with one field and friction (CanBeSingle).
+  // Returns the number of pivots that had to be replaced (0 in a healthy factorisation).
   int Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e,
                 Precision precision = Precision::kDouble);
   bool CanBeSingle() const { return num_fields_ == 1 && !frictionless_; }

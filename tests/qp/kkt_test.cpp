@@ -61,8 +61,8 @@ void CheckAgainstDense(const Problem& problem, int fields, Random* random, qp::K
   EXPECT_EQ(replaced, 0);
   EXPECT_LT(residual, 1e-11);
   // In single precision, and once more in double.
-  for (const auto precision : {qp::KktSystem::Precision::kSingle, qp::KktSystem::Precision::kDouble}) {
-    const bool single = precision == qp::KktSystem::Precision::kSingle;
+  for (const auto precision : {qp::Precision::kSingle, qp::Precision::kDouble}) {
+    const bool single = precision == qp::Precision::kSingle;
     if (single && !kkt->CanBeSingle()) continue;
     EXPECT_EQ(kkt->Factorise(problem, d, e, precision), 0);
     std::vector<double> z(b.size());
