@@ -12,7 +12,9 @@ namespace {
 constexpr double kTie = 1e-4;     // of the fastest approach: contacts that differ by less bounce at once
 constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
 constexpr int kMostSweeps = 400;
-constexpr double kSettled = 1e-14;  // of the fastest approach: sweeps stop when impulses change velocities by less
+constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change velocities by less
+constexpr int kPolish = 30;  // sweeps towards rounding after that. Where contacts share a line of action, they may
+constexpr double kRounding = 1e-14;       // pass an impulse of rounding's size to each other for ever
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
@@ -152,8 +154,12 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
   for (const qp::BodyTerm& body : problem.bodies)
     solution.velocities.insert(solution.velocities.end(), body.velocity.begin(), body.velocity.end());
   tie_sweeps_.Prepare(problem);
-  if (tie_sweeps_.Sweep(problem, kMostSweeps, kSettled * approach, &solution.impulses, &solution.velocities) ==
-      kMostSweeps) {
+  const auto sweep = [&](int most, double tolerance) {
+    return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
+  };
+  if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
+    sweep(kPolish, kRounding);
+  } else {
     qp::Settings settings;
     settings.tolerance = kTiedTolerance;
     settings.coulomb_tolerance = kTiedMap;

@@ -78,6 +78,7 @@ class Compounds {
   std::vector<int> outer_, sticking_;  // contacts: of the reduced problem; those that do not move
   Problem inside_;                     // all bodies, sticking contacts
   std::vector<double> weights_;        // per sticking contact: 1 / W
+  std::vector<Vector3> borne_;         // per sticking contact: its impulse
   KktSystem system_;
   std::vector<std::array<double, 2>> loads_;  // per cluster: normal impulses from outside, before and now
   std::vector<Matrix3> blocks_;               // per sticking contact

@@ -7,6 +7,7 @@
 #include "qp/body_algebra.h"
 #include "qp/compounds.h"
 #include "qp/natural_map.h"
+#include "qp/sticking_step.h"
 
 namespace islet::qp {
 namespace {
@@ -139,19 +140,12 @@ double Compounds::MissingMomentum(const Problem& problem, const std::vector<doub
 // Towards the impulses that give what is missing, in the metric in which the cone's border is far away: D is the inverse
 // Hessian of its barrier, so that contacts change by no more than what they bear.
 void Compounds::Step(std::vector<Vector3>* impulses) {
-  double mean = 0;
-  for (size_t k = 0; k < sticking_.size(); ++k) mean += (*impulses)[sticking_[k]].squaredNorm() / weights_[k];
-  mean /= static_cast<double>(sticking_.size());
+  borne_.clear();
+  for (const int c : sticking_) borne_.push_back((*impulses)[c]);
+  const double stiffness = kStiffness / MeanLoad(borne_, weights_);
   blocks_.resize(sticking_.size());
-  for (size_t k = 0; k < sticking_.size(); ++k) {
-    const double mu = inside_.contacts[k].friction;
-    const Vector3& j = (*impulses)[sticking_[k]];
-    const Vector3 x(mu * j[0], j[1], j[2]), back(1 / mu, 1, 1);
-    const double det = x[0] * x[0] - x.tail<2>().squaredNorm();
-    Matrix3 d = 2 * x * x.transpose();
-    d.diagonal() += det * Vector3(-1, 1, 1);
-    blocks_[k] = kStiffness / mean * (back.asDiagonal() * d * back.asDiagonal());
-  }
+  for (size_t k = 0; k < sticking_.size(); ++k)
+    blocks_[k] = stiffness * ConeMetric(borne_[k], inside_.contacts[k].friction);
   system_.Factorise(inside_, blocks_, {});
   ++factorisations_;
   changes_.assign(sticking_.size(), Vector3::Zero());

@@ -69,11 +69,13 @@ void GaussSeidel::Prepare(const Problem& problem) {
 // still: the place of an immovable body.
 void GaussSeidel::PrepareBatch(const Problem& problem, int number, int still) {
   SweepBatch<double>& batch = plain_.batches[number];
+  batch.used = 0;
   for (int lane = 0; lane < kBatchLanes; ++lane) {
     const int c = order_.contacts()[number * kBatchLanes + lane];
     batch.body[0][lane] = c >= 0 && problem.contacts[c].body_a >= 0 ? problem.contacts[c].body_a : still;
     batch.body[1][lane] = c >= 0 && problem.contacts[c].body_b >= 0 ? problem.contacts[c].body_b : still;
     if (c >= 0) {
+      batch.used = lane + 1;
       PrepareContact(problem, c, lane, &batch);
       continue;
     }
@@ -160,6 +162,7 @@ void GaussSeidel::PrepareSingle() {
     std::copy_n(from.weight, kBatchLanes, to.weight);
     std::copy_n(from.compliance, kBatchLanes, to.compliance);
     std::copy_n(&from.body[0][0], 2 * kBatchLanes, &to.body[0][0]);
+    to.used = from.used;
   }
   single_prepared_ = true;
 }

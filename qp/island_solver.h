@@ -33,6 +33,7 @@
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
+#include "qp/sticking_step.h"
 
 namespace islet::qp {
 
@@ -85,6 +86,7 @@ class IslandSolver {
   NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;
   GaussSeidel gauss_seidel_;
+  StickingStep sticking_step_;
   Compounds compounds_;
   ContactReduction reduction_;
   std::vector<Vector3> reduced_start_;

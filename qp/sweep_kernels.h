@@ -23,6 +23,7 @@ struct alignas(64) SweepBatch {
   Number weight[kBatchLanes];  // W_nn: makes a velocity of an impulse, for the stopping test
   Number compliance[kBatchLanes];
   int body[2][kBatchLanes];  // places in the array of velocities
+  int used;                  // lanes from the first on; vectors of empty lanes are left out
 };
 
 template <typename Number>

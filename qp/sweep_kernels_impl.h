@@ -178,7 +178,7 @@ SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Nu
                        Velocity* velocities) {
   Sums sums = {};
   for (int b = 0; b < num_batches; ++b)
-    for (int lane = 0; lane < kBatchLanes; lane += kLanes)
+    for (int lane = 0; lane < batches[b].used; lane += kLanes)
       Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums);
   SweepSums out;
   for (int i = 0; i < kLanes; ++i) {
