@@ -111,7 +111,7 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
     const double mu = contact.friction;
     const Vector3& j = solution.impulses[c];
     const Vector3 u = qp::ContactVelocity(contact, solution.velocities.data()) + contact.compliance * j;
-    const double rho = 3 / qp::DelassusBlock(problem, contact).trace();
+    const double rho = 3 / qp::DelassusTrace(problem, contact);
     // The vector that the solved model wants in K*, perpendicular to j.
     Vector3 w = u;
     if (kinetic) {

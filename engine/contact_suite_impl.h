@@ -71,6 +71,7 @@ struct ContactSuite::Impl : SuiteMemory {
   void ForEachIsland(Task task);
   IslandView View(int island) const;
   void CutAtImmovable();
+  bool Approaches(const IslandView& view) const;
   bool CollidesSlightly(const IslandView& view) const;
   void Bounce(StepReport* report);
   void WakeByBounce();

@@ -85,32 +85,39 @@ std::span<const Vector3> Mover::PlanTravel(const MotionPlan& plan, std::span<con
   return travel_;
 }
 
-// With the whole turn of the point, not its first order: a cube may turn by a third of a radian in a step.
-double Mover::PredictedGap(const Contact& c, std::span<const Body> bodies) const {
-  const auto at_point = [&](int i) -> Vector3 {
-    if (planned_[i].angular.isZero(0)) return planned_[i].linear;
-    const Vector3 lever = c.point_W - bodies[i].position_W;
-    return planned_[i].linear + (Exp(planned_[i].angular) * lever - lever);
+// With the whole turn of the points, not its first order: a cube may turn by a third of a radian in a step.
+void Mover::PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+  turns_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) turns_[i] = TurnLessOne(planned_[i].angular);
+  const auto way = [&](int i, const Contact& c) -> Vector3 {
+    return planned_[i].linear + turns_[i] * (c.point_W - bodies[i].position_W);
   };
-  return c.gap + c.normal_W.dot(at_point(c.body_b) - at_point(c.body_a));
+  gaps_.resize(contacts.size());
+  for (size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& c = contacts[k];
+    gaps_[k] = c.gap + c.normal_W.dot(way(c.body_b, c) - way(c.body_a, c));
+  }
 }
 
-// Moves the flying bodies to the moments at which they meet walls: planned_ takes them there from where they are now.
+// Moves the flying bodies to the moments at which they meet walls: planned_ takes them there from where they are now, and
+// gaps_ are those that are left.
 void Mover::PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                         const std::vector<Contact>& contacts) {
-  gaps_.resize(contacts.size());
-  for (size_t c = 0; c < contacts.size(); ++c) gaps_[c] = PredictedGap(contacts[c], bodies);
+  PredictGaps(bodies, contacts);
   flights_move_ = flights_.FindMoments(pass, contacts, gaps_, tolerances, bodies, &handled_) || pass == 0;
   flown_.resize(bodies.size());
   if (!flights_move_) return;
+  bool any = false;
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!flights_.flies(static_cast<int>(i))) continue;
+    any = true;
     Body there = bodies[i];
     flights_.Place(static_cast<int>(i), &there);
     planned_[i].linear = there.position_W - bodies[i].position_W;
     planned_[i].angular = Log(there.rotation_WB * bodies[i].rotation_WB.conjugate());
     flown_[i] = planned_[i];
   }
+  if (any) PredictGaps(bodies, contacts);
 }
 
 // Puts the flying bodies where their flights take them. What a correction moves besides is no flight any more: planned_ keeps
@@ -224,7 +231,6 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
                     const std::vector<Contact>& contacts) {
   double deepest = 0;
   for (size_t c = 0; c < contacts.size(); ++c) {
-    gaps_[c] = PredictedGap(contacts[c], bodies);
     if (handled_[c]) continue;
     if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
   }

@@ -88,7 +88,7 @@ class Mover {
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
   void GroundFlights(bool all, std::span<Body> bodies);
-  double PredictedGap(const Contact& contact, std::span<const Body> bodies) const;
+  void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
@@ -118,7 +118,8 @@ class Mover {
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
-  std::vector<double> gaps_;
+  std::vector<Matrix3> turns_;  // per body: what planned_ turns a lever by
+  std::vector<double> gaps_;    // [m] per contact, where planned_ leads
   islands::Partition partition_;
   std::vector<IslandSpin> spins_;  // per island
   std::vector<Worker> workers_;

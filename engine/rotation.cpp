@@ -11,6 +11,7 @@ namespace {
 constexpr double kLargestTurn = 0.5;  // [rad] in one part of a step
 constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
 constexpr double kSmallTurn = 1e-3;   // [rad] up to it one midpoint step is right to 1e-7 of the turn
+constexpr double kTinyTurn = 1e-6;    // [rad] below it two terms of the series are exact to rounding
 // Five midpoint steps of these shares of the time, the third one backwards, are right to fourth order.      [Suz90]
 constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
 constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
@@ -69,9 +70,20 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
 }
 
 Quaternion Exp(const Vector3& v) {
-  const double angle = v.norm();
-  const double share = angle > 1e-6 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48;
-  return Quaternion(std::cos(0.5 * angle), share * v.x(), share * v.y(), share * v.z());
+  const double squared = v.squaredNorm();
+  double cosine = 1 - squared / 8, share = 0.5 - squared / 48;
+  if (squared > kTinyTurn * kTinyTurn) {
+    const double angle = std::sqrt(squared);
+    cosine = std::cos(0.5 * angle);
+    share = std::sin(0.5 * angle) / angle;
+  }
+  return Quaternion(cosine, share * v.x(), share * v.y(), share * v.z());
+}
+
+Matrix3 TurnLessOne(const Vector3& v) {
+  const Quaternion q = Exp(v);
+  const Matrix3 cross = CrossMatrix(q.vec());
+  return 2 * (q.w() * cross + cross * cross);
 }
 
 Vector3 Log(const Quaternion& q) {

@@ -40,6 +40,14 @@ void ContactSuite::Impl::CutAtImmovable() {
   for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
 }
 
+bool ContactSuite::Impl::Approaches(const IslandView& view) const {
+  return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
+    const Contact& contact = frame.contacts.contacts[number];
+    return contact.touches &&
+           -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]) > frame.threshold;
+  });
+}
+
 // Something approaches, and all that does is slight. (The paper's laws of bouncing resolve every collision. Bodies that only
 // touch each other fly: nothing presses them together, and their momenta are to stay.)
 bool ContactSuite::Impl::CollidesSlightly(const IslandView& view) const {
@@ -70,7 +78,7 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
   bounce_counts.assign(partition.num_islands(), 0);
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
-    if (CollidesSlightly(view)) return;
+    if (!Approaches(view) || CollidesSlightly(view)) return;
     bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings,
                                                        frame.threshold, frame.bodies, frame.bounces);
   });

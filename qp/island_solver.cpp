@@ -17,6 +17,7 @@ constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
 constexpr int kNormalSweeps = 30;      // before an interior point that starts from them
 constexpr double kHeldLeft = 0.1;      // of that: what a linear step towards it may leave
+constexpr double kSweptShare = 1e-2;   // of it: where sweeps begin, which are slow
 constexpr int kHeldSweeps = 30;
 
 bool AnyFriction(const Problem& problem) {
@@ -222,45 +223,56 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
     return false;
   TakeOver(problem, start);
   const double scale = settings.coulomb_tolerance * settings.velocity_scale;
-  const double map = MapOfSwept(problem).max;
+  double map = MapOfSwept(problem).max;
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
-  if (sticks && map > kHeldShare * scale) {
-    sticking_step_.Take(problem, scales_, kHeldLeft * kHeldShare * scale, &swept_impulses_, &swept_velocities_);
-  } else if (!sticks && map > 1e-2 * kHeldShare * scale) {
-    gauss_seidel_.Prepare(problem);
-    gauss_seidel_.Sweep(problem, kHeldSweeps, 1e-3 * kHeldShare * scale, &swept_impulses_, &swept_velocities_);
+  if (map > (sticks ? 1 : kSweptShare) * kHeldShare * scale) {
+    if (sticks) {
+      sticking_step_.Take(problem, scales_, kHeldLeft * kHeldShare * scale, &swept_impulses_, &swept_velocities_);
+    } else {
+      gauss_seidel_.Prepare(problem);
+      gauss_seidel_.Sweep(problem, kHeldSweeps, 0.1 * kSweptShare * kHeldShare * scale, &swept_impulses_,
+                          &swept_velocities_);
+      VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+    }
+    map = MapOfSwept(problem).max;
   }
-  if (!AcceptSweeps(problem, settings, kHeldShare, solution)) return false;
+  if (map > kHeldShare * scale || !TakeSwept(problem, settings, kHeldShare, solution)) return false;
   if (settings.model == Model::kCoulomb) return true;
   const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
   std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
   return slip <= kHeldShare * scale;
 }
 
-// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance: with its own slips, and with velocities without the
+// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
 // rounding of thousands of increments.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  const double scale = settings.velocity_scale, goal = share * settings.coulomb_tolerance;
-  if (MapOfSwept(problem).max > goal * scale) return false;
+  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+  return TakeSwept(problem, settings, share, solution);
+}
+
+// Takes impulses that meet the law, and velocities that are exactly those that they make, with their own slips; unless their gap
+// is too large.
+bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   double gap = 0, energy = 0;
+  swept_slips_.resize(problem.contacts.size());
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
     const Vector3& j = swept_impulses_[c];
-    Vector3 u = ContactVelocity(contact, swept_velocities_.data()) + contact.compliance * j;
+    Vector3 u = ContactVelocity(contact, swept_velocities_.data());
+    swept_slips_[c] = Slip(u, contact.friction, Cone::kCircular);
+    u += contact.compliance * j;
     u[0] += Slip(u, contact.friction, Cone::kCircular) - contact.target;
     gap += std::abs(j.dot(u));
   }
+  const double scale = settings.velocity_scale;
   for (const BodyTerm& body : problem.bodies)
     energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
-  if (gap > goal * energy) return false;
+  if (gap > share * settings.coulomb_tolerance * energy) return false;
   solution->impulses = swept_impulses_;
   solution->velocities = swept_velocities_;
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    const Vector3 u = ContactVelocity(problem.contacts[c], swept_velocities_.data());
-    solution->slips[c] = Slip(u, problem.contacts[c].friction, Cone::kCircular);
-  }
+  solution->slips = swept_slips_;
   solution->gap = gap / energy;
   solution->status = Status::kSolved;
   solution->rung = Rung::kSweeps;

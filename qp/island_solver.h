@@ -79,6 +79,7 @@ class IslandSolver {
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
+  bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
 
   InteriorPoint interior_point_;
@@ -103,7 +104,7 @@ class IslandSolver {
   std::vector<Vector3> planar_start_;
   std::vector<double> whole_scales_;
   std::vector<Vector3> swept_impulses_;
-  std::vector<double> swept_velocities_;
+  std::vector<double> swept_velocities_, swept_slips_;
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
   std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact

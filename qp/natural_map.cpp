@@ -7,7 +7,7 @@ namespace islet::qp {
 
 void ImpulseScales(const Problem& problem, std::vector<double>* rho) {
   rho->clear();
-  for (const ContactTerm& contact : problem.contacts) rho->push_back(3 / DelassusBlock(problem, contact).trace());
+  for (const ContactTerm& contact : problem.contacts) rho->push_back(3 / DelassusTrace(problem, contact));
 }
 
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,

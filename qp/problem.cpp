@@ -64,6 +64,18 @@ Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact) {
   return w;
 }
 
+double DelassusTrace(const Problem& problem, const ContactTerm& contact) {
+  double trace = 0;
+  const auto add = [&](int number, const Jacobian& jacobian) {
+    const BodyTerm& body = problem.bodies[number];
+    const Matrix3 turned = jacobian.rightCols<3>() * body.inverse_inertia;
+    trace += jacobian.leftCols<3>().squaredNorm() / body.mass + turned.cwiseProduct(jacobian.rightCols<3>()).sum();
+  };
+  if (contact.body_a >= 0) add(contact.body_a, contact.jacobian_a);
+  if (contact.body_b >= 0) add(contact.body_b, contact.jacobian_b);
+  return trace;
+}
+
 void ApplyImpulse(const Problem& problem, const ContactTerm& contact, const Vector3& impulse, double* velocities) {
   const auto apply = [&](int number, const Jacobian& jacobian) {
     Eigen::Map<Vector6>(velocities + 6 * number) +=

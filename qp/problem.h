@@ -54,6 +54,9 @@ Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities);
 // W_cc = J_c M^-1 J_c^T, the contact's own block of the Delassus operator.
 Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact);
 
+// Its trace alone.
+double DelassusTrace(const Problem& problem, const ContactTerm& contact);
+
 // velocities += M^-1 J_c^T impulse for the bodies of one contact.
 void ApplyImpulse(const Problem& problem, const ContactTerm& contact, const Vector3& impulse, double* velocities);
 
