@@ -148,7 +148,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) RestoreSpins(bodies);
+    if (corrected) SettleCorrections(plan.flies, bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -243,6 +243,7 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
   islands::BuildPartition({cut_, pairs_}, &partition_);
   island_contacts_.resize(partition_.contacts.size());
   wanted_.assign(partition_.num_islands(), 0);
+  corrections_.assign(bodies.size(), {});
   for (int i = 0; i < partition_.num_islands(); ++i) {
     for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
       const int c = island_contacts_[k] = linked_[partition_.contacts[k]];
@@ -284,8 +285,10 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   const double share = CorrectionShare(members, numbers, bodies, w);
   for (size_t i = 0; i < members.size(); ++i) {
     const Twist displacement = w.DisplacementOf(i);
-    planned_[members[i]].linear += share * displacement.linear_W;
-    planned_[members[i]].angular += share * displacement.angular_W;
+    Displacement& correction = corrections_[members[i]];
+    correction = {share * displacement.linear_W, share * displacement.angular_W};
+    planned_[members[i]].linear += correction.linear;
+    planned_[members[i]].angular += correction.angular;
   }
 }
 
@@ -323,20 +326,28 @@ double Mover::CorrectionShare(std::span<const int> members, std::span<const int>
 // Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.
 void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   spins_.assign(partition_.num_islands(), {});
+  free_.assign(wanted_.begin(), wanted_.end());
   for (int i = 0; i < partition_.num_islands(); ++i) {
-    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && free_[i]; ++k) {
       const Contact& contact = contacts[island_contacts_[k]];
-      if (cut_[contact.body_a] || cut_[contact.body_b]) wanted_[i] = 0;
+      if (cut_[contact.body_a] || cut_[contact.body_b]) free_[i] = 0;
     }
-    if (wanted_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
+    if (free_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
   }
 }
 
-void Mover::RestoreSpins(std::span<Body> bodies) {
+// After a correction: what is owed to the momenta and the energy of what is in flight.
+void Mover::SettleCorrections(std::span<const std::uint8_t> flies, std::span<Body> bodies) {
   for (int i = 0; i < partition_.num_islands(); ++i) {
-    if (!wanted_[i]) continue;
-    RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
-    for (const int member : partition_.bodies_of(i)) flights_.Ground(member);
+    const std::span<const int> members = partition_.bodies_of(i);
+    if (free_[i]) {
+      // Gravity does no work on a centre that stays; other forces may.
+      for (const int member : members) spins_[i].energy += bodies[member].force_W.dot(corrections_[member].linear);
+      RestoreSpin(spins_[i], members, bodies);
+      for (const int member : members) flights_.Ground(member);
+    } else if (wanted_[i]) {
+      PayForLift(settings_.gravity, members, flies, corrections_, kTurnWeight, bodies);
+    }
   }
 }
 

@@ -22,6 +22,7 @@
 #include "engine/flight.h"
 #include "engine/island_problem.h"
 #include "engine/island_spin.h"
+#include "engine/lift.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
 #include "qp/island_solver.h"
@@ -68,10 +69,6 @@ class Mover {
     Vector3 position_W;  // [m]
     Quaternion rotation_WB;
   };
-  struct Displacement {
-    Vector3 linear = Vector3::Zero();   // [m]
-    Vector3 angular = Vector3::Zero();  // [rad] rotation vector, W
-  };
   struct Worker {
     IslandGatherer gatherer;
     qp::Problem problem;
@@ -95,7 +92,7 @@ class Mover {
   double CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
                          const Worker& w) const;
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void RestoreSpins(std::span<Body> bodies);
+  void SettleCorrections(std::span<const std::uint8_t> flies, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
@@ -108,13 +105,14 @@ class Mover {
   Flights flights_;
   bool flights_move_ = false;                  // in this pass
   std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
+  std::vector<Displacement> corrections_;      // of this pass: what `planned_` has of them
   std::vector<std::uint8_t> handled_;          // per contact: left to the flights
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
   std::vector<double> free_way_;               // [m] per body, of this step: without corrections
   bool swept_only_ = false;                    // an interior-point solve of this step has failed
-  std::vector<std::uint8_t> cut_, wanted_, held_;
+  std::vector<std::uint8_t> cut_, wanted_, free_, held_;  // per body; per island; per island; per body
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
