@@ -72,6 +72,8 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   }
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   bounced_.Restore(dt, gravity_W, bodies, resolved, holding, &before_);
+  in_the_air_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) in_the_air_[i] = flies_[i] || bounced_.Bounced(static_cast<int>(i));
   // A solver's rounding is no push, but enough for the suite to take a body for caught.
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})
@@ -84,7 +86,7 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
     bodies[load.body].force_W = load.force_W;
     bodies[load.body].torque_W = load.torque_W;
   }
-  return {dt, durations_, flies_, before_};
+  return {dt, durations_, flies_, in_the_air_, before_};
 }
 
 void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,

@@ -78,6 +78,7 @@ class FlightTime {
   std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
   std::vector<std::uint8_t> rebounded_;  // per body: a contact rebounds in this step
   std::vector<std::uint8_t> flies_;      // per body: no contact pushes it in this step
+  std::vector<std::uint8_t> in_the_air_;  // per body: or it bounces within the step
   std::vector<Attributed> gained_;       // what bodies that move for longer than the step got for that
   std::vector<Twist> before_;            // per body: velocities that its motion begins with
 };

@@ -5,12 +5,12 @@
 
 namespace islet {
 
-double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::span<const std::uint8_t> flies,
+double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::span<const std::uint8_t> pays,
                   std::span<const Displacement> corrections, double turn_weight, std::span<Body> bodies) {
   // The energy of the velocities plus s pushes is what it was plus slope s + curvature s^2 / 2.
   double owed = 0, slope = 0, curvature = 0, energy = 0;  // [J, J s, J s^2, J]
   for (const int i : members) {
-    if (!flies[i]) continue;
+    if (!pays[i]) continue;
     const Body& body = bodies[i];
     const Vector3 along = corrections[i].linear, turn = turn_weight * corrections[i].angular;
     owed -= (body.mass * gravity_W + body.force_W).dot(along);
@@ -27,7 +27,7 @@ double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::s
   energy -= owed - rest;
   const double share = rest > 0 && energy > 0 ? std::sqrt(std::max(0.0, 1 - rest / energy)) : 1;
   for (const int i : members) {
-    if (!flies[i]) continue;
+    if (!pays[i]) continue;
     Body& body = bodies[i];
     body.linear_velocity_W = share * (body.linear_velocity_W + push * corrections[i].linear);
     body.angular_velocity_W = share * (body.angular_velocity_W + push * turn_weight * corrections[i].angular);

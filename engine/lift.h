@@ -25,9 +25,9 @@ struct Displacement {
   Vector3 angular = Vector3::Zero();  // [rad] rotation vector, W
 };
 
-// members: places in `bodies`, `flies` and `corrections`; only those that fly count. turn_weight: by how much the correction
+// members: places in `bodies`, `pays` and `corrections`; only those that pay count. turn_weight: by how much the correction
 // made turns more expensive than the mass metric does. Returns s.
-double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::span<const std::uint8_t> flies,
+double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::span<const std::uint8_t> pays,
                   std::span<const Displacement> corrections, double turn_weight, std::span<Body> bodies);
 
 }  // namespace islet

@@ -148,7 +148,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) SettleCorrections(plan.flies, bodies);
+    if (corrected) SettleCorrections(plan.pays, bodies);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -337,7 +337,7 @@ void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contac
 }
 
 // After a correction: what is owed to the momenta and the energy of what is in flight.
-void Mover::SettleCorrections(std::span<const std::uint8_t> flies, std::span<Body> bodies) {
+void Mover::SettleCorrections(std::span<const std::uint8_t> pays, std::span<Body> bodies) {
   for (int i = 0; i < partition_.num_islands(); ++i) {
     const std::span<const int> members = partition_.bodies_of(i);
     if (free_[i]) {
@@ -346,7 +346,7 @@ void Mover::SettleCorrections(std::span<const std::uint8_t> flies, std::span<Bod
       RestoreSpin(spins_[i], members, bodies);
       for (const int member : members) flights_.Ground(member);
     } else if (wanted_[i]) {
-      PayForLift(settings_.gravity, members, flies, corrections_, kTurnWeight, bodies);
+      PayForLift(settings_.gravity, members, pays, corrections_, kTurnWeight, bodies);
     }
   }
 }

@@ -37,6 +37,7 @@ struct MotionPlan {
   double dt = 0;  // [s] of the step
   std::span<const double> durations;
   std::span<const std::uint8_t> flies;
+  std::span<const std::uint8_t> pays;  // whether it owes for the height that corrections give it, see lift.h
   std::span<const Twist> before;  // with the bodies' velocities the two ends of the trapezoidal rule
 };
 
@@ -92,7 +93,7 @@ class Mover {
   double CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
                          const Worker& w) const;
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void SettleCorrections(std::span<const std::uint8_t> flies, std::span<Body> bodies);
+  void SettleCorrections(std::span<const std::uint8_t> pays, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
