@@ -4,6 +4,11 @@
 #include <cmath>
 
 namespace islet {
+namespace {
+
+constexpr double kNoise = 1e-14;  // of the kinetic energy: rounding of what is owed
+
+}  // namespace
 
 double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::span<const std::uint8_t> pays,
                   std::span<const Displacement> corrections, double turn_weight, std::span<Body> bodies) {
@@ -18,11 +23,10 @@ double PayForLift(const Vector3& gravity_W, std::span<const int> members, std::s
     curvature += body.mass * along.squaredNorm() + turn.dot(body.InertiaW() * turn);
     energy += body.KineticEnergy();
   }
-  if (owed == 0 || curvature == 0) return 0;
+  if (std::abs(owed) <= kNoise * energy || curvature == 0) return 0;
   // The smaller root; without one, where the energy is least.
   const double root = slope * slope - 2 * curvature * owed;
-  double push = 0;
-  if (slope < 0 || owed < 0) push = root > 0 ? -2 * owed / (slope + std::copysign(std::sqrt(root), slope)) : -slope / curvature;
+  const double push = root > 0 ? -2 * owed / (slope + std::copysign(std::sqrt(root), slope)) : -slope / curvature;
   const double rest = owed + push * (slope + 0.5 * push * curvature);
   energy -= owed - rest;
   const double share = rest > 0 && energy > 0 ? std::sqrt(std::max(0.0, 1 - rest / energy)) : 1;

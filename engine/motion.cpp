@@ -139,6 +139,8 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
   free_way_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_way_[i] = planned_[i].linear.norm();
+  shifts_.assign(bodies.size(), {});
+  shifted_pairs_.clear();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
   for (outcome.passes = 0;; ++outcome.passes) {
@@ -148,7 +150,8 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
-    if (corrected) SettleCorrections(plan.pays, bodies);
+    if (corrected) RestoreSpins(bodies);
+    if (corrected) RememberCorrections(*contacts);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -161,6 +164,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
+  PayForLifts(plan.pays, bodies);
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
   return outcome;
 }
@@ -336,18 +340,43 @@ void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contac
   }
 }
 
-// After a correction: what is owed to the momenta and the energy of what is in flight.
-void Mover::SettleCorrections(std::span<const std::uint8_t> pays, std::span<Body> bodies) {
+void Mover::RestoreSpins(std::span<Body> bodies) {
   for (int i = 0; i < partition_.num_islands(); ++i) {
-    const std::span<const int> members = partition_.bodies_of(i);
-    if (free_[i]) {
-      // Gravity does no work on a centre that stays; other forces may.
-      for (const int member : members) spins_[i].energy += bodies[member].force_W.dot(corrections_[member].linear);
-      RestoreSpin(spins_[i], members, bodies);
-      for (const int member : members) flights_.Ground(member);
-    } else if (wanted_[i]) {
-      PayForLift(settings_.gravity, members, pays, corrections_, kTurnWeight, bodies);
+    if (!free_[i]) continue;
+    RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
+    for (const int member : partition_.bodies_of(i)) flights_.Ground(member);
+  }
+}
+
+// What the passes of this step corrected, one after the other.
+void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
+  for (size_t i = 0; i < corrections_.size(); ++i) {
+    shifts_[i].linear += corrections_[i].linear;
+    shifts_[i].angular += corrections_[i].angular;
+  }
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+      const Contact& contact = contacts[island_contacts_[k]];
+      shifted_pairs_.emplace_back(contact.body_a, contact.body_b);
     }
+  }
+}
+
+// Over all passes: what one pushes down another one lifts again. A centre that leans on nothing stays, and gravity does no work
+// on it. A wall that moves does work itself.
+void Mover::PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodies) {
+  if (shifted_pairs_.empty()) return;
+  islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    bool leans = false, driven = false;
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
+      const auto& [a, b] = shifted_pairs_[partition_.contacts[k]];
+      leans = leans || cut_[a] || cut_[b];
+      driven = driven || (cut_[a] && !StandsStill(bodies[a])) || (cut_[b] && !StandsStill(bodies[b]));
+    }
+    if (driven) continue;
+    const Vector3 gravity_W = leans ? settings_.gravity : Vector3::Zero();
+    PayForLift(gravity_W, partition_.bodies_of(i), pays, shifts_, kTurnWeight, bodies);
   }
 }
 

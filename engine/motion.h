@@ -93,7 +93,9 @@ class Mover {
   double CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
                          const Worker& w) const;
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void SettleCorrections(std::span<const std::uint8_t> pays, std::span<Body> bodies);
+  void RestoreSpins(std::span<Body> bodies);
+  void RememberCorrections(const std::vector<Contact>& contacts);
+  void PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
@@ -107,6 +109,7 @@ class Mover {
   bool flights_move_ = false;                  // in this pass
   std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
   std::vector<Displacement> corrections_;      // of this pass: what `planned_` has of them
+  std::vector<Displacement> shifts_;           // of this step: their sum
   std::vector<std::uint8_t> handled_;          // per contact: left to the flights
   std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
   std::vector<Vector3> travel_;                // [m] per body
@@ -114,7 +117,7 @@ class Mover {
   std::vector<double> free_way_;               // [m] per body, of this step: without corrections
   bool swept_only_ = false;                    // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, wanted_, free_, held_;  // per body; per island; per island; per body
-  std::vector<std::pair<int, int>> pairs_;
+  std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
