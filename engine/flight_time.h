@@ -69,6 +69,8 @@ class FlightTime {
     Vector3 impulse_W;  // [N s] on body_b
   };
   bool Meets(const Contact& contact) const;
+  void FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
+                          std::span<const Vector3> holding, std::span<const Body> bodies);
 
   bool exact_;
   BouncedMotion bounced_;
@@ -78,7 +80,8 @@ class FlightTime {
   std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
   std::vector<std::uint8_t> rebounded_;  // per body: a contact rebounds in this step
   std::vector<std::uint8_t> flies_;      // per body: no contact pushes it in this step
-  std::vector<std::uint8_t> in_the_air_;  // per body: or it bounces within the step
+  std::vector<std::uint8_t> in_the_air_;  // per body: no contact supports it, or it bounces within the step
+  std::vector<int> roots_;                // scratch: bodies that push each other
   std::vector<Attributed> gained_;       // what bodies that move for longer than the step got for that
   std::vector<Twist> before_;            // per body: velocities that its motion begins with
 };
