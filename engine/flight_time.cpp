@@ -138,6 +138,10 @@ void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies
     contacts->push_back(wall);
     impulses->push_back(wall.body_b == number ? missing : Vector3(-missing));
   }
+  for (const PaidImpulse& paid : mover.paid()) {
+    contacts->push_back(paid.contact);
+    impulses->push_back(paid.impulse_W);
+  }
 }
 
 void FlightTime::EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const {

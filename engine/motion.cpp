@@ -141,6 +141,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   for (size_t i = 0; i < bodies.size(); ++i) free_way_[i] = planned_[i].linear.norm();
   shifts_.assign(bodies.size(), {});
   shifted_pairs_.clear();
+  shifted_contacts_.clear();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
   for (outcome.passes = 0;; ++outcome.passes) {
@@ -356,27 +357,35 @@ void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
   }
   for (int i = 0; i < partition_.num_islands(); ++i) {
     for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
-      const Contact& contact = contacts[island_contacts_[k]];
-      shifted_pairs_.emplace_back(contact.body_a, contact.body_b);
+      const int c = island_contacts_[k];
+      shifted_pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
+      shifted_contacts_.push_back(contacts[c]);
+      shifted_contacts_.back().gap = gaps_[c];
     }
   }
 }
 
 // Over all passes: what one pushes down another one lifts again. A centre that leans on nothing stays, and gravity does no work
-// on it. A wall that moves does work itself.
+// on it. A wall that moves does work itself, and what is frozen could not say what it took.
 void Mover::PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodies) {
+  paid_.clear();
   if (shifted_pairs_.empty()) return;
   islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
   for (int i = 0; i < partition_.num_islands(); ++i) {
+    const Contact* deepest = nullptr;  // of those with fixed bodies
     bool leans = false, driven = false;
-    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
-      const auto& [a, b] = shifted_pairs_[partition_.contacts[k]];
-      leans = leans || cut_[a] || cut_[b];
-      driven = driven || (cut_[a] && !StandsStill(bodies[a])) || (cut_[b] && !StandsStill(bodies[b]));
+    for (const int k : partition_.contacts_of(i)) {
+      const Contact& contact = shifted_contacts_[k];
+      if (!cut_[contact.body_a] && !cut_[contact.body_b]) continue;
+      const Body& wall = bodies[cut_[contact.body_a] ? contact.body_a : contact.body_b];
+      leans = true;
+      driven = driven || !StandsStill(wall);
+      if (wall.kind != BodyKind::kDynamic && (deepest == nullptr || contact.gap < deepest->gap)) deepest = &contact;
     }
-    if (driven) continue;
-    const Vector3 gravity_W = leans ? settings_.gravity : Vector3::Zero();
-    PayForLift(gravity_W, partition_.bodies_of(i), pays, shifts_, kTurnWeight, bodies);
+    if (driven || (leans && deepest == nullptr)) continue;
+    const Lift lift{partition_.bodies_of(i), pays, shifts_, kTurnWeight, leans};
+    const Vector3 taken = PayForLift(settings_.gravity, lift, bodies);
+    if (!taken.isZero(0) && leans) paid_.push_back({*deepest, cut_[deepest->body_b] ? Vector3(-taken) : taken});
   }
 }
 

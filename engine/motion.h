@@ -38,7 +38,7 @@ struct MotionPlan {
   std::span<const double> durations;
   std::span<const std::uint8_t> flies;
   std::span<const std::uint8_t> pays;  // whether it owes for the height that corrections give it, see lift.h
-  std::span<const Twist> before;  // with the bodies' velocities the two ends of the trapezoidal rule
+  std::span<const Twist> before;       // with the bodies' velocities the two ends of the trapezoidal rule
 };
 
 struct MotionOutcome {
@@ -46,6 +46,11 @@ struct MotionOutcome {
   bool reached = true;         // no pair overlaps by more than the tolerance
   double penetration_max = 0;  // [m] at the end
   int held_back = 0;           // bodies that stayed where the step began, since the passes could not part them
+};
+
+struct PaidImpulse {
+  Contact contact;
+  Vector3 impulse_W;  // [N s] on body_b
 };
 
 class Mover {
@@ -57,8 +62,9 @@ class Mover {
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
 
-  // Of the last move.
+  // Of the last move. Paid: what walls gave to bodies that paid for height.
   const Flights& flights() const { return flights_; }
+  std::span<const PaidImpulse> paid() const { return paid_; }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
@@ -106,21 +112,23 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
-  bool flights_move_ = false;                  // in this pass
-  std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
-  std::vector<Displacement> corrections_;      // of this pass: what `planned_` has of them
-  std::vector<Displacement> shifts_;           // of this step: their sum
-  std::vector<std::uint8_t> handled_;          // per contact: left to the flights
-  std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_;                // [m] per body
-  std::vector<Pose> start_, end_;              // per body, of this step
-  std::vector<double> free_way_;               // [m] per body, of this step: without corrections
-  bool swept_only_ = false;                    // an interior-point solve of this step has failed
-  std::vector<std::uint8_t> cut_, wanted_, free_, held_;  // per body; per island; per island; per body
+  bool flights_move_ = false;                               // in this pass
+  std::vector<Displacement> planned_, flown_;               // of this pass; of flying bodies: before corrections
+  std::vector<Displacement> corrections_;                   // of this pass: what `planned_` has of them
+  std::vector<Displacement> shifts_;                        // of this step: their sum
+  std::vector<std::uint8_t> handled_;                       // per contact: left to the flights
+  std::vector<Vector3> free_turns_;                         // [rad] per body: what is left of the planned free rotation
+  std::vector<Vector3> travel_;                             // [m] per body
+  std::vector<Pose> start_, end_;                           // per body, of this step
+  std::vector<double> free_way_;                            // [m] per body, of this step: without corrections
+  bool swept_only_ = false;                                 // an interior-point solve of this step has failed
+  std::vector<std::uint8_t> cut_, wanted_, free_, held_;    // per body; per island; per island; per body
   std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<double> gaps_;
+  std::vector<Contact> shifted_contacts_;  // of shifted_pairs_; gap: as it was predicted
+  std::vector<PaidImpulse> paid_;
   islands::Partition partition_;
   std::vector<IslandSpin> spins_;  // per island
   std::vector<Worker> workers_;
