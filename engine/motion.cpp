@@ -165,7 +165,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
-  PayForLifts(plan.pays, bodies);
+  PayForLifts(plan.owes, bodies);
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
   return outcome;
 }
@@ -367,7 +367,7 @@ void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
 
 // Over all passes: what one pushes down another one lifts again. A centre that leans on nothing stays, and gravity does no work
 // on it. A wall that moves does work itself, and what is frozen could not say what it took.
-void Mover::PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodies) {
+void Mover::PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies) {
   paid_.clear();
   if (shifted_pairs_.empty()) return;
   islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
@@ -383,7 +383,7 @@ void Mover::PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodi
       if (wall.kind != BodyKind::kDynamic && (deepest == nullptr || contact.gap < deepest->gap)) deepest = &contact;
     }
     if (driven || (leans && deepest == nullptr)) continue;
-    const Lift lift{partition_.bodies_of(i), pays, shifts_, kTurnWeight, leans};
+    const Lift lift{partition_.bodies_of(i), owes, shifts_, kTurnWeight, leans};
     const Vector3 taken = PayForLift(settings_.gravity, lift, bodies);
     if (!taken.isZero(0) && leans) paid_.push_back({*deepest, cut_[deepest->body_b] ? Vector3(-taken) : taken});
   }

@@ -8,8 +8,9 @@
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   velocities       are those that the contact suite certified: a correction changes none but its direction in the body, and
-//                    those of an island in flight by what keeps its momenta and energy (island_spin.h)
+//   velocities       are those that the contact suite certified: a correction changes none but its direction in the body,
+//                    those of an island in flight by what keeps its momenta and energy (island_spin.h), and those of bodies
+//                    in the air by what the height took that it gave them (lift.h)
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -37,7 +38,7 @@ struct MotionPlan {
   double dt = 0;  // [s] of the step
   std::span<const double> durations;
   std::span<const std::uint8_t> flies;
-  std::span<const std::uint8_t> pays;  // whether it owes for the height that corrections give it, see lift.h
+  std::span<const std::uint8_t> owes;  // whether it owes for the height that corrections give it, see lift.h
   std::span<const Twist> before;       // with the bodies' velocities the two ends of the trapezoidal rule
 };
 
@@ -101,7 +102,7 @@ class Mover {
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
   void RememberCorrections(const std::vector<Contact>& contacts);
-  void PayForLifts(std::span<const std::uint8_t> pays, std::span<Body> bodies);
+  void PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
