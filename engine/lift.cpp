@@ -18,9 +18,11 @@ Vector3 PayForLift(const Vector3& gravity_W, const Lift& lift, std::span<Body> b
     if (lift.leans) owed -= body.mass * gravity_W.dot(along);
   }
   if (owed == 0 || curvature == 0) return Vector3::Zero();
-  // The smaller root; where there is none, the least energy.
-  const double root = slope * slope - 2 * curvature * owed;
-  const double push = root > 0 ? -2 * owed / (slope + std::copysign(std::sqrt(root), slope)) : -slope / curvature;
+  // The smaller root; where there is none, the least energy. Who is moved down along next to no speed gets less than that
+  // fall: which way is a matter of rounding there.
+  const double square = slope * slope, root = square - 2 * curvature * owed;
+  double push = root > 0 ? -2 * owed / (slope + std::copysign(std::sqrt(root), slope)) : -slope / curvature;
+  if (owed < 0) push *= std::min(1.0, -square / (2 * curvature * owed));
   const double rest = owed + push * (slope + 0.5 * push * curvature);
   Vector3 taken = Vector3::Zero();
   double energy = 0;  // [J] of those that owe

@@ -61,6 +61,16 @@ TEST(Lift, WhoIsMovedDownIsFasterByThat) {
   EXPECT_NEAR(bodies[0].linear_velocity_W.z(), -std::sqrt(9 + 2 * kGravity * 0.1), 1e-12);
 }
 
+// Down along no speed at all: which way it would be faster is a matter of rounding.
+TEST(Lift, RoundingIsNotAmplified) {
+  for (const double speed : {-1e-17, 0.0, 1e-17}) {
+    std::vector<Body> bodies = Flying({{2, 0, speed}});
+    const std::vector<Displacement> down{{.linear = {0, 0, -1e-3}}};
+    Pay({0}, {1}, down, bodies);
+    EXPECT_LT((bodies[0].linear_velocity_W - Vector3(2, 0, 0)).norm(), 1e-15) << speed;
+  }
+}
+
 // What moves apart across what lifts it pays, too, and not with more than there is.
 TEST(Lift, EnergyNeverBecomesNegative) {
   for (const Vector3& velocity : {Vector3(0, 0, 0), Vector3(0.3, 0, 0), Vector3(0, 0, 0.3), Vector3(3, 0, 0)}) {
