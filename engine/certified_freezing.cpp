@@ -99,7 +99,10 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame) {
     if (mover.kind != BodyKind::kKinematic || StandsStill(mover)) return;
     const Vector3 arm = contact.point_W - mover.position_W;
     const double speed = (mover.linear_velocity_W + mover.angular_velocity_W.cross(arm)).norm();
-    if (speed > kMoverShare * frame.rest_speed) on_mover_[body] = speed <= kCreepShare * frame.rest_speed ? 2 : 1;
+    if (speed <= kMoverShare * frame.rest_speed) return;
+    // What creeps at one contact and goes faster at another carries all the same, whichever contact comes last.
+    const std::uint8_t carried = speed <= kCreepShare * frame.rest_speed ? 2 : 1;
+    on_mover_[body] = std::max(on_mover_[body], carried);
   };
   for (const Contact& contact : frame.contacts.contacts) {
     if (!contact.touches) continue;

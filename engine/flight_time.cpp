@@ -5,6 +5,7 @@
 #include "engine/rebound.h"
 #include "engine/suite_frame.h"
 #include "engine/suite_memory.h"
+#include "islands/disjoint_sets.h"
 
 namespace islet {
 namespace {
@@ -72,6 +73,7 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   }
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   bounced_.Restore(dt, gravity_W, bodies, resolved, holding, &before_);
+  FindWhatIsInTheAir(dt, gravity_W, resolved, holding, bodies);
   // A solver's rounding is no push, but enough for the suite to take a body for caught.
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})
@@ -84,7 +86,33 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
     bodies[load.body].force_W = load.force_W;
     bodies[load.body].torque_W = load.torque_W;
   }
-  return {dt, durations_, flies_, before_};
+  return {dt, durations_, flies_, in_the_air_, before_};
+}
+
+// Supported is what contacts that push join to something immovable. Two that push each other in the air are both in it.
+void FlightTime::FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
+                                    std::span<const Vector3> holding, std::span<const Body> bodies) {
+  in_the_air_.assign(bodies.size(), exact_);
+  if (!exact_) return;
+  roots_.resize(bodies.size());
+  islands::DisjointSets joined(roots_);
+  const auto pushes = [&](size_t c) {
+    const auto pushed = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
+    return pushed(resolved[c].body_a) || pushed(resolved[c].body_b);
+  };
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    const int a = resolved[c].body_a, b = resolved[c].body_b;
+    if (bodies[a].Moves() && bodies[b].Moves() && pushes(c)) joined.Union(a, b);
+  }
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    const int a = resolved[c].body_a, b = resolved[c].body_b;
+    if (bodies[a].Moves() == bodies[b].Moves() || !pushes(c)) continue;
+    in_the_air_[joined.Find(bodies[a].Moves() ? a : b)] = 0;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const int number = static_cast<int>(i);
+    in_the_air_[i] = in_the_air_[joined.Find(number)] || bounced_.Bounced(number);
+  }
 }
 
 void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,
@@ -109,6 +137,10 @@ void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies
     const Vector3 missing = mover.flights().Missing(number, bodies[i].mass);
     contacts->push_back(wall);
     impulses->push_back(wall.body_b == number ? missing : Vector3(-missing));
+  }
+  for (const PaidImpulse& paid : mover.paid()) {
+    contacts->push_back(paid.contact);
+    impulses->push_back(paid.impulse_W);
   }
 }
 

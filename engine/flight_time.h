@@ -54,7 +54,7 @@ class FlightTime {
                         std::span<const Contact> resolved, std::span<Body> bodies);
   // After the move. A body that stopped at a wall lacks what gravity would have given it in the time left, and in the next step
   // it has that much more: as far as anybody can tell the wall took it and gives it back. These impulses [N s] on body_b join
-  // those of the contacts.
+  // those of the contacts, as do those that walls gave to bodies that paid for height (lift.h).
   void ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,
                       std::vector<Vector3>* impulses) const;
   void EndStep(double dt, std::span<const Body> bodies, const Mover& mover, FlightMemory* memory) const;
@@ -69,17 +69,21 @@ class FlightTime {
     Vector3 impulse_W;  // [N s] on body_b
   };
   bool Meets(const Contact& contact) const;
+  void FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
+                          std::span<const Vector3> holding, std::span<const Body> bodies);
 
   bool exact_;
   BouncedMotion bounced_;
-  std::span<const double> tolerances_;   // of BeginStep, during the step
-  std::vector<std::uint8_t> in_flight_;  // per body: flew, and nothing stops it yet
-  std::vector<double> durations_;        // [s] per body
-  std::vector<Load> loads_;              // what the user wants of bodies whose forces stand in for a longer step
-  std::vector<std::uint8_t> rebounded_;  // per body: a contact rebounds in this step
-  std::vector<std::uint8_t> flies_;      // per body: no contact pushes it in this step
-  std::vector<Attributed> gained_;       // what bodies that move for longer than the step got for that
-  std::vector<Twist> before_;            // per body: velocities that its motion begins with
+  std::span<const double> tolerances_;    // of BeginStep, during the step
+  std::vector<std::uint8_t> in_flight_;   // per body: flew, and nothing stops it yet
+  std::vector<double> durations_;         // [s] per body
+  std::vector<Load> loads_;               // what the user wants of bodies whose forces stand in for a longer step
+  std::vector<std::uint8_t> rebounded_;   // per body: a contact rebounds in this step
+  std::vector<std::uint8_t> flies_;       // per body: no contact pushes it in this step
+  std::vector<std::uint8_t> in_the_air_;  // per body: no contact supports it, or it bounces within the step
+  std::vector<int> roots_;                // scratch: bodies that push each other
+  std::vector<Attributed> gained_;        // what bodies that move for longer than the step got for that
+  std::vector<Twist> before_;             // per body: velocities that its motion begins with
 };
 
 }  // namespace islet

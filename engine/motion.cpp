@@ -146,6 +146,9 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   for (size_t i = 0; i < bodies.size(); ++i) free_turns_[i] = planned_[i].angular;
   free_way_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) free_way_[i] = planned_[i].linear.norm();
+  shifts_.assign(bodies.size(), {});
+  shifted_pairs_.clear();
+  shifted_contacts_.clear();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
   for (outcome.passes = 0;; ++outcome.passes) {
@@ -156,6 +159,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (corrected) RememberSpins(bodies, *contacts);
     Apply(bodies);
     if (corrected) RestoreSpins(bodies);
+    if (corrected) RememberCorrections(*contacts);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -168,6 +172,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
+  PayForLifts(plan.owes, bodies);
   if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
   return outcome;
 }
@@ -249,6 +254,7 @@ bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bo
   islands::BuildPartition({cut_, pairs_}, &partition_);
   island_contacts_.resize(partition_.contacts.size());
   wanted_.assign(partition_.num_islands(), 0);
+  corrections_.assign(bodies.size(), {});
   for (int i = 0; i < partition_.num_islands(); ++i) {
     for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
       const int c = island_contacts_[k] = linked_[partition_.contacts[k]];
@@ -290,8 +296,10 @@ void Mover::SolveIsland(int island, int worker, double scale, std::span<const Bo
   const double share = CorrectionShare(members, numbers, bodies, w);
   for (size_t i = 0; i < members.size(); ++i) {
     const Twist displacement = w.DisplacementOf(i);
-    planned_[members[i]].linear += share * displacement.linear_W;
-    planned_[members[i]].angular += share * displacement.angular_W;
+    Displacement& correction = corrections_[members[i]];
+    correction = {share * displacement.linear_W, share * displacement.angular_W};
+    planned_[members[i]].linear += correction.linear;
+    planned_[members[i]].angular += correction.angular;
   }
 }
 
@@ -329,20 +337,61 @@ double Mover::CorrectionShare(std::span<const int> members, std::span<const int>
 // Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.
 void Mover::RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   spins_.assign(partition_.num_islands(), {});
+  free_.assign(wanted_.begin(), wanted_.end());
   for (int i = 0; i < partition_.num_islands(); ++i) {
-    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && free_[i]; ++k) {
       const Contact& contact = contacts[island_contacts_[k]];
-      if (cut_[contact.body_a] || cut_[contact.body_b]) wanted_[i] = 0;
+      if (cut_[contact.body_a] || cut_[contact.body_b]) free_[i] = 0;
     }
-    if (wanted_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
+    if (free_[i]) spins_[i] = SpinOf(partition_.bodies_of(i), bodies);
   }
 }
 
 void Mover::RestoreSpins(std::span<Body> bodies) {
   for (int i = 0; i < partition_.num_islands(); ++i) {
-    if (!wanted_[i]) continue;
+    if (!free_[i]) continue;
     RestoreSpin(spins_[i], partition_.bodies_of(i), bodies);
     for (const int member : partition_.bodies_of(i)) flights_.Ground(member);
+  }
+}
+
+// What the passes of this step corrected, one after the other.
+void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
+  for (size_t i = 0; i < corrections_.size(); ++i) {
+    shifts_[i].linear += corrections_[i].linear;
+    shifts_[i].angular += corrections_[i].angular;
+  }
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1] && wanted_[i]; ++k) {
+      const int c = island_contacts_[k];
+      shifted_pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
+      shifted_contacts_.push_back(contacts[c]);
+      shifted_contacts_.back().gap = gaps_[c];
+    }
+  }
+}
+
+// Over all passes: what one pushes down another one lifts again. A centre that leans on nothing stays, and gravity does no work
+// on it. A wall that moves does work itself, and what is frozen could not say what it took.
+void Mover::PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies) {
+  paid_.clear();
+  if (shifted_pairs_.empty()) return;
+  islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    const Contact* deepest = nullptr;  // of those with fixed bodies
+    bool leans = false, driven = false;
+    for (const int k : partition_.contacts_of(i)) {
+      const Contact& contact = shifted_contacts_[k];
+      if (!cut_[contact.body_a] && !cut_[contact.body_b]) continue;
+      const Body& wall = bodies[cut_[contact.body_a] ? contact.body_a : contact.body_b];
+      leans = true;
+      driven = driven || !StandsStill(wall);
+      if (wall.kind != BodyKind::kDynamic && (deepest == nullptr || contact.gap < deepest->gap)) deepest = &contact;
+    }
+    if (driven || (leans && deepest == nullptr)) continue;
+    const Lift lift{partition_.bodies_of(i), owes, shifts_, kTurnWeight, leans};
+    const Vector3 taken = PayForLift(settings_.gravity, lift, bodies);
+    if (!taken.isZero(0) && leans) paid_.push_back({*deepest, cut_[deepest->body_b] ? Vector3(-taken) : taken});
   }
 }
 

@@ -8,8 +8,9 @@
 //                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
 //                    by more than the tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
-//   velocities       are those that the contact suite certified: a correction changes none but its direction in the body, and
-//                    those of an island in flight by what keeps its momenta and energy (island_spin.h)
+//   velocities       are those that the contact suite certified: a correction changes none but its direction in the body,
+//                    those of an island in flight by what keeps its momenta and energy (island_spin.h), and those of bodies
+//                    in the air by what the height took that it gave them (lift.h)
 //
 //   threads: islands run on the pool; the result does not depend on the number of workers
 #pragma once
@@ -22,6 +23,7 @@
 #include "engine/flight.h"
 #include "engine/island_problem.h"
 #include "engine/island_spin.h"
+#include "engine/lift.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
 #include "qp/island_solver.h"
@@ -36,7 +38,8 @@ struct MotionPlan {
   double dt = 0;  // [s] of the step
   std::span<const double> durations;
   std::span<const std::uint8_t> flies;
-  std::span<const Twist> before;  // with the bodies' velocities the two ends of the trapezoidal rule
+  std::span<const std::uint8_t> owes;  // whether it owes for the height that corrections give it, see lift.h
+  std::span<const Twist> before;       // with the bodies' velocities the two ends of the trapezoidal rule
 };
 
 struct MotionOutcome {
@@ -44,6 +47,11 @@ struct MotionOutcome {
   bool reached = true;         // no pair overlaps by more than the tolerance
   double penetration_max = 0;  // [m] at the end
   int held_back = 0;           // bodies that stayed where the step began, since the passes could not part them
+};
+
+struct PaidImpulse {
+  Contact contact;
+  Vector3 impulse_W;  // [N s] on body_b
 };
 
 class Mover {
@@ -55,8 +63,9 @@ class Mover {
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
 
-  // Of the last move.
+  // Of the last move. Paid: what walls gave to bodies that paid for height.
   const Flights& flights() const { return flights_; }
+  std::span<const PaidImpulse> paid() const { return paid_; }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
@@ -67,10 +76,6 @@ class Mover {
   struct Pose {
     Vector3 position_W;  // [m]
     Quaternion rotation_WB;
-  };
-  struct Displacement {
-    Vector3 linear = Vector3::Zero();   // [m]
-    Vector3 angular = Vector3::Zero();  // [rad] rotation vector, W
   };
   struct Worker {
     IslandGatherer gatherer;
@@ -96,6 +101,8 @@ class Mover {
                          const Worker& w) const;
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
+  void RememberCorrections(const std::vector<Contact>& contacts);
+  void PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
@@ -106,20 +113,24 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
-  bool flights_move_ = false;                  // in this pass
-  std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
-  std::vector<std::uint8_t> handled_;          // per contact: left to the flights
-  std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_;                // [m] per body
-  std::vector<Pose> start_, end_;              // per body, of this step
-  std::vector<double> free_way_;               // [m] per body, of this step: without corrections
-  bool swept_only_ = false;                    // an interior-point solve of this step has failed
-  std::vector<std::uint8_t> cut_, wanted_, held_;
-  std::vector<std::pair<int, int>> pairs_;
+  bool flights_move_ = false;                               // in this pass
+  std::vector<Displacement> planned_, flown_;               // of this pass; of flying bodies: before corrections
+  std::vector<Displacement> corrections_;                   // of this pass: what `planned_` has of them
+  std::vector<Displacement> shifts_;                        // of this step: their sum
+  std::vector<std::uint8_t> handled_;                       // per contact: left to the flights
+  std::vector<Vector3> free_turns_;                         // [rad] per body: what is left of the planned free rotation
+  std::vector<Vector3> travel_;                             // [m] per body
+  std::vector<Pose> start_, end_;                           // per body, of this step
+  std::vector<double> free_way_;                            // [m] per body, of this step: without corrections
+  bool swept_only_ = false;                                 // an interior-point solve of this step has failed
+  std::vector<std::uint8_t> cut_, wanted_, free_, held_;    // per body; per island; per island; per body
+  std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<Matrix3> turns_;  // per body: what planned_ turns a lever by
   std::vector<double> gaps_;    // [m] per contact, where planned_ leads
+  std::vector<Contact> shifted_contacts_;  // of shifted_pairs_; gap: as it was predicted
+  std::vector<PaidImpulse> paid_;
   islands::Partition partition_;
   std::vector<IslandSpin> spins_;  // per island
   std::vector<Worker> workers_;

@@ -13,8 +13,6 @@ constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower
 
 constexpr double kNone = 1e-9;  // of the same: bodies that move as one approach by rounding errors
 
-constexpr std::uint8_t kBounced = 1, kGains = 2;
-
 auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
 
 // [m/s] of the contact if its bodies had these velocities.
@@ -78,16 +76,16 @@ void BouncedMotion::Restore(double dt, const Vector3& gravity_W, std::span<const
     const auto pushes = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
     return contacts[c].touches && (pushes(contacts[c].body_a) || pushes(contacts[c].body_b));
   };
-  bool any = false;
+  any_ = false;
   for (size_t c = 0; c < contacts.size(); ++c) {
     const int a = contacts[c].body_a, b = contacts[c].body_b;
     if (!contacts[c].rebounds || !held(c) || NormalVelocity(contacts[c], bodies[a], bodies[b]) >= -trembling) continue;
-    if (!any) bounced_.assign(bodies.size(), 0);
-    any = true;
+    if (!any_) bounced_.assign(bodies.size(), 0);
+    any_ = true;
     for (const int i : {a, b})
       if (bodies[i].Moves()) bounced_[i] = kBounced;
   }
-  if (!any) return;
+  if (!any_) return;
   earlier_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i)
     earlier_[i] = bounced_[i] ? BeforeForces(dt, gravity_W, bodies[i]) : TwistOf(bodies[i]);

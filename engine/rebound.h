@@ -47,8 +47,14 @@ class BouncedMotion {
   void Restore(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Contact> contacts,
                std::span<const Vector3> holding, std::vector<Twist>* before);
 
+  // Of the last Restore: the body bounced within the step, and its contacts did no work.
+  bool Bounced(int body) const { return any_ && bounced_[body] == kBounced; }
+
  private:
-  std::vector<std::uint8_t> bounced_;  // per body
+  static constexpr std::uint8_t kBounced = 1, kGains = 2;
+
+  bool any_ = false;
+  std::vector<std::uint8_t> bounced_;  // per body, if any
   std::vector<Twist>
       earlier_;  // per body: before gravity and the static impulses, of those that bounced; now, of others
 };
