@@ -21,7 +21,7 @@ constexpr int kCarefulPower = 3;  // the same, after so many iterations without 
 constexpr int kStuck = 3;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
-constexpr double kLeastSigma = 3e-4;
+constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
 constexpr double kResidualShare = 2;   // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kSoftness = 3e-2;     // of a contact's own W_nn, where impulses near given ones are asked for
