@@ -6,6 +6,15 @@
 namespace islet::qp {
 namespace {
 
+#if ISLET_BITS == 256
+// All bits of the first lanes, none of the others.
+ISLET_INLINE __m256i FirstLanes(int count) {
+  if constexpr (sizeof(Number) == 8)
+    return _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_setr_epi64x(0, 1, 2, 3));
+  return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+}
+#endif
+
 // x -= columns j .. j+N-1 times value, for the lines [from, to).
 template <int N>
 ISLET_INLINE void SubtractColumns(const Number* columns, int stride, const Number* value, int from, int to, Number* x) {
@@ -31,12 +40,24 @@ void ForwardBlock(const ThisFront& f, int j, Number* x) {
       for (int q = p + 1; q < N; ++q) value[q] -= column[q] * value[p];
     }
     for (int p = 0; p < N; ++p) own[p] = value[p];
-    const int line = ThisFront::RoundDown(f.lead + c + N), stays = f.lead + c + N - line;
+    const int first = f.lead + c + N, line = ThisFront::RoundDown(first);
     if (line >= end) continue;
+#if ISLET_BITS == 256
+    // Whole vectors: what lies before the first line stays as it is, without a detour through memory.
+    int whole = line;
+    for (; whole < first; whole += kLanes) {
+      const Vec before = Load(x + whole);
+      Vec sum = before;
+      for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(l + whole + p * f.panel_stride), -value[p], sum);
+      Store(x + whole, (decltype(sum < sum))FirstLanes(first - whole) ? before : sum);
+    }
+    SubtractColumns<N>(l, f.panel_stride, value, whole, end, x);
+#else
     Number kept[ThisFront::kVector];  // whole vectors: what is overwritten before the first line is put back
-    for (int q = 0; q < stays; ++q) kept[q] = x[line + q];
+    for (int q = 0; q < first - line; ++q) kept[q] = x[line + q];
     SubtractColumns<N>(l, f.panel_stride, value, line, end, x);
-    for (int q = 0; q < stays; ++q) x[line + q] = kept[q];
+    for (int q = 0; q < first - line; ++q) x[line + q] = kept[q];
+#endif
   }
 }
 
@@ -53,6 +74,10 @@ ISLET_INLINE Vec LoadSome(const Number* p, int from, int to) {
   const unsigned lanes = (1u << to) - (1u << from);
   if constexpr (sizeof(Number) == 8) return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>(lanes), p);
   return (Vec)_mm512_maskz_loadu_ps(static_cast<__mmask16>(lanes), p);
+#elif ISLET_BITS == 256
+  const __m256i mask = _mm256_and_si256(FirstLanes(to), ~FirstLanes(from));
+  if constexpr (sizeof(Number) == 8) return (Vec)_mm256_maskload_pd((const double*)p, mask);
+  return (Vec)_mm256_maskload_ps((const float*)p, mask);
 #else
   Vec v = {};
   for (int i = from; i < to; ++i) v[i] = p[i];
@@ -102,6 +127,16 @@ ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x,
     sum[p] = v[0] + v[1];
   }
 #undef ISLET_SHUFFLE
+#elif ISLET_LANES == 4
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+  for (int i = 0; i < N; i += 4) {
+    const Vec p = ISLET_SHUFFLE(sums[i], sums[i + 1], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i], sums[i + 1], 1, 5, 3, 7);
+    const Vec q =
+        ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 1, 5, 3, 7);
+    const Vec all = ISLET_SHUFFLE(p, q, 0, 1, 4, 5) + ISLET_SHUFFLE(p, q, 2, 3, 6, 7);
+    for (int k = i; k < N && k < i + 4; ++k) sum[k] = all[k - i];
+  }
+#undef ISLET_SHUFFLE
 #else
   for (int p = 0; p < N; ++p) {
     sum[p] = 0;
@@ -130,12 +165,14 @@ void BackwardBlock(const ThisFront& f, int j, Number* x) {
     Number* own = x + f.lead;
     Number sum[N] = {};
     if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
-    for (int p = N - 1; p >= 0; --p) {
+    Number value[N];
+    for (int p = 0; p < N; ++p) value[p] = own[c + p] - sum[p];
+    for (int p = N - 1; p >= 0; --p) {  // the one found last is taken off last: only it is waited for
       const Number* column = l + p * f.panel_stride;
-      Number value = own[c + p] - sum[p];
-      for (int q = p + 1; q < N; ++q) value -= column[c + q] * own[c + q];
-      own[c + p] = value * column[c + p];
+      for (int q = N - 1; q > p; --q) value[p] -= column[c + q] * value[q];
+      value[p] *= column[c + p];
     }
+    for (int p = 0; p < N; ++p) own[c + p] = value[p];
   }
 }
 

@@ -13,8 +13,11 @@ constexpr double kStartPush = 0.2;  // of v_ref: how far inside its cone a row s
 constexpr double kStartImpulse =
     5;  // times what would stop one v_ref at the contact alone: piles press more than single bodies
 constexpr double kStepShare = 0.995;  // of the way to the boundary
-constexpr int kSigmaPower = 6;        // of what the affine step leaves; Mehrotra's 3 centres more than correctors need
-constexpr int kCarefulPower = 3;      // the same, after so many iterations without progress
+// The same on the way to an aim below the tolerance, where affine steps reach farther than that: all contacts clearly stick,
+// slide or part, and the gap falls by what a step leaves of the way.
+constexpr double kMostShare = 0.9999;
+constexpr int kSigmaPower = 6;    // of what the affine step leaves; Mehrotra's 3 centres more than correctors need
+constexpr int kCarefulPower = 3;  // the same, after so many iterations without progress
 constexpr int kStuck = 3;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
@@ -24,9 +27,12 @@ constexpr double kResidualShare = 2;   // residuals [velocity] may be this many 
 constexpr double kSoftness = 3e-2;     // of a contact's own W_nn, where impulses near given ones are asked for
 constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
 constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
-constexpr int kMaxCorrectors = 3;                  // centrality correctors per factorisation [Gon96]
-constexpr double kCorrectorReach = 0.3;            // by how much a corrector tries to lengthen the step
-constexpr double kCorrectorGain = 0.1;             // what it must have gained of that to be kept
+// Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
+// this much of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
+constexpr double kMapAim = 1e-11, kMapPerGap = 0.1;
+constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
+constexpr double kCorrectorReach = 0.3;                 // by how much a corrector tries to lengthen the step
+constexpr double kCorrectorGain = 0.1;                  // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 // Early on, the factors of big islands are of single precision: the steps are as long, and what the directions leave of the
 // momentum balance is removed with the rest.
@@ -94,11 +100,12 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
              offset,
              contact.compliance,
              softness_[c] * mean_mass_,
-             {}});
+             {},
+             0});
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}});
+    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}, 0});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1, !settings.ladder.Has(Rung::kNormal));
   PlaceRows();
@@ -140,12 +147,14 @@ void InteriorPoint::ChooseStart() {
   for (int i = 0; i < scaled_.num_bodies(); ++i)
     for (int f = 0; f < fields; ++f) At(y_, stride * i + 6 * f) = scaled_.bodies[i].velocity;
   double unit[kMaxRows], s[kMaxRows];
-  for (const Rows& rows : rows_) {
+  for (Rows& rows : rows_) {
     const ContactTerm& contact = scaled_.contacts[rows.contact];
+    const Matrix3 delassus = DelassusBlock(scaled_, contact);
+    rows.rho = 3 / delassus.trace();
     MapToRows(rows.cone, FieldVelocity(contact, stride, rows.field, y_) + rows.offset, s);
     Identity(rows.cone.kind, unit);
     const double push = kStartPush + std::max(0.0, -MinEigenvalue(rows.cone.kind, s));
-    const double impulse = kStartImpulse / DelassusBlock(scaled_, contact)(0, 0) / Degree(rows.cone.kind);
+    const double impulse = kStartImpulse / delassus(0, 0) / Degree(rows.cone.kind);
     for (int i = 0; i < NumRows(rows.cone.kind); ++i) {
       s_[rows.place.first + i].at[rows.place.lane] = s[i] + push * unit[i];
       z_[rows.place.first + i].at[rows.place.lane] = impulse * unit[i];
@@ -158,6 +167,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   Residuals best{INFINITY, INFINITY, INFINITY};
   bool solved = false;
   int stalled = 0;
+  double look_below = HasNaturalMap() ? kMapAim / kMapPerGap : 0;  // merit
   const double aim = settings.aim > 0 ? std::min(settings.aim, settings.tolerance) : settings.tolerance;
   const double least_sigma = aim < settings.tolerance ? kLeastSigma : 0;
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
@@ -185,7 +195,12 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_;
       break;
     }
-    const bool there = solved && (aim >= settings.tolerance || merit <= aim);
+    bool there = solved && (aim >= settings.tolerance || merit <= aim);
+    if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kMapAim) {
+      const double map = NaturalMap();
+      there = map <= kMapAim;
+      look_below = merit * kMapAim / map;
+    }
     if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
       break;
     if (!UpdateScalings()) break;
@@ -208,9 +223,10 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
+    const double share = least_sigma > 0 ? std::clamp(affine, kStepShare, kMostShare) : kStepShare;
     AimAt(goal, stuck ? affine : 1);
     ComputeDirection(weight, refine_, &direction_);
-    double step = std::min(1.0, kStepShare * LongestStep(direction_.bound, 2));
+    double step = std::min(1.0, share * LongestStep(direction_.bound, 2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
       if (!ImproveCentrality(weight, std::max(goal, 1e-3 * mu), &step)) break;
     }
@@ -235,20 +251,22 @@ bool InteriorPoint::AffineInSingle(double largest_error) {
 // 0 <= z . (A v + c) <= |A^T z| |v| + z . c in the mass metric and its dual.
 double InteriorPoint::LeastEnergy() {
   const int stride = 6 * kkt_.num_fields();
-  std::fill(error_.begin(), error_.end(), 0.0);
   double lack = 0;
   for (const Rows& rows : rows_) {
+    if (rows.field == 0 && !rows.IsSoft()) lack -= ImpulseAt(rows.cone, z_, rows.place).dot(rows.offset);
+  }
+  if (lack <= 0) return 0;
+  std::fill(error_.begin(), error_.end(), 0.0);
+  for (const Rows& rows : rows_) {
     if (rows.field > 0 || rows.IsSoft()) continue;
-    const Vector3 j = ImpulseAt(rows.cone, z_, rows.place);
-    lack -= j.dot(rows.offset);
-    AddForce(scaled_.contacts[rows.contact], stride, 0, 1, j, &error_);
+    AddForce(scaled_.contacts[rows.contact], stride, 0, 1, ImpulseAt(rows.cone, z_, rows.place), &error_);
   }
   double push = 0;
   for (int i = 0; i < scaled_.num_bodies(); ++i) {
     const Vector6 force = At(error_, stride * i);
     push += force.dot(InverseMassTimes(scaled_.bodies[i], force));
   }
-  return lack <= 0 ? 0 : 0.5 * lack * lack / push;
+  return 0.5 * lack * lack / push;
 }
 
 // One centrality corrector: look where a longer step would lead, pull the products that leave the band back into it,

@@ -42,6 +42,7 @@ class InteriorPoint {
     Vector3 offset;
     double compliance, softness;  // R = compliance I + softness n n^T
     RowPlace place;
+    double rho;  // of the natural map, 3 / tr W
     bool IsSoft() const { return compliance > 0 || softness > 0; }
   };
   struct Residuals {
@@ -61,6 +62,8 @@ class InteriorPoint {
   void ChooseStart();
   Residuals ComputeResiduals();
   double LeastEnergy();
+  bool HasNaturalMap() const;
+  double NaturalMap() const;
   bool UpdateScalings();
   // Direction for its targets, residuals weighted by `weight`. Reads primal_, dual_ and the factors.
   void ComputeDirection(double weight, bool refine, Direction* direction);

@@ -23,6 +23,12 @@ constexpr double kBlockGain = 0.7;    // of the natural map, for another block
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
+// Rounds of small islands whose slips come from the rounds before alone.
+constexpr int kLeastMixed = 4;  // bodies: among fewer, sweeps carry every load and cost less than another round
+constexpr int kMixedRounds = 10;
+constexpr double kMixedGain = 0.7;    // of the natural map, for another one; it may be missed once
+constexpr double kMixedShare = 0.03;  // of the natural map: what the next round's answer may miss of its own problem
+constexpr double kMixedAim = 1e-6;    // and at most so much [gap]
 
 double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
@@ -114,7 +120,8 @@ void IslandSolver::SearchFromConvex(const Problem& problem, const Settings& sett
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
 // need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
 // were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
-// one answer of the convex problem, whatever the order of its contacts.
+// one answer of the convex problem, whatever the order of its contacts. On small islands the next slips are mixed from those of
+// the rounds before as long as that brings the answer nearer, which depends on no order either; sweeps are for where it does not.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
@@ -123,9 +130,10 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
-  double best = INFINITY;
-  bool accurate = small;
-  const int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1);
+  double best = INFINITY, before = INFINITY;
+  bool accurate = small, mixes = small && circular && problem.num_bodies() >= kLeastMixed;
+  int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), missed = 0;
+  if (mixes) mixing_.Begin(slips_.size());
   for (int round = 1;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
@@ -138,14 +146,31 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
       continue;
     }
-    const double map = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms;
+    const auto [worst, map] = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_);
     swept_impulses_ = trial_.impulses;
     swept_velocities_ = trial_.velocities;
     if (accurate && (map < best || !circular)) {
       best = map;
       *solution = trial_;
     }
-    if ((circular && best <= goal) || round >= cap) break;
+    // Mixed slips get there as near as sweeps must: a round more costs little.
+    const bool enough = mixes && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
+    if ((circular && enough) || round >= cap) break;
+    if (mixes) {
+      given_slips_ = slips_;
+      UpdateSlips(problem, Cone::kCircular);
+      mixing_.Add(given_slips_, slips_);
+      missed += map > kMixedGain * before;
+      before = map;
+      mixes = missed < 2 && round <= kMixedRounds;
+      const double share = kMixedShare * map / settings.velocity_scale;
+      inner.aim = mixes ? std::clamp(share * share, kSmallAim, kMixedAim) : kSmallAim;
+      if (mixes) {
+        mixing_.Next(&slips_);
+        continue;
+      }
+      cap += round;  // those of the sweeps are all to come
+    }
     // Plain sweeps stay near the one answer of the convex problem; where they do not settle, another will do.
     if (circular && round == 1) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     if (circular && round > 1) Search(problem, settings);

@@ -32,6 +32,7 @@
 #include "qp/planar_problem.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
+#include "qp/slip_mixing.h"
 #include "qp/solution.h"
 #include "qp/sticking_step.h"
 
@@ -107,6 +108,8 @@ class IslandSolver {
   std::vector<double> swept_velocities_, swept_slips_;
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
+  SlipMixing mixing_;
+  std::vector<double> given_slips_;
   std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
 };
 

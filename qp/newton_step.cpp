@@ -5,6 +5,7 @@
 
 #include "qp/body_algebra.h"
 #include "qp/interior_point.h"
+#include "qp/natural_map.h"
 
 namespace islet::qp {
 namespace {
@@ -60,6 +61,23 @@ double InteriorPoint::MassNorm(const std::vector<double>& momentum) const {
     }
   }
   return std::sqrt(sum / mass);
+}
+
+bool InteriorPoint::HasNaturalMap() const {
+  return kkt_.num_fields() == 1 && std::all_of(rows_.begin(), rows_.end(), [](const Rows& rows) {
+           return rows.cone.kind != ConeKind::kOctagon && rows.softness == 0;
+         });
+}
+
+// Of the convex law with the velocities at hand, rms over the contacts.
+double InteriorPoint::NaturalMap() const {
+  double sum = 0;
+  for (const Rows& rows : rows_) {
+    const Vector3 j = ImpulseAt(rows.cone, z_, rows.place);
+    const Vector3 u = FieldVelocity(scaled_.contacts[rows.contact], 6, 0, y_) + rows.offset + rows.compliance * j;
+    sum += ((j - ProjectOnCircularCone(j - rows.rho * u, rows.cone.friction)) / rows.rho).squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(rows_.size()));
 }
 
 // Scalings, what the matrix needs of them, and the target of the affine direction.
