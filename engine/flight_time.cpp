@@ -109,10 +109,9 @@ void FlightTime::FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::sp
     if (bodies[a].Moves() == bodies[b].Moves() || !pushes(c)) continue;
     in_the_air_[joined.Find(bodies[a].Moves() ? a : b)] = 0;
   }
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    const int number = static_cast<int>(i);
-    in_the_air_[i] = in_the_air_[joined.Find(number)] || bounced_.Bounced(number);
-  }
+  // All members first: who bounces is in the air alone, also where the others are known by its number.
+  for (size_t i = 0; i < bodies.size(); ++i) in_the_air_[i] = in_the_air_[joined.Find(static_cast<int>(i))];
+  for (size_t i = 0; i < bodies.size(); ++i) in_the_air_[i] |= bounced_.Bounced(static_cast<int>(i));
 }
 
 void FlightTime::ReportImpulses(const Mover& mover, std::span<const Body> bodies, std::vector<Contact>* contacts,

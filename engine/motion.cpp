@@ -33,6 +33,10 @@ constexpr double kPassTolerance = 1e-3;
 constexpr double kFarthest = 20;
 constexpr double kMassRatio = 100;
 
+// Restitution above which lifts are paid for. Below it bounces lose more than lifts give, and a correction is known to a tenth of
+// the overlap tolerance only: who pays for it has a velocity that depends on the numbers of the bodies (1e-3 m/s in a heap).
+constexpr double kElastic = 0.8;
+
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
@@ -138,6 +142,7 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
+  owes_ = plan.owes;
   PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
@@ -172,8 +177,12 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
-  PayForLifts(plan.owes, bodies);
-  if (!outcome.reached) HoldBack(tolerances, detect, bodies, contacts, &outcome);
+  paid_.clear();
+  if (outcome.reached) {
+    PayForLifts(bodies);
+  } else {
+    HoldBack(tolerances, detect, bodies, contacts, &outcome);
+  }
   return outcome;
 }
 
@@ -372,24 +381,25 @@ void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
 }
 
 // Over all passes: what one pushes down another one lifts again. A centre that leans on nothing stays, and gravity does no work
-// on it. A wall that moves does work itself, and what is frozen could not say what it took.
-void Mover::PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies) {
-  paid_.clear();
+// on it. A wall that moves does work itself, and what is frozen could not say what it took. Not where bodies are held back: they
+// do not keep their height.
+void Mover::PayForLifts(std::span<Body> bodies) {
   if (shifted_pairs_.empty()) return;
   islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
   for (int i = 0; i < partition_.num_islands(); ++i) {
     const Contact* deepest = nullptr;  // of those with fixed bodies
-    bool leans = false, driven = false;
+    bool leans = false, driven = false, elastic = false;
     for (const int k : partition_.contacts_of(i)) {
       const Contact& contact = shifted_contacts_[k];
+      elastic = elastic || contact.restitution > kElastic;
       if (!cut_[contact.body_a] && !cut_[contact.body_b]) continue;
       const Body& wall = bodies[cut_[contact.body_a] ? contact.body_a : contact.body_b];
       leans = true;
       driven = driven || !StandsStill(wall);
       if (wall.kind != BodyKind::kDynamic && (deepest == nullptr || contact.gap < deepest->gap)) deepest = &contact;
     }
-    if (driven || (leans && deepest == nullptr)) continue;
-    const Lift lift{partition_.bodies_of(i), owes, shifts_, kTurnWeight, leans};
+    if (!elastic || driven || (leans && deepest == nullptr)) continue;
+    const Lift lift{partition_.bodies_of(i), owes_, shifts_, kTurnWeight, leans};
     const Vector3 taken = PayForLift(settings_.gravity, lift, bodies);
     if (!taken.isZero(0) && leans) paid_.push_back({*deepest, cut_[deepest->body_b] ? Vector3(-taken) : taken});
   }

@@ -102,7 +102,7 @@ class Mover {
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
   void RememberCorrections(const std::vector<Contact>& contacts);
-  void PayForLifts(std::span<const std::uint8_t> owes, std::span<Body> bodies);
+  void PayForLifts(std::span<Body> bodies);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
@@ -113,6 +113,7 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
+  std::span<const std::uint8_t> owes_;                      // of the plan, during the step
   bool flights_move_ = false;                               // in this pass
   std::vector<Displacement> planned_, flown_;               // of this pass; of flying bodies: before corrections
   std::vector<Displacement> corrections_;                   // of this pass: what `planned_` has of them
@@ -127,8 +128,8 @@ class Mover {
   std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
-  std::vector<Matrix3> turns_;  // per body: what planned_ turns a lever by
-  std::vector<double> gaps_;    // [m] per contact, where planned_ leads
+  std::vector<Matrix3> turns_;             // per body: what planned_ turns a lever by
+  std::vector<double> gaps_;               // [m] per contact, where planned_ leads
   std::vector<Contact> shifted_contacts_;  // of shifted_pairs_; gap: as it was predicted
   std::vector<PaidImpulse> paid_;
   islands::Partition partition_;

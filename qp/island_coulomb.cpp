@@ -24,7 +24,8 @@ constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 // Rounds of small islands whose slips come from the rounds before alone.
-constexpr int kLeastMixed = 4;  // bodies: among fewer, sweeps carry every load and cost less than another round
+constexpr int kLeastMixed = 4;     // bodies: among fewer, sweeps carry every load and cost less than another round
+constexpr int kSweepsBefore = 30;  // which are enough in most loose heaps
 constexpr int kMixedRounds = 10;
 constexpr double kMixedGain = 0.7;    // of the natural map, for another one; it may be missed once
 constexpr double kMixedShare = 0.03;  // of the natural map: what the next round's answer may miss of its own problem
@@ -131,49 +132,65 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY, before = INFINITY;
-  bool accurate = small, mixes = small && circular && problem.num_bodies() >= kLeastMixed;
-  int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), missed = 0;
+  bool accurate = small, mixes = small && circular && problem.num_bodies() >= kLeastMixed, begun = false;
+  int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), missed = 0, sweeps_from = 1;
   if (mixes) mixing_.Begin(slips_.size());
   for (int round = 1;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
     RunInteriorPoint(problem, inner, slips_, &trial_);
     trial_.rounds = round;
-    if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
+    const bool fails = trial_.status == Status::kFailed || trial_.status == Status::kInfeasible;
+    if (fails && !(mixes && begun)) {
       if (!std::isfinite(best)) *solution = trial_;
       if (round > 1 || !circular) break;
       FindFirstSlips(problem, goal);
       if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
       continue;
     }
-    const auto [worst, map] = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_);
-    swept_impulses_ = trial_.impulses;
-    swept_velocities_ = trial_.velocities;
-    if (accurate && (map < best || !circular)) {
-      best = map;
-      *solution = trial_;
+    double map = INFINITY, worst = INFINITY;
+    if (!fails) {
+      const NaturalMap maps = CoulombMap(problem, trial_.velocities, trial_.impulses, scales_);
+      map = maps.rms, worst = maps.max;
+      swept_impulses_ = trial_.impulses;
+      swept_velocities_ = trial_.velocities;
+      if (accurate && (map < best || !circular)) {
+        best = map;
+        *solution = trial_;
+      }
     }
     // Mixed slips get there as near as sweeps must: a round more costs little.
     const bool enough = mixes && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
     if ((circular && enough) || round >= cap) break;
     if (mixes) {
-      given_slips_ = slips_;
-      UpdateSlips(problem, Cone::kCircular);
-      mixing_.Add(given_slips_, slips_);
-      missed += map > kMixedGain * before;
+      if (!begun) {  // later than in the first round where that had no answer
+        begun = true;
+        gauss_seidel_.Sweep(problem, kSweepsBefore, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+        if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
+        swept_impulses_ = first_.impulses = trial_.impulses;
+        swept_velocities_ = first_.velocities = trial_.velocities;
+      }
+      missed += fails ? 2 : map > kMixedGain * before;
       before = map;
       mixes = missed < 2 && round <= kMixedRounds;
       const double share = kMixedShare * map / settings.velocity_scale;
       inner.aim = mixes ? std::clamp(share * share, kSmallAim, kMixedAim) : kSmallAim;
       if (mixes) {
+        given_slips_ = slips_;
+        UpdateSlips(problem, Cone::kCircular);
+        mixing_.Add(given_slips_, slips_);
         mixing_.Next(&slips_);
         continue;
       }
-      cap += round;  // those of the sweeps are all to come
+      cap += round;  // those of the sweeps are all to come, from the first answer
+      swept_impulses_ = first_.impulses;
+      swept_velocities_ = first_.velocities;
+      sweeps_from = round;
     }
     // Plain sweeps stay near the one answer of the convex problem; where they do not settle, another will do.
-    if (circular && round == 1) gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-    if (circular && round > 1) Search(problem, settings);
+    if (circular && round == sweeps_from)
+      gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    if (circular && round > sweeps_from) Search(problem, settings);
     const double change = UpdateSlips(problem, settings.cone);
     if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
     const bool settled = !circular && change <= goal;

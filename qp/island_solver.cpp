@@ -16,8 +16,9 @@ constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without 
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
 constexpr int kNormalSweeps = 30;      // before an interior point that starts from them
-constexpr double kHeldLeft = 0.1;      // of that: what a linear step towards it may leave
-constexpr double kSweptShare = 1e-2;   // of it: where sweeps begin, which are slow
+// Of it: where a linear step begins, and where sweeps do, which are slow. What freezing takes for acceleration is as much as all
+// of it, a billionth of v_ref a frame.
+constexpr double kStickShare = 0.1, kSweptShare = 1e-2;
 constexpr int kHeldSweeps = 30;
 
 bool AnyFriction(const Problem& problem) {
@@ -226,9 +227,10 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   double map = MapOfSwept(problem).max;
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
-  if (map > (sticks ? 1 : kSweptShare) * kHeldShare * scale) {
+  if (map > (sticks ? kStickShare : kSweptShare) * kHeldShare * scale) {
     if (sticks) {
-      sticking_step_.Take(problem, scales_, kHeldLeft * kHeldShare * scale, &swept_impulses_, &swept_velocities_);
+      sticking_step_.Take(problem, scales_, 0.1 * kStickShare * kHeldShare * scale, &swept_impulses_,
+                          &swept_velocities_);
     } else {
       gauss_seidel_.Prepare(problem);
       gauss_seidel_.Sweep(problem, kHeldSweeps, 0.1 * kSweptShare * kHeldShare * scale, &swept_impulses_,

@@ -110,6 +110,7 @@ class IslandSolver {
   std::vector<double> best_velocities_;
   SlipMixing mixing_;
   std::vector<double> given_slips_;
+  Solution first_;                      // impulses and velocities without slips
   std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
 };
 

@@ -13,6 +13,8 @@ constexpr double kStiffness = 1e6;  // D, in 1 / W
 constexpr int kRounds = 4;          // with one factorisation
 constexpr double kInside = 0.98;    // of mu j_n: what presses with a larger tangential impulse slides, or may
 
+constexpr double kLeastFriction = 1e-4;  // below it the cone is too thin a room for a step
+
 }  // namespace
 
 Matrix3 ConeMetric(const Vector3& j, double mu) {
@@ -31,7 +33,8 @@ double MeanLoad(const std::vector<Vector3>& impulses, const std::vector<double>&
 bool StickingStep::Fits(const Problem& problem, const std::vector<Vector3>& impulses) {
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const Vector3& j = impulses[c];
-    if (j[0] > 0 && j.tail<2>().norm() >= kInside * problem.contacts[c].friction * j[0]) return false;
+    const double friction = problem.contacts[c].friction;
+    if (j[0] > 0 && (friction < kLeastFriction || j.tail<2>().norm() >= kInside * friction * j[0])) return false;
   }
   return true;
 }
