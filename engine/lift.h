@@ -9,7 +9,7 @@
 //   the rest  what no pushes can pay, since too little moves along them, is taken from the velocities of those that owe, all
 //             alike, down to rest at most: nobody goes below
 //   who owes  bodies that no contact supports in this step. What is supported owes nothing: a pile that is parted by a hair
-//             must come to rest
+//             must come to rest. Islands that do not bounce nearly elastically are not asked at all (motion.cpp)
 //
 //   threads: pure functions
 #pragma once
