@@ -96,10 +96,7 @@ void FlightTime::FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::sp
   if (!exact_) return;
   roots_.resize(bodies.size());
   islands::DisjointSets joined(roots_);
-  const auto pushes = [&](size_t c) {
-    const auto pushed = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
-    return pushed(resolved[c].body_a) || pushed(resolved[c].body_b);
-  };
+  const auto pushes = [&](size_t c) { return PushesEither(resolved[c], holding[c], gravity_W, dt, bodies); };
   for (size_t c = 0; c < resolved.size(); ++c) {
     const int a = resolved[c].body_a, b = resolved[c].body_b;
     if (bodies[a].Moves() && bodies[b].Moves() && pushes(c)) joined.Union(a, b);

@@ -384,14 +384,15 @@ void Mover::RememberCorrections(const std::vector<Contact>& contacts) {
 // on it. A wall that moves does work itself, and what is frozen could not say what it took. Not where bodies are held back: they
 // do not keep their height.
 void Mover::PayForLifts(std::span<Body> bodies) {
-  if (shifted_pairs_.empty()) return;
+  const auto is_elastic = [](const Contact& contact) { return contact.restitution > kElastic; };
+  if (std::none_of(shifted_contacts_.begin(), shifted_contacts_.end(), is_elastic)) return;
   islands::BuildPartition({cut_, shifted_pairs_}, &partition_);
   for (int i = 0; i < partition_.num_islands(); ++i) {
     const Contact* deepest = nullptr;  // of those with fixed bodies
     bool leans = false, driven = false, elastic = false;
     for (const int k : partition_.contacts_of(i)) {
       const Contact& contact = shifted_contacts_[k];
-      elastic = elastic || contact.restitution > kElastic;
+      elastic = elastic || is_elastic(contact);
       if (!cut_[contact.body_a] && !cut_[contact.body_b]) continue;
       const Body& wall = bodies[cut_[contact.body_a] ? contact.body_a : contact.body_b];
       leans = true;

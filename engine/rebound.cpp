@@ -57,6 +57,12 @@ bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const B
   return impulse.norm() > kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
 }
 
+bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
+                  std::span<const Body> bodies) {
+  const auto pushed = [&](int i) { return bodies[i].Moves() && Pushes(impulse, gravity_W, dt, bodies[i]); };
+  return pushed(contact.body_a) || pushed(contact.body_b);
+}
+
 Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body) {
   if (!body.Moves()) return TwistOf(body);
   const Twist forces = ChangeByForces(dt, gravity_W, body);
@@ -73,8 +79,7 @@ void BouncedMotion::Restore(double dt, const Vector3& gravity_W, std::span<const
                             std::vector<Twist>* before) {
   const double trembling = kTrembling * gravity_W.norm() * dt;
   const auto held = [&](size_t c) {
-    const auto pushes = [&](int i) { return bodies[i].Moves() && Pushes(holding[c], gravity_W, dt, bodies[i]); };
-    return contacts[c].touches && (pushes(contacts[c].body_a) || pushes(contacts[c].body_b));
+    return contacts[c].touches && PushesEither(contacts[c], holding[c], gravity_W, dt, bodies);
   };
   any_ = false;
   for (size_t c = 0; c < contacts.size(); ++c) {

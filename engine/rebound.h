@@ -32,6 +32,9 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
 
 // A static impulse that is more than a solver's rounding.
 bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body);
+// The same for the contact's bodies that move: either of them.
+bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
+                  std::span<const Body> bodies);
 
 // [m/s] normal velocity of the contact before gravity and external force acted on its bodies for dt.
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies);

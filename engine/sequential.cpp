@@ -13,8 +13,10 @@ constexpr double kTie = 1e-4;     // of the fastest approach: contacts that diff
 constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
 constexpr int kMostSweeps = 400;
 constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change velocities by less
-constexpr int kPolish = 30;  // sweeps towards rounding after that. Where contacts share a line of action, they may
-constexpr double kRounding = 1e-14;       // pass an impulse of rounding's size to each other for ever
+// Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
+// other for ever.
+constexpr int kPolish = 30;
+constexpr double kRounding = 1e-14;       // of the fastest approach
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding

@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "qp/body_algebra.h"
+#include "qp/sticking_step.h"
 
 namespace islet::qp {
 namespace {
@@ -80,7 +81,7 @@ void Compounds::FindBonds(const Problem& problem, std::span<const Vector3> start
     const ContactTerm& contact = problem.contacts[c];
     const Vector3& j = start[c];
     if (contact.body_a < 0 || contact.body_b < 0 || contact.target != 0 || !contact.drift.isZero(0) || !(j[0] > 0) ||
-        j.tail<2>().squaredNorm() > std::pow(kInside * contact.friction * j[0], 2) || contact.friction == 0)
+        j.tail<2>().squaredNorm() > std::pow(kInsideCone * contact.friction * j[0], 2) || contact.friction == 0)
       continue;
     if (ContactVelocity(contact, velocities.data()).squaredNorm() > std::pow(kApart * velocity_scale, 2)) continue;
     bonds_.push_back({contact.body_a, contact.body_b, c});

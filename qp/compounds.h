@@ -48,8 +48,6 @@ class Compounds {
   int factorisations() const { return factorisations_; }  // since Find
 
  private:
-  static constexpr double kInside = 0.98;  // of mu j_n: tangential impulses below it stick
-
   struct Bond {  // one bound contact
     int a, b, contact;
   };

@@ -12,7 +12,6 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStiffness = 1e6;    // of sticking contacts, times 1 / W
 constexpr double kLeastShare = 1e-2;  // of the mean load: what every sticking contact begins with
 constexpr double kStillShare = 0.1;   // of the goal: velocity at a contact that sticks
 constexpr double kEnough = 1e-3;      // of the goal: momentum that may be missing, as a velocity
@@ -117,7 +116,7 @@ void Compounds::BeginInside(const Problem& problem, std::span<const Vector3> sta
   for (const int c : sticking_) {
     Vector3& j = (*impulses)[c];
     j[0] = std::max(j[0], least);
-    const double size = j.tail<2>().norm(), room = kInside * problem.contacts[c].friction * j[0];
+    const double size = j.tail<2>().norm(), room = kInsideCone * problem.contacts[c].friction * j[0];
     if (size > room) j.tail<2>() *= room / size;
   }
 }
@@ -137,15 +136,11 @@ double Compounds::MissingMomentum(const Problem& problem, const std::vector<doub
   return std::sqrt(worst);
 }
 
-// Towards the impulses that give what is missing, in the metric in which the cone's border is far away: D is the inverse
-// Hessian of its barrier, so that contacts change by no more than what they bear.
+// Towards the impulses that give what is missing, in the metric in which the cone's border is far away.
 void Compounds::Step(std::vector<Vector3>* impulses) {
   borne_.clear();
   for (const int c : sticking_) borne_.push_back((*impulses)[c]);
-  const double stiffness = kStiffness / MeanLoad(borne_, weights_);
-  blocks_.resize(sticking_.size());
-  for (size_t k = 0; k < sticking_.size(); ++k)
-    blocks_[k] = stiffness * ConeMetric(borne_[k], inside_.contacts[k].friction);
+  StickingMetric(inside_, borne_, weights_, &blocks_);
   system_.Factorise(inside_, blocks_, {});
   ++factorisations_;
   changes_.assign(sticking_.size(), Vector3::Zero());

@@ -100,12 +100,11 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
              offset,
              contact.compliance,
              softness_[c] * mean_mass_,
-             {},
-             0});
+             {}});
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}, 0});
+    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}});
   }
   kkt_.Prepare(scaled_, kinetic ? 2 : 1, !settings.ladder.Has(Rung::kNormal));
   PlaceRows();

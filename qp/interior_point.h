@@ -42,7 +42,7 @@ class InteriorPoint {
     Vector3 offset;
     double compliance, softness;  // R = compliance I + softness n n^T
     RowPlace place;
-    double rho;  // of the natural map, 3 / tr W
+    double rho = 0;  // of the natural map, 3 / tr W
     bool IsSoft() const { return compliance > 0 || softness > 0; }
   };
   struct Residuals {

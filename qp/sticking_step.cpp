@@ -9,13 +9,9 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStiffness = 1e6;  // D, in 1 / W
-constexpr int kRounds = 4;          // with one factorisation
-constexpr double kInside = 0.98;    // of mu j_n: what presses with a larger tangential impulse slides, or may
-
+constexpr double kStiffness = 1e6;       // D, in 1 / W
+constexpr int kRounds = 4;               // with one factorisation
 constexpr double kLeastFriction = 1e-4;  // below it the cone is too thin a room for a step
-
-}  // namespace
 
 Matrix3 ConeMetric(const Vector3& j, double mu) {
   const Vector3 x(mu * j[0], j[1], j[2]), back(1 / mu, 1, 1);
@@ -24,17 +20,23 @@ Matrix3 ConeMetric(const Vector3& j, double mu) {
   return back.asDiagonal() * d * back.asDiagonal();
 }
 
-double MeanLoad(const std::vector<Vector3>& impulses, const std::vector<double>& scales) {
+}  // namespace
+
+void StickingMetric(const Problem& problem, const std::vector<Vector3>& impulses, const std::vector<double>& scales,
+                    std::vector<Matrix3>* metric) {
   double sum = 0;
   for (size_t c = 0; c < impulses.size(); ++c) sum += impulses[c].squaredNorm() / scales[c];
-  return sum / static_cast<double>(impulses.size());
+  const double stiffness = kStiffness / (sum / static_cast<double>(impulses.size()));
+  metric->assign(impulses.size(), Matrix3::Zero());
+  for (size_t c = 0; c < impulses.size(); ++c)
+    if (impulses[c][0] > 0) (*metric)[c] = stiffness * ConeMetric(impulses[c], problem.contacts[c].friction);
 }
 
 bool StickingStep::Fits(const Problem& problem, const std::vector<Vector3>& impulses) {
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const Vector3& j = impulses[c];
     const double friction = problem.contacts[c].friction;
-    if (j[0] > 0 && (friction < kLeastFriction || j.tail<2>().norm() >= kInside * friction * j[0])) return false;
+    if (j[0] > 0 && (friction < kLeastFriction || j.tail<2>().norm() >= kInsideCone * friction * j[0])) return false;
   }
   return true;
 }
@@ -57,13 +59,8 @@ double StickingStep::FindMisses(const Problem& problem, const std::vector<Vector
 
 void StickingStep::Take(const Problem& problem, const std::vector<double>& scales, double goal,
                         std::vector<Vector3>* impulses, std::vector<double>* velocities) {
-  const double stiffness = kStiffness / MeanLoad(*impulses, scales);
-  metric_.resize(impulses->size());
+  StickingMetric(problem, *impulses, scales, &metric_);
   misses_.resize(impulses->size());
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    metric_[c].setZero();
-    if ((*impulses)[c][0] > 0) metric_[c] = stiffness * ConeMetric((*impulses)[c], problem.contacts[c].friction);
-  }
   system_.Prepare(problem, 1);
   system_.Factorise(problem, metric_, {});
   for (int round = 0; round < kRounds && FindMisses(problem, *impulses, *velocities) > goal; ++round) {

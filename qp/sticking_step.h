@@ -16,6 +16,9 @@
 
 namespace islet::qp {
 
+// Of mu j_n: what presses with a larger tangential impulse slides, or may.
+inline constexpr double kInsideCone = 0.98;
+
 class StickingStep {
  public:
   // Whether every contact that presses is strictly inside its cone.
@@ -36,10 +39,9 @@ class StickingStep {
   std::vector<double> change_;   // dv, 6 numbers a body
 };
 
-// Inverse Hessian of the barrier -log((mu j_n)^2 - |j_t|^2) of a friction cone, up to a factor of 2. mu > 0
-Matrix3 ConeMetric(const Vector3& impulse, double friction);
-
-// Mean of |j|^2 times W: what makes D of ConeMetric a multiple of 1 / W.
-double MeanLoad(const std::vector<Vector3>& impulses, const std::vector<double>& scales);
+// D, one block a contact: the inverse Hessian of the barrier -log((mu j_n)^2 - |j_t|^2) of its cone, scaled such that the mean
+// of all is kStiffness / W; zero where nothing presses. scales: 1 / W.
+void StickingMetric(const Problem& problem, const std::vector<Vector3>& impulses, const std::vector<double>& scales,
+                    std::vector<Matrix3>* metric);
 
 }  // namespace islet::qp

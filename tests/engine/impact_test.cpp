@@ -17,18 +17,12 @@
 namespace islet {
 namespace {
 
+using testing::Awake;
 using testing::Ball;
 using testing::Cube;
 using testing::Energy;
 using testing::Floor;
 using testing::kGravity;
-
-Settings Awake() {
-  Settings settings;
-  settings.threads = 1;
-  settings.freezing = Freezing::kOff;
-  return settings;
-}
 
 // The n-th bounce is at sqrt(2 h / g) (1 + 2 (e + ... + e^(n-1))): seen in the phase of the flight after it.
 TEST(Impact, BouncesHappenAtTheirTimesWhateverTheStep) {

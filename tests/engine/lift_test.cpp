@@ -13,6 +13,7 @@
 namespace islet {
 namespace {
 
+using testing::Awake;
 using testing::Ball;
 using testing::Cube;
 using testing::Energy;
@@ -20,13 +21,6 @@ using testing::Floor;
 using testing::kGravity;
 
 const Vector3 kDown(0, 0, -kGravity);
-
-Settings Awake() {
-  Settings settings;
-  settings.threads = 1;
-  settings.freezing = Freezing::kOff;
-  return settings;
-}
 
 std::vector<Body> Flying(std::vector<Vector3> velocities) {
   std::vector<Body> bodies(velocities.size());

@@ -15,6 +15,7 @@
 namespace islet {
 namespace {
 
+using testing::Awake;
 using testing::Ball;
 using testing::Cube;
 using testing::CubeOnIncline;
@@ -22,13 +23,6 @@ using testing::Energy;
 using testing::Floor;
 using testing::kGravity;
 using testing::Turn;
-
-Settings Awake() {
-  Settings settings;
-  settings.threads = 1;
-  settings.freezing = Freezing::kOff;
-  return settings;
-}
 
 Settings Weightless() {
   Settings settings = Awake();

@@ -13,6 +13,14 @@ inline Quaternion Turn(double angle, const Vector3& axis) {
   return Quaternion(Eigen::AngleAxisd(angle, axis.normalized()));
 }
 
+// One thread, and nothing freezes.
+inline Settings Awake() {
+  Settings settings;
+  settings.threads = 1;
+  settings.freezing = Freezing::kOff;
+  return settings;
+}
+
 // Half-space below z = 0, or turned by `incline` about y: it then falls towards +x.
 inline BodyDefinition Floor(double friction = 0.5, double restitution = 0, double incline = 0) {
   return {.shape = Shape::HalfSpace(),
