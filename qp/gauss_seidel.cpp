@@ -51,6 +51,8 @@ void GaussSeidel::Prepare(const Problem& problem) {
   }
   compliant_ = std::any_of(problem.contacts.begin(), problem.contacts.end(),
                            [](const ContactTerm& c) { return c.compliance > 0; });
+  normal_ = !compliant_ && std::none_of(problem.contacts.begin(), problem.contacts.end(),
+                                        [](const ContactTerm& c) { return c.friction > 0; });
   single_prepared_ = false;
   sums_.resize(order_.sections().size());
   axes_.resize(problem.contacts.size());
@@ -174,8 +176,11 @@ SweepSums GaussSeidel::SweepOnce(Number momentum, Field<Number>* field) {
     parallel::Fork(phases[p + 1] - phases[p], [&](int piece) {
       const int number = phases[p] + piece;
       const SweepOrder::Section& section = order_.sections()[number];
-      sums_[number] = field->kernels->coulomb(section.num_batches, &field->batches[section.first_batch], compliant_,
-                                              momentum, &field->states[section.first_batch], field->velocities.data());
+      const SweepBatch<Number>* batches = &field->batches[section.first_batch];
+      SweepState<Number>* states = &field->states[section.first_batch];
+      SweepVelocity<Number>* velocities = field->velocities.data();
+      sums_[number] = normal_ ? field->kernels->normal(section.num_batches, batches, momentum, states, velocities)
+                              : field->kernels->coulomb(section.num_batches, batches, compliant_, momentum, states, velocities);
     });
   }
   SweepSums total;

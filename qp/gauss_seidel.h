@@ -76,6 +76,7 @@ class GaussSeidel {
 
   SweepOrder order_;
   bool compliant_ = false;
+  bool normal_ = false;           // no contact has friction or compliance
   bool single_prepared_ = false;  // for the problem of the last Prepare
   std::vector<BodyRoot> roots_;
   std::vector<Axes> axes_;

@@ -51,6 +51,9 @@ struct SweepKernels {
   // x then. compliant: some contact has compliance.
   SweepSums (*coulomb)(int num_batches, const SweepBatch<Number>* batches, bool compliant, Number momentum,
                        SweepState<Number>* states, SweepVelocity<Number>* velocities);
+  // The same where no contact has friction or compliance: tangential rows, impulses and lambda are neither read nor written.
+  SweepSums (*normal)(int num_batches, const SweepBatch<Number>* batches, Number momentum, SweepState<Number>* states,
+                      SweepVelocity<Number>* velocities);
 };
 
 // Both sets of one width.

@@ -174,12 +174,37 @@ inline void Visit(const Batch& batch, int lane, bool compliant, Vec momentum, St
   sums->largest = Max(Max(Max(Abs(j1), Abs(j2)), Abs(jn)) * Load(batch.weight + lane), sums->largest);
 }
 
-SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Number momentum, State* states,
-                       Velocity* velocities) {
-  Sums sums = {};
-  for (int b = 0; b < num_batches; ++b)
-    for (int lane = 0; lane < batches[b].used; lane += kLanes)
-      Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums);
+// The same without friction: one row a contact.
+inline void VisitNormal(const Batch& batch, int lane, Vec momentum, State* state, Velocity* velocities, Sums* sums) {
+  const int* body_a = batch.body[0] + lane;
+  const int* body_b = batch.body[1] + lane;
+  Vec ya[6], yb[6], a[6], b[6], first = Load(batch.offset[0] + lane), second = {};
+  Gather(velocities, body_a, ya);
+  Gather(velocities, body_b, yb);
+  for (int k = 0; k < 6; ++k) {
+    a[k] = Load(batch.rows[0][0][k] + lane);
+    b[k] = Load(batch.rows[1][0][k] + lane);
+    first += a[k] * ya[k];
+    second += b[k] * yb[k];
+  }
+  const Vec before = Load(state->x[0] + lane);
+  const Vec ahead = before + momentum * (before - Load(state->previous[0] + lane));
+  const Vec x = Max(ahead - (first + second), Vec{}), change = x - ahead;
+  Store(state->previous[0] + lane, before);
+  Store(state->x[0] + lane, x);
+  for (int k = 0; k < 6; ++k) {
+    ya[k] += a[k] * change;
+    yb[k] += b[k] * change;
+  }
+  Scatter(ya, body_a, velocities);
+  Scatter(yb, body_b, velocities);
+  sums->change += change * change;
+  sums->ahead += change * (x - before);
+  sums->largest = Max(Abs(Load(batch.normal + lane) * change) * Load(batch.weight + lane), sums->largest);
+}
+
+// Over the lanes.
+SweepSums Total(const Sums& sums) {
   SweepSums out;
   for (int i = 0; i < kLanes; ++i) {
     out.largest = sums.largest[i] > out.largest ? sums.largest[i] : out.largest;
@@ -193,9 +218,26 @@ SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Nu
   return out;
 }
 
+SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Number momentum, State* states,
+                       Velocity* velocities) {
+  Sums sums = {};
+  for (int b = 0; b < num_batches; ++b)
+    for (int lane = 0; lane < batches[b].used; lane += kLanes)
+      Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums);
+  return Total(sums);
+}
+
+SweepSums SweepNormal(int num_batches, const Batch* batches, Number momentum, State* states, Velocity* velocities) {
+  Sums sums = {};
+  for (int b = 0; b < num_batches; ++b)
+    for (int lane = 0; lane < batches[b].used; lane += kLanes)
+      VisitNormal(batches[b], lane, Vec{} + momentum, states + b, velocities, &sums);
+  return Total(sums);
+}
+
 }  // namespace
 
 extern const SweepKernels<Number> ISLET_KERNEL_SET;
-const SweepKernels<Number> ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, SweepCoulomb};
+const SweepKernels<Number> ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, SweepCoulomb, SweepNormal};
 
 }  // namespace islet::qp
