@@ -62,14 +62,26 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   Impl& s = *impl_;
   s.Begin(dt, bodies, contacts);
   timer.Lap(&report->seconds.islands);
-  s.Bounce(report);  // step 1
-  s.WakeByBounce();
-  timer.Lap(&report->seconds.pq);
-  s.ResolveIslands(Impl::Pass::kFirst, report, &timer);  // steps 2 and 3
+  if (std::all_of(bodies.begin(), bodies.end(), StandsStill)) {
+    s.StandStill();
+  } else {
+    s.Bounce(report);  // step 1
+    s.WakeByBounce();
+    timer.Lap(&report->seconds.pq);
+    s.ResolveIslands(Impl::Pass::kFirst, report, &timer);  // steps 2 and 3
+  }
   s.WakeUnbalanced(report, &timer);
   s.Freeze(report);  // step 4
   s.Finish(report);
   timer.Lap(&report->seconds.freeze);
+}
+
+// What steps 1 to 3 leave where nothing moves.
+void ContactSuite::Impl::StandStill() {
+  frame.after_bounces.assign(frame.bodies.size(), {});
+  frame.before_gravity.assign(frame.bodies.size(), {});
+  drafted.assign(frame.bodies.size(), 0);
+  solve_round = 0;
 }
 
 // Bodies that are no longer held join the islands that move, which are solved again, until none wakes.

@@ -73,6 +73,7 @@ struct ContactSuite::Impl : SuiteMemory {
   void CutAtImmovable();
   bool Approaches(const IslandView& view) const;
   bool CollidesSlightly(const IslandView& view) const;
+  void StandStill();
   void Bounce(StepReport* report);
   void WakeByBounce();
   ResponseOutcome LeaveToStatic(const IslandView& view);

@@ -143,7 +143,6 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   owes_ = plan.owes;
-  PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
@@ -183,6 +182,15 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   } else {
     HoldBack(tolerances, detect, bodies, contacts, &outcome);
   }
+  return outcome;
+}
+
+MotionOutcome Mover::Stay(const MotionPlan& plan, std::span<const double> tolerances, std::span<const Body> bodies,
+                          const std::vector<Contact>& contacts) {
+  flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
+  paid_.clear();
+  MotionOutcome outcome;
+  Judge(tolerances, contacts, &outcome);
   return outcome;
 }
 

@@ -80,6 +80,7 @@ struct World::Impl : WorldState {
   void SelectResolved(double dt);
   void FindBeds();
   bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
+  MotionOutcome Move(const MotionPlan& plan, double* detect_seconds);
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -327,6 +328,21 @@ void World::CheckInitialOverlap() {
   w.checked_bodies = w.bodies.size();
 }
 
+// Adds the time spent in detection.
+MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) {
+  if (std::all_of(bodies.begin(), bodies.end(), StandsStill)) return mover.Stay(plan, tolerances, bodies, near_contacts);
+  const DetectContacts detect = [&](std::span<const Vector3> expected, std::vector<Contact>*) {
+    const double start = Seconds();
+    DetectMoving(expected);
+    *detect_seconds += Seconds() - start;
+  };
+  const std::span<const Vector3> planned = mover.PlanTravel(plan, bodies);
+  if (!StaysInReach(planned)) detect(planned, &near_contacts);
+  FindBeds();
+  for (Contact& c : near_contacts) Passes(plan.dt, planned, &c);
+  return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
+}
+
 StepReport World::Step(double dt) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
@@ -350,20 +366,8 @@ StepReport World::Step(double dt) {
   lap = Seconds();
 
   const MotionPlan plan = w.flight_time.PlanMotion(dt, w.settings.gravity, w.suite, w.resolved, w.bodies);
-  const std::span<const Vector3> planned = w.mover.PlanTravel(plan, w.bodies);
-  if (!w.StaysInReach(planned)) {
-    w.DetectMoving(planned);
-    finish(&report.seconds.detect);
-  }
-  w.FindBeds();
-  for (Contact& c : w.near_contacts) w.Passes(dt, planned, &c);
   double detect_seconds = 0;
-  const DetectContacts detect = [&](std::span<const Vector3> travel, std::vector<Contact>*) {
-    const double start = Seconds();
-    w.DetectMoving(travel);
-    detect_seconds += Seconds() - start;
-  };
-  const MotionOutcome moved = w.mover.Move(plan, w.tolerances, detect, w.bodies, &w.near_contacts);
+  const MotionOutcome moved = w.Move(plan, &detect_seconds);
   w.impulses.assign(w.suite.impulses().begin(), w.suite.impulses().end());
   w.flight_time.ReportImpulses(w.mover, w.bodies, &w.resolved, &w.impulses);
   w.flight_time.EndStep(dt, w.bodies, w.mover, &w.flights);
