@@ -19,11 +19,12 @@ constexpr double kTurnWeight =
 // full flow: 2 joins all cubes in flight into one dense problem and costs nine times as much as 0.05, which adds a quarter
 // more passes.
 constexpr double kCloseShare = 0.05;
-constexpr int kMaxSweeps = 150;
+constexpr int kSweeps = 100, kBlocks = 5;  // of sweeps
 // Of the deepest overlap that a pass corrects; the next pass sees to the rest. Measured: 1e-2 halves the time of the motion in
 // cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
 // overlaps of up to 0.01 m.
 constexpr double kPassTolerance = 1e-3;
+constexpr double kLeastDrift = 1e-2;  // of that
 
 // Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
 // farther at all than that or than the longest way that a body of the island goes freely in the step. Between surfaces that are
@@ -423,6 +424,21 @@ bool Mover::SolveDisplacements(double scale, Worker* worker) const {
   return true;
 }
 
+bool Mover::SweepDisplacements(double tolerance, const qp::Problem& problem, qp::Solution* solution, Worker* worker) {
+  qp::GaussSeidel& sweeps = worker->sweeps;
+  sweeps.Prepare(problem);
+  for (int block = 0; block < kBlocks; ++block) {
+    if (block == 1) qp::ImpulseScales(problem, &worker->scales);
+    if (block > 0)
+      worker->drift.Follow(problem, worker->scales, kLeastDrift * tolerance, &sweeps, &solution->impulses,
+                           &solution->velocities);
+    if (sweeps.Sweep(problem, kSweeps, tolerance, &solution->impulses, &solution->velocities, qp::Pace::kMomentum) <
+        kSweeps)
+      return true;
+  }
+  return false;
+}
+
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
 // there is no way out for all, which costs it most, it is asked once in a step: cubeglass spent 5 s of one frame on 24 passes.
 bool Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const {
@@ -430,10 +446,7 @@ bool Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Sol
   solution.slips.assign(problem.contacts.size(), 0.0);
   solution.velocities.assign(6 * problem.bodies.size(), 0.0);
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
-  worker->sweeps.Prepare(problem);
-  if (worker->sweeps.Sweep(problem, kMaxSweeps, kPassTolerance * scale, &solution.impulses, &solution.velocities,
-                           qp::Pace::kMomentum) < kMaxSweeps)
-    return true;
+  if (SweepDisplacements(kPassTolerance * scale, problem, &solution, worker)) return true;
   if (swept_only_) return false;
   qp::Settings settings;
   settings.model = Model::kConvex;

@@ -26,6 +26,7 @@
 #include "engine/lift.h"
 #include "engine/settings.h"
 #include "islands/partition.h"
+#include "qp/drift.h"
 #include "qp/island_solver.h"
 
 namespace islet {
@@ -89,6 +90,8 @@ class Mover {
     qp::Solution flat_solution;
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
+    qp::Drift drift;
+    std::vector<double> scales;  // of the problem's impulses
     bool corrected = false, failed = false;  // an island of this pass, an interior-point solve
 
     Twist DisplacementOf(size_t member) const;  // [m, rad] that `solution` makes
@@ -107,6 +110,7 @@ class Mover {
   void RestoreSpins(std::span<Body> bodies);
   void RememberCorrections(const std::vector<Contact>& contacts);
   void PayForLifts(std::span<Body> bodies);
+  static bool SweepDisplacements(double tolerance, const qp::Problem& problem, qp::Solution* solution, Worker* worker);
   bool SolveDisplacements(double scale, Worker* worker) const;
   bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);

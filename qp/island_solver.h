@@ -22,6 +22,7 @@
 
 #include "qp/compounds.h"
 #include "qp/contact_reduction.h"
+#include "qp/drift.h"
 #include "qp/gauss_seidel.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
@@ -108,6 +109,7 @@ class IslandSolver {
   std::vector<double> swept_velocities_, swept_slips_;
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
+  Drift drift_;
   SlipMixing mixing_;
   std::vector<double> given_slips_;
   Solution first_;                      // impulses and velocities without slips

@@ -11,7 +11,8 @@ using Batch = SweepBatch<Number>;
 using State = SweepState<Number>;
 using Velocity = SweepVelocity<Number>;
 
-constexpr int kNewtonSteps = 60;  // with the bracket; two or three are usual
+// In double precision with the bracket; two or three are usual. Singles only go ahead of doubles, and take one step a visit.
+constexpr int kNewtonSteps = sizeof(Number) == sizeof(double) ? 60 : 1;
 // Of mu j_n / |j_t|; only the direction depends on it.
 constexpr Number kNewtonTolerance = sizeof(Number) == sizeof(double) ? Number(1e-6) : Number(1e-5);
 

@@ -140,14 +140,21 @@ TEST(GaussSeidel, SinglePrecisionMeetsTheLawToItsRounding) {
   }
 }
 
-// A few sweeps take both the same way.
+// Without friction a few sweeps take both the same way. With it, directions of sliding are left a step behind in single
+// precision, and sweeps have to settle first.
 TEST(GaussSeidel, SinglePrecisionGoesTheSameWay) {
-  for (const NamedProblem& island : RandomIslands(85, 30, 10, true)) {
+  for (NamedProblem& island : RandomIslands(85, 30, 10, true)) {
     SCOPED_TRACE(island.name);
     const double scale = VelocityScale(island.problem);
-    const Swept plain = SweepFromZero(island.problem, 3, 0);
-    const Swept single = SweepFromZero(island.problem, 3, 0, qp::Pace::kPlain, qp::Precision::kSingle);
-    EXPECT_LT(VelocityDistance(island.problem, plain.velocities, single.velocities), 1e-4 * scale);
+    const auto distance = [&](int sweeps) {
+      const Swept plain = SweepFromZero(island.problem, sweeps, 0);
+      const Swept single = SweepFromZero(island.problem, sweeps, 0, qp::Pace::kPlain, qp::Precision::kSingle);
+      return VelocityDistance(island.problem, plain.velocities, single.velocities);
+    };
+    EXPECT_LT(distance(3), 0.05 * scale);
+    EXPECT_LT(distance(1000), 1e-4 * scale);
+    for (ContactTerm& contact : island.problem.contacts) contact.friction = 0;
+    EXPECT_LT(distance(3), 1e-4 * scale);
   }
 }
 
