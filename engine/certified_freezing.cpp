@@ -32,6 +32,8 @@ constexpr double kPatience = 10;
 // does not keep a pile awake that has rested.
 constexpr double kUnrest = 3;
 constexpr double kTrust = 15;
+// An island rests as if all of it did where no more than one in so many bodies moves.
+constexpr int kFewRestless = 50;
 
 // [m^2/s^2] inner product in which a twist's square is about that of the fastest point's speed.
 double Dot(const Twist& p, const Twist& q, double radius) {
@@ -278,14 +280,24 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
            FastestPoint(TwistOf(frame.bodies[i]), frame.bodies[i].radius) <= kRestShare * frame.rest_speed;
   };
   restless_.assign(n, 0);
-  for (size_t i = 0; i < n; ++i)
-    if (frame.bodies[i].Moves() && !rests(i)) restless_[islands.Find(static_cast<int>(i))] = 1;
+  members_.assign(n, 0);
+  for (size_t i = 0; i < n; ++i) {
+    if (!frame.bodies[i].Moves()) continue;
+    const int root = islands.Find(static_cast<int>(i));
+    ++members_[root];
+    restless_[root] += !rests(i);
+  }
   for (const Contact& contact : frame.contacts.contacts) {
     const auto moved_wall = [&](int i) { return !frame.bodies[i].Moves() && !StandsStill(frame.bodies[i]); };
-    if (moved_wall(contact.body_a)) restless_[islands.Find(contact.body_b)] = 1;
-    if (moved_wall(contact.body_b)) restless_[islands.Find(contact.body_a)] = 1;
+    if (moved_wall(contact.body_a)) restless_[islands.Find(contact.body_b)] = members_[islands.Find(contact.body_b)];
+    if (moved_wall(contact.body_b)) restless_[islands.Find(contact.body_a)] = members_[islands.Find(contact.body_a)];
   }
-  for (size_t i = 0; i < n; ++i) restless_[i] = restless_[islands.Find(static_cast<int>(i))];
+  // From the back: roots come first.
+  for (size_t i = n; i-- > 0;) {
+    const int root = islands.Find(static_cast<int>(i));
+    const bool few = restless_[root] > 0 && restless_[root] * kFewRestless <= members_[root];
+    restless_[i] = few ? !rests(i) || still_seconds_[i] < kPatience * settings.freeze_seconds : restless_[root];
+  }
 }
 
 bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,

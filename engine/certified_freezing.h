@@ -99,7 +99,8 @@ class CertifiedFreezing {
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
   std::vector<int> roots_;              // islands of bodies that move
-  std::vector<std::uint8_t> restless_;  // per body: not all of its island rests
+  std::vector<int> restless_;           // per body: not all of its island rests; per root before: members that do not
+  std::vector<int> members_;            // per root: bodies of its island that move
 };
 
 }  // namespace islet

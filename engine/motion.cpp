@@ -144,6 +144,7 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   owes_ = plan.owes;
+  PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};

@@ -59,15 +59,12 @@ class Mover {
  public:
   Mover(const Settings& settings, parallel::WorkerPool* pool);
 
-  // [m] where free motion would take each body; zero for those that stand still. Move goes on from there.
-  std::span<const Vector3> PlanTravel(const MotionPlan& plan, std::span<const Body> bodies);
-
-  // The move of the last plan. contacts: near contacts at the poses before the move, on return those after it. tolerances: [m]
+  // contacts: near contacts at the poses before the move, on return those after it. tolerances: [m]
   // per body; a pair's is the smaller one. detect is called after each pass.
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
 
-  // In place of both where nothing moves.
+  // In its place where nothing moves.
   MotionOutcome Stay(const MotionPlan& plan, std::span<const double> tolerances, std::span<const Body> bodies,
                      const std::vector<Contact>& contacts);
 
@@ -76,6 +73,9 @@ class Mover {
   std::span<const PaidImpulse> paid() const { return paid_; }
 
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
+
+  // [m] where free motion would take each body; zero for those that stand still.
+  std::span<const Vector3> PlanTravel(const MotionPlan& plan, std::span<const Body> bodies);
 
  private:
   struct Pose {
