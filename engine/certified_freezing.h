@@ -98,9 +98,9 @@ class CertifiedFreezing {
   std::vector<Twist> withheld_, withheld_now_;  // [m, rad] per body: see StaysBehind; so far, and in this frame
   std::vector<Load> loads_;
   std::vector<std::uint8_t> touched_;
-  std::vector<int> roots_;              // islands of bodies that move
-  std::vector<int> restless_;           // per body: not all of its island rests; per root before: members that do not
-  std::vector<int> members_;            // per root: bodies of its island that move
+  std::vector<int> roots_;     // islands of bodies that move
+  std::vector<int> restless_;  // per body: not all of its island rests; per root before: members that do not
+  std::vector<int> members_;   // per root: bodies of its island that move
 };
 
 }  // namespace islet

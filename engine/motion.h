@@ -91,7 +91,7 @@ class Mover {
     qp::IslandSolver solver;
     qp::GaussSeidel sweeps;
     qp::Drift drift;
-    std::vector<double> scales;  // of the problem's impulses
+    std::vector<double> scales;              // of the problem's impulses
     bool corrected = false, failed = false;  // an island of this pass, an interior-point solve
 
     Twist DisplacementOf(size_t member) const;  // [m, rad] that `solution` makes
