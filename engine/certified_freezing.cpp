@@ -32,7 +32,7 @@ constexpr double kPatience = 10;
 // does not keep a pile awake that has rested.
 constexpr double kUnrest = 3;
 constexpr double kTrust = 15;
-// An island rests as if all of it did where no more than one in so many bodies moves.
+// No more than one in so many bodies is few: a cube that turns about two of its corners for ever keeps no pile awake.
 constexpr int kFewRestless = 50;
 
 // [m^2/s^2] inner product in which a twist's square is about that of the fastest point's speed.
@@ -264,7 +264,8 @@ void CertifiedFreezing::TrackLoads(const SuiteFrame& frame, const Settings& sett
   }
 }
 
-// Bodies joined by contacts in which all rest: nothing in there moves that could hand one of them another load.
+// Bodies joined by contacts in which all rest: nothing in there moves that could hand one of them another load. What a few among
+// many hand on is not waited for either, once the others have rested for long.
 void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settings& settings) {
   const size_t n = frame.bodies.size();
   touched_.assign(n, 0);
@@ -292,7 +293,7 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
     if (moved_wall(contact.body_a)) restless_[islands.Find(contact.body_b)] = members_[islands.Find(contact.body_b)];
     if (moved_wall(contact.body_b)) restless_[islands.Find(contact.body_a)] = members_[islands.Find(contact.body_a)];
   }
-  // From the back: roots come first.
+  // From the back: the count of a root is overwritten last.
   for (size_t i = n; i-- > 0;) {
     const int root = islands.Find(static_cast<int>(i));
     const bool few = restless_[root] > 0 && restless_[root] * kFewRestless <= members_[root];

@@ -19,7 +19,7 @@ constexpr double kTurnWeight =
 // full flow: 2 joins all cubes in flight into one dense problem and costs nine times as much as 0.05, which adds a quarter
 // more passes.
 constexpr double kCloseShare = 0.05;
-constexpr int kSweeps = 100, kBlocks = 5;  // of sweeps
+constexpr int kBlocks = 5, kSweeps = 100;  // blocks of so many sweeps, between which drifts are followed
 // Of the deepest overlap that a pass corrects; the next pass sees to the rest. Measured: 1e-2 halves the time of the motion in
 // cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
 // overlaps of up to 0.01 m.

@@ -59,8 +59,8 @@ class Mover {
  public:
   Mover(const Settings& settings, parallel::WorkerPool* pool);
 
-  // contacts: near contacts at the poses before the move, on return those after it. tolerances: [m]
-  // per body; a pair's is the smaller one. detect is called after each pass.
+  // contacts: near contacts at the poses before the move, on return those after it. tolerances: [m] per body; a pair's is the
+  // smaller one. detect is called after each pass.
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
 

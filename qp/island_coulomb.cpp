@@ -19,7 +19,8 @@ constexpr int kPlaneIterations = 40;  // in the plane an iteration costs little 
 constexpr double kSprawl = 10;        // times mass times v_ref: impulses that may be larger than they need to
 constexpr double kLostRms = 1e-3;     // of v_ref: natural map of sweeps that have lost their way
 constexpr double kBlockGain = 0.7;    // of the natural map, for another block
-constexpr double kFewLeft = 0.5;      // worst contact's share of the natural map's norm: few contacts are left, and may drift
+constexpr double kFewLeft =
+    0.5;  // worst contact's share of the natural map's norm: few contacts are left, and may drift
 constexpr int kDriftBlocks = 2;       // without a gain, while so few are left
 constexpr double kLeastDrift = 1e-3;  // of the tolerance
 // Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
@@ -94,21 +95,20 @@ void IslandSolver::Search(const Problem& problem, const Settings& settings) {
            (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
   };
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
-  int missed = 0, may_miss = 1;
-  for (int block = 0; block < kMaxBlocks && missed < may_miss && !enough(best); ++block) {
+  bool few = false;
+  int missed = 0;
+  for (int block = 0; block < kMaxBlocks && missed < (few ? kDriftBlocks : 1) && !enough(best); ++block) {
+    if (few) drift_.Follow(problem, scales_, kLeastDrift * goal, &gauss_seidel_, &swept_impulses_, &swept_velocities_);
     const Precision precision =
         single && best.rms > kSingleAbove * settings.velocity_scale ? Precision::kSingle : Precision::kDouble;
     gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum, precision);
     const NaturalMap now = MapOfSwept(problem);
+    few = now.max > kFewLeft * now.rms * std::sqrt(problem.num_contacts());
     missed = now.rms < kBlockGain * best.rms ? 0 : missed + 1;
     if (now.rms < best.rms) {
       best = now;
       best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
     }
-    const bool few = now.max > kFewLeft * now.rms * std::sqrt(problem.num_contacts());
-    may_miss = few ? kDriftBlocks : 1;
-    if (few && !enough(best))
-      drift_.Follow(problem, scales_, kLeastDrift * goal, &gauss_seidel_, &swept_impulses_, &swept_velocities_);
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
 }
