@@ -142,10 +142,10 @@ constexpr ChartScene kScenes[] = {
     {"cubeglass300", 8, false, 15, 1, true, "300 cubes pour through the hourglass",
      "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return FromScene("cubeglass", 300); },
      JudgeOverlap},
-    {"cubeglass", 5, false, 25, 3, true, "1,000 cubes pour through the hourglass",
+    {"cubeglass", 5, false, 40, 3, true, "1,000 cubes pour through the hourglass",
      "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return FromScene("cubeglass"); },
      JudgeOverlap},
-    {"cubeglass7", 5, false, 25, 1, true, "1,000 cubes in the narrow hourglass, where they wedge",
+    {"cubeglass7", 5, false, 40, 1, true, "1,000 cubes in the narrow hourglass, where they wedge",
      "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return FromScene("cubeglass7"); },
      JudgeOverlap},
 };
