@@ -17,9 +17,12 @@ constexpr double kDepth = 1e-6;             // [sphere radii] of overlap that is
 constexpr double kSameNormal = 1 - 1e-6;    // cosine
 constexpr int kSearchSteps = 24;            // of the least gap on the way: to 1e-5 of it
 
+bool IsSphere(const Traveller& t) { return t.shape.kind() == ShapeKind::kSphere; }
+
 Placement At(const Traveller& t, double share) {
-  return {t.body.position_W + share * t.linear,
-          Quaternion(Exp(share * t.angular) * t.body.rotation_WB).toRotationMatrix()};
+  const Vector3 position_W = t.body.position_W + share * t.linear;
+  if (IsSphere(t)) return {position_W, Matrix3::Identity()};  // its turn does not show
+  return {position_W, Quaternion(Exp(share * t.angular) * t.body.rotation_WB).toRotationMatrix()};
 }
 
 // A sphere has one contact with anything.
@@ -30,8 +33,16 @@ Contact ContactAt(const Traveller& a, const Traveller& b, double share) {
   return found.front();
 }
 
+double LeastGapOfSpheres(const Traveller& a, const Traveller& b) {
+  const Vector3 apart = b.body.position_W - a.body.position_W, way = b.linear - a.linear;
+  const double length = way.squaredNorm();
+  const double share = length > 0 ? std::clamp(-apart.dot(way) / length, 0.0, 1.0) : 0;
+  return (apart + share * way).norm() - a.shape.radius() - b.shape.radius();
+}
+
 // The distance of two convex bodies along straight ways has no minimum but the least one.
 double LeastGap(const Traveller& a, const Traveller& b) {
+  if (IsSphere(a) && IsSphere(b)) return LeastGapOfSpheres(a, b);
   constexpr double kGolden = 0.6180339887498949;
   double low = 0, high = 1, left = 1 - kGolden, right = kGolden;
   double at_left = ContactAt(a, b, left).gap, at_right = ContactAt(a, b, right).gap;
@@ -52,10 +63,9 @@ double LeastGap(const Traveller& a, const Traveller& b) {
 }  // namespace
 
 bool PassesBy(const Traveller& a, const Traveller& b, std::span<const Contact> beds, Contact* contact) {
-  const bool a_is_sphere = a.shape.kind() == ShapeKind::kSphere, b_is_sphere = b.shape.kind() == ShapeKind::kSphere;
-  if (!a_is_sphere && !b_is_sphere) return false;
+  if (!IsSphere(a) && !IsSphere(b)) return false;
   if (a.shape.kind() == ShapeKind::kHalfSpace || b.shape.kind() == ShapeKind::kHalfSpace) return false;
-  const Traveller& sphere = b_is_sphere ? b : a;
+  const Traveller& sphere = IsSphere(b) ? b : a;
   const auto travel = [&](const Traveller& t, const Vector3& point) -> Vector3 {
     return t.linear + t.angular.cross(point - t.body.position_W);
   };
@@ -70,7 +80,7 @@ bool PassesBy(const Traveller& a, const Traveller& b, std::span<const Contact> b
   for (const Contact& bed : beds)
     if (std::abs(bed.normal_W.dot(end.normal_W)) > kSameNormal) depth = std::max(depth, 1.01 * -bed.gap);
   if (std::min(end.gap, LeastGap(a, b)) < -depth) return false;
-  const Traveller& other = b_is_sphere ? a : b;
+  const Traveller& other = IsSphere(b) ? a : b;
   if (other.body.kind != BodyKind::kDynamic) {
     contact->normal_W = end.normal_W;
     contact->point_W = end.point_W - sphere.linear;

@@ -138,17 +138,18 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
-  double best = INFINITY, before = INFINITY;
-  bool accurate = small, mixes = small && circular && problem.num_bodies() >= kLeastMixed, begun = false;
-  int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), missed = 0, sweeps_from = 1;
-  if (mixes) mixing_.Begin(slips_.size());
+  double best = INFINITY;
+  bool accurate = small;
+  int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), sweeps_from = 1;
+  MixedRounds mixed{.goes_on = small && circular && problem.num_bodies() >= kLeastMixed};
+  if (mixed.goes_on) mixing_.Begin(slips_.size());
   for (int round = 1;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
     RunInteriorPoint(problem, inner, slips_, &trial_);
     trial_.rounds = round;
     const bool fails = trial_.status == Status::kFailed || trial_.status == Status::kInfeasible;
-    if (fails && !(mixes && begun)) {
+    if (fails && !(mixed.goes_on && mixed.begun)) {
       if (!std::isfinite(best)) *solution = trial_;
       if (round > 1 || !circular) break;
       FindFirstSlips(problem, goal);
@@ -167,28 +168,12 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       }
     }
     // Mixed slips get there as near as sweeps must: a round more costs little.
-    const bool enough = mixes && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
+    const bool enough = mixed.goes_on && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
     if ((circular && enough) || round >= cap) break;
-    if (mixes) {
-      if (!begun) {  // later than in the first round where that had no answer
-        begun = true;
-        gauss_seidel_.Sweep(problem, kSweepsBefore, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-        if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
-        swept_impulses_ = first_.impulses = trial_.impulses;
-        swept_velocities_ = first_.velocities = trial_.velocities;
-      }
-      missed += fails ? 2 : map > kMixedGain * before;
-      before = map;
-      mixes = missed < 2 && round <= kMixedRounds;
-      const double share = kMixedShare * map / settings.velocity_scale;
-      inner.aim = mixes ? std::clamp(share * share, kSmallAim, kMixedAim) : kSmallAim;
-      if (mixes) {
-        given_slips_ = slips_;
-        UpdateSlips(problem, Cone::kCircular);
-        mixing_.Add(given_slips_, slips_);
-        mixing_.Next(&slips_);
-        continue;
-      }
+    if (mixed.goes_on) {
+      if (!mixed.begun && SettlesAtOnce(problem, settings, solution)) break;
+      mixed.begun = true;  // later than in the first round where that had no answer
+      if (MixSlips(problem, settings, round, map, &mixed, &inner.aim)) continue;
       cap += round;  // those of the sweeps are all to come, from the first answer
       swept_impulses_ = first_.impulses;
       swept_velocities_ = first_.velocities;
@@ -211,6 +196,33 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   }
   solution->coulomb_reached =
       CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
+}
+
+// In most loose heaps a few plain sweeps from the answer without slips find the one with them.
+bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& settings, Solution* solution) {
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  gauss_seidel_.Sweep(problem, kSweepsBefore, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+  if (AcceptSweeps(problem, settings, kAcceptShare, solution)) return true;
+  swept_impulses_ = first_.impulses = trial_.impulses;
+  swept_velocities_ = first_.velocities = trial_.velocities;
+  return false;
+}
+
+// Slips for the next round, and the gap to which it is solved; or false, where mixing gains too little. map: of this round's
+// answer, infinite if it has none.
+bool IslandSolver::MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
+                            double* aim) {
+  mixed->missed += std::isinf(map) ? 2 : map > kMixedGain * mixed->before;
+  mixed->before = map;
+  mixed->goes_on = mixed->missed < 2 && round <= kMixedRounds;
+  const double share = kMixedShare * map / settings.velocity_scale;
+  *aim = mixed->goes_on ? std::clamp(share * share, kSmallAim, kMixedAim) : kSmallAim;
+  if (!mixed->goes_on) return false;
+  given_slips_ = slips_;
+  UpdateSlips(problem, Cone::kCircular);
+  mixing_.Add(given_slips_, slips_);
+  mixing_.Next(&slips_);
+  return true;
 }
 
 // The problem without slips may have no solution although the Coulomb problem has: u - target n in K* asks a sliding contact

@@ -16,6 +16,7 @@
 //   threads: one solver per worker
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <span>
 #include <vector>
@@ -83,6 +84,14 @@ class IslandSolver {
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
   bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
+  struct MixedRounds {  // of a small island
+    bool goes_on, begun = false;
+    int missed = 0;            // rounds that gained too little
+    double before = INFINITY;  // natural map of the round before
+  };
+  bool SettlesAtOnce(const Problem& problem, const Settings& settings, Solution* solution);
+  bool MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
+                double* aim);
 
   InteriorPoint interior_point_;
   NormalNewton normal_newton_;

@@ -79,6 +79,16 @@ TEST(PassesBy, BallBesideABall) {
 }
 
 // Flies past the corner within the step and is free at its end: the way counts.
+// The moment of the least gap is in the midst of the step.
+TEST(PassesBy, BallsAreJudgedByTheirLeastGap) {
+  const BodyDefinition post = {.shape = Shape::Sphere(kRadius), .kind = BodyKind::kFixed};
+  for (const double share : {0.1, 0.37, 0.9}) {
+    const double before = -share * 3 * kDt;  // [m] along its way
+    EXPECT_TRUE(Meeting(post, {before, 2 * kRadius + 1e-8, 0}, {3, 0, 0}).passes) << share;
+    EXPECT_FALSE(Meeting(post, {before, 2 * kRadius - 1e-6, 0}, {3, 0, 0}).passes) << share;
+  }
+}
+
 TEST(PassesBy, NotThroughACorner) {
   EXPECT_FALSE(Meeting(Tile({0, 0, 0}), {-0.52, 0.48, -0.01}, {5, 5, 0}, 0.02).passes);
 }
