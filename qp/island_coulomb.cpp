@@ -17,10 +17,9 @@ constexpr int kRestIterations = 14;   // resting islands take 9 to 12
 constexpr double kRestShare = 0.1;    // of the tolerance: what rests for long is held to more than is asked for
 constexpr int kPlaneIterations = 40;  // in the plane an iteration costs little more than a sweep
 constexpr double kSprawl = 10;        // times mass times v_ref: impulses that may be larger than they need to
-constexpr double kLostRms = 1e-3;     // of v_ref: natural map of sweeps that have lost their way
+constexpr double kLostRms = 1e-2;     // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
 constexpr double kBlockGain = 0.7;    // of the natural map, for another block
-constexpr double kFewLeft =
-    0.5;  // worst contact's share of the natural map's norm: few contacts are left, and may drift
+constexpr double kFewLeft = 0.5;      // worst contact's share of the natural map's norm: few are left, and may drift
 constexpr int kDriftBlocks = 2;       // without a gain, while so few are left
 constexpr double kLeastDrift = 1e-3;  // of the tolerance
 // Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
