@@ -62,7 +62,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   Impl& s = *impl_;
   s.Begin(dt, bodies, contacts);
   timer.Lap(&report->seconds.islands);
-  if (std::all_of(bodies.begin(), bodies.end(), StandsStill)) {
+  if (AllStandStill(bodies)) {
     s.StandStill();
   } else {
     s.Bounce(report);  // step 1

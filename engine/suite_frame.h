@@ -2,6 +2,7 @@
 // except that islands with woken bodies are resolved again.
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -31,6 +32,10 @@ struct SuiteFrame {
 inline bool StandsStill(const Body& body) {
   return !body.Moves() &&
          (body.kind != BodyKind::kKinematic || (body.linear_velocity_W.isZero(0) && body.angular_velocity_W.isZero(0)));
+}
+
+inline bool AllStandStill(std::span<const Body> bodies) {
+  return std::all_of(bodies.begin(), bodies.end(), StandsStill);
 }
 
 inline Twist TwistOf(const Body& body) { return {body.linear_velocity_W, body.angular_velocity_W}; }

@@ -330,7 +330,7 @@ void World::CheckInitialOverlap() {
 
 // Adds the time spent in detection.
 MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) {
-  if (std::all_of(bodies.begin(), bodies.end(), StandsStill)) return mover.Stay(plan, tolerances, bodies, near_contacts);
+  if (AllStandStill(bodies)) return mover.Stay(plan, tolerances, bodies, near_contacts);
   const DetectContacts detect = [&](std::span<const Vector3> expected, std::vector<Contact>*) {
     const double start = Seconds();
     DetectMoving(expected);
