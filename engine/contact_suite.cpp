@@ -29,6 +29,10 @@ void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
 bool SameContact(const Contact& x, const Contact& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
 }
+bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+bool EarlierPair(const Contact& x, const Contact& y) {
+  return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
+}
 bool Earlier(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
 }
@@ -134,19 +138,42 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
 }
 
 // Contacts keep the impulses that held in the frame before, per second: where nothing moves as they are, elsewhere as what
-// the static problem starts from.
+// the static problem starts from. There the load of a contact that is no more, since its bodies now touch with other corners or
+// edges, passes to the nearest one of the same two bodies.
 void ContactSuite::Impl::RecallHolding() {
   if (previous_dt == 0) return;
-  size_t p = 0;
-  for (size_t c = 0; c < frame.holding.size(); ++c) {
-    const Contact& contact = frame.contacts.contacts[c];
-    while (p < previous_contacts.size() && Earlier(previous_contacts[p], contact)) ++p;
-    if (p == previous_contacts.size()) return;
-    if (!SameContact(previous_contacts[p], contact)) continue;
-    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
-    if (a.Moves() || b.Moves() || (StandsStill(a) && StandsStill(b)))
-      frame.holding[c] = previous_holding[p] * (frame.dt / previous_dt);
-    ++p;
+  const std::span<const Contact> now = frame.contacts.contacts;
+  size_t p = 0, c = 0;
+  while (p < previous_contacts.size() && c < now.size()) {
+    const size_t first_p = p, first_c = c;
+    const Contact& pair = EarlierPair(now[c], previous_contacts[p]) ? now[c] : previous_contacts[p];
+    while (p < previous_contacts.size() && SamePair(previous_contacts[p], pair)) ++p;
+    while (c < now.size() && SamePair(now[c], pair)) ++c;
+    const Body &a = frame.bodies[pair.body_a], &b = frame.bodies[pair.body_b];
+    const bool moves = a.Moves() || b.Moves();
+    if (moves || (StandsStill(a) && StandsStill(b))) RecallPair({first_p, p}, {first_c, c}, moves);
+  }
+}
+
+// previous, now: first contact of two bodies and one past the last.
+void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pair<size_t, size_t> now, bool moves) {
+  const double share = frame.dt / previous_dt;
+  size_t c = now.first;
+  for (size_t p = previous.first; p < previous.second; ++p) {
+    const Contact& old = previous_contacts[p];
+    while (c < now.second && Earlier(frame.contacts.contacts[c], old)) ++c;
+    if (c < now.second && SameContact(frame.contacts.contacts[c], old)) {
+      frame.holding[c] += share * previous_holding[p];
+    } else if (moves && now.first < now.second) {
+      const auto distance = [&](const Contact& x) { return (x.point_W - old.point_W).squaredNorm(); };
+      const auto contacts = frame.contacts.contacts.subspan(now.first, now.second - now.first);
+      const auto nearest = std::min_element(contacts.begin(), contacts.end(), [&](const Contact& x, const Contact& y) {
+        return distance(x) < distance(y);
+      });
+      const size_t heir = now.first + (nearest - contacts.begin());
+      const Vector3 impulse_W = ContactFrame(old.normal_W) * previous_holding[p];
+      frame.holding[heir] += share * (frame.frames[heir].transpose() * impulse_W);
+    }
   }
 }
 

@@ -65,6 +65,7 @@ struct ContactSuite::Impl : SuiteMemory {
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();
+  void RecallPair(std::pair<size_t, size_t> previous, std::pair<size_t, size_t> now, bool moves);
   template <typename LinkContact>
   void Partition(LinkContact link);
   template <typename Task>

@@ -10,7 +10,9 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kGuessShare = 0.5;    // of the natural map of no impulses: what a guess must reach to be of use
+constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
+constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
+constexpr int kMendingSweeps = 20;
 constexpr double kHeldShare = 1e-3;    // of the tolerance: what held before must meet, frame after frame
 constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without friction, by Newton's method
 constexpr int kNormalFactorisations = 6;
@@ -42,6 +44,10 @@ bool HasClosedForm(const Problem& problem, const Settings& settings) {
   if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
   if (problem.contacts[0].friction == 0) return settings.model != Model::kKinetic || problem.contacts[0].target <= 0;
   return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
+}
+
+bool AllZero(std::span<const Vector3> impulses) {
+  return std::all_of(impulses.begin(), impulses.end(), [](const Vector3& j) { return j.isZero(0); });
 }
 
 bool AllFinite(const Solution& solution) {
@@ -219,8 +225,7 @@ void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) c
 bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                              Solution* solution) {
   if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
-      !IsConvex(problem, settings) ||
-      std::all_of(start.begin(), start.end(), [](const Vector3& j) { return j.isZero(0); }))
+      !IsConvex(problem, settings) || AllZero(start))
     return false;
   TakeOver(problem, start);
   const double scale = settings.coulomb_tolerance * settings.velocity_scale;
@@ -246,17 +251,17 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   return slip <= kHeldShare * scale;
 }
 
-// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
-// rounding of thousands of increments.
+// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  return TakeSwept(problem, settings, share, solution);
+  return MapOfSwept(problem).max <= share * settings.coulomb_tolerance * settings.velocity_scale &&
+         TakeSwept(problem, settings, share, solution);
 }
 
-// Takes impulses that meet the law, and velocities that are exactly those that they make, with their own slips; unless their gap
-// is too large.
+// Takes impulses, and velocities that are exactly those that they make, without the rounding of thousands of increments; unless
+// their gap is too large. A contact's slip gives way where it approaches faster than it may, so that with these slips the answer
+// is feasible.
 bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   double gap = 0, energy = 0;
   swept_slips_.resize(problem.contacts.size());
   for (int c = 0; c < problem.num_contacts(); ++c) {
@@ -265,7 +270,9 @@ bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, d
     Vector3 u = ContactVelocity(contact, swept_velocities_.data());
     swept_slips_[c] = Slip(u, contact.friction, Cone::kCircular);
     u += contact.compliance * j;
-    u[0] += Slip(u, contact.friction, Cone::kCircular) - contact.target;
+    u[0] -= contact.target;
+    swept_slips_[c] += std::max(0.0, -u[0]);
+    u[0] += swept_slips_[c];
     gap += std::abs(j.dot(u));
   }
   const double scale = settings.velocity_scale;
@@ -325,14 +332,18 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
 }
 
-// Takes over impulses from the caller, or none if those are of no use.
+// Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
+// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that.
 void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
-  if (start.size() != problem.contacts.size()) return;
+  if (start.size() != problem.contacts.size() || AllZero(start)) return;
   const double without = MapOfSwept(problem).rms;
   TakeOver(problem, start);
-  if (MapOfSwept(problem).rms < kGuessShare * without) return;
+  if (MapOfSwept(problem).rms < kWildShare * without) {
+    gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
+    if (MapOfSwept(problem).rms < kGuessShare * without) return;
+  }
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
 }

@@ -196,6 +196,23 @@ TEST(ContactSuite, SameBitsOnAnyNumberOfThreads) {
 }
 
 // Used as a plug-in: the caller integrates, contacts stay where they are, the bodies freeze and keep their impulses.
+// A rocking cube may touch with the same corners under other numbers: what pressed there goes on to press.
+TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
+  Settings settings;
+  settings.freezing = Freezing::kOff;
+  Suite s(settings);
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0.2, 0.1, 1.5})};
+  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
+  AddFace(1, 2, {0.1, 0, 1}, 0.5, 0, &s.contacts);
+  s.Resolve();
+  const std::vector<Vector3> before(s.suite.impulses().begin(), s.suite.impulses().end());
+  for (Contact& contact : s.contacts) contact.feature += 10;
+  s.contacts[3].point_W.x() -= 1e-9;
+  const StepReport report = s.Resolve();
+  EXPECT_EQ(report.ladder.rungs[static_cast<int>(qp::Rung::kHeld)].problems, 1);
+  for (size_t c = 0; c < before.size(); ++c) EXPECT_LT((s.suite.impulses()[c] - before[c]).norm(), 1e-9) << c;
+}
+
 TEST(ContactSuite, FreezesWithoutAWorldAndKeepsTheImpulses) {
   Suite s;
   s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0, 0, 1.5})};

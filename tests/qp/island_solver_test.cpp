@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "qp/body_algebra.h"
 #include "qp/interior_point.h"
 #include "qp/one_contact.h"
 #include "tests/support/no_alloc.h"
@@ -441,6 +442,66 @@ TEST(IslandSolver, StartImpulsesDoNotChangeTheAnswer) {
     }
   }
   EXPECT_GE(both, 40) << both;
+}
+
+// A few impulses that do not fit make the whole worse than none; it is of use all the same.
+TEST(IslandSolver, StartImpulsesAreMended) {
+  Random random(115);
+  for (int trial = 0; trial < 10; ++trial) {
+    SCOPED_TRACE(trial);
+    const Problem problem = RandomCluster(&random, 100, 0.2, 0.8, 10);
+    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    settings.tier = qp::Tier::kSwept;
+    const qp::Solution cold = Solve(problem, settings);
+    std::vector<Vector3> start = cold.impulses;
+    for (size_t c = trial; c < start.size(); c += 40) start[c] += Vector3(10, 0, 0);
+    std::vector<double> velocities;
+    qp::VelocitiesAfter(problem, start, &velocities);
+    const std::vector<Vector3> none(start.size(), Vector3::Zero());
+    EXPECT_GT(qp::CoulombMap(problem, velocities, start).rms,
+              qp::CoulombMap(problem, FreeVelocities(problem), none).rms);
+    qp::IslandSolver solver;
+    qp::Solution warm;
+    solver.Solve(problem, settings, &warm, start);
+    EXPECT_NE(warm.velocities, cold.velocities) << "it was not used";
+    EXPECT_LT(ExactMap(problem, warm), std::max(2 * ExactMap(problem, cold), 1e-5 * settings.velocity_scale));
+  }
+}
+
+// What sweeps find is certified by its gap where it misses the exact law at some contact: slips give way by as much as contacts
+// approach, and by no more.
+TEST(IslandSolver, CertifiedSweepsSatisfyTheSlipsTheyReturn) {
+  Random random(116);
+  int swept = 0, missed = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    SCOPED_TRACE(trial);
+    const Problem problem = RandomCluster(&random, 100, 0.7, 1, 100);
+    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    settings.coulomb_tolerance = 1e-10;  // which sweeps often miss
+    const double v_ref = settings.velocity_scale;
+    const qp::Solution solution = Solve(problem, settings);
+    if (solution.rung != qp::Rung::kSweeps) continue;
+    ++swept;
+    EXPECT_EQ(solution.status, qp::Status::kSolved);
+    EXPECT_LE(ExactMap(problem, solution), 1e-4 * v_ref);
+    double gap = 0, energy = 0;
+    for (const qp::BodyTerm& body : problem.bodies)
+      energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + v_ref * v_ref);
+    for (size_t c = 0; c < problem.contacts.size(); ++c) {
+      const ContactTerm& contact = problem.contacts[c];
+      const double approach = contact.target - qp::ContactVelocity(contact, solution.velocities.data())[0];
+      const Vector3 u = ShiftedVelocity(contact, solution, c, solution.slips[c]);
+      const double slide = contact.friction * u.tail<2>().norm();
+      EXPECT_NEAR(solution.slips[c] - slide, std::max(0.0, approach), 1e-14 * v_ref);
+      EXPECT_GE(u[0], slide - 1e-14 * v_ref);
+      gap += std::abs(solution.impulses[c].dot(u));
+    }
+    EXPECT_LE(gap, settings.coulomb_tolerance * energy);
+    EXPECT_NEAR(gap, solution.gap * energy, 1e-12 * energy);
+    missed += qp::CoulombMap(problem, solution.velocities, solution.impulses).max > settings.coulomb_tolerance * v_ref;
+  }
+  EXPECT_GE(swept, 10);
+  EXPECT_GE(missed, 3) << "of " << swept;
 }
 
 // Whatever the slips asked for and the impulses to stay near, the answer solves the convex problem with the slips returned.
