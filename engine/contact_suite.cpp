@@ -14,6 +14,8 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
+constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
+
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
     throw std::invalid_argument("contact " + std::to_string(number) + ": " + field + " = " + std::to_string(value));
@@ -149,28 +151,29 @@ void ContactSuite::Impl::RecallHolding() {
     const Contact& pair = EarlierPair(now[c], previous_contacts[p]) ? now[c] : previous_contacts[p];
     while (p < previous_contacts.size() && SamePair(previous_contacts[p], pair)) ++p;
     while (c < now.size() && SamePair(now[c], pair)) ++c;
+    if (first_p == p || first_c == c) continue;
     const Body &a = frame.bodies[pair.body_a], &b = frame.bodies[pair.body_b];
     const bool moves = a.Moves() || b.Moves();
     if (moves || (StandsStill(a) && StandsStill(b))) RecallPair({first_p, p}, {first_c, c}, moves);
   }
 }
 
-// previous, now: first contact of two bodies and one past the last.
+// previous, now: first contact of two bodies and one past the last; neither is empty.
 void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pair<size_t, size_t> now, bool moves) {
+  const std::span<const Contact> contacts = frame.contacts.contacts.subspan(now.first, now.second - now.first);
   const double share = frame.dt / previous_dt;
-  size_t c = now.first;
+  size_t place = 0;
   for (size_t p = previous.first; p < previous.second; ++p) {
     const Contact& old = previous_contacts[p];
-    while (c < now.second && Earlier(frame.contacts.contacts[c], old)) ++c;
-    if (c < now.second && SameContact(frame.contacts.contacts[c], old)) {
-      frame.holding[c] += share * previous_holding[p];
-    } else if (moves && now.first < now.second) {
-      const auto distance = [&](const Contact& x) { return (x.point_W - old.point_W).squaredNorm(); };
-      const auto contacts = frame.contacts.contacts.subspan(now.first, now.second - now.first);
-      const auto nearest = std::min_element(contacts.begin(), contacts.end(), [&](const Contact& x, const Contact& y) {
-        return distance(x) < distance(y);
-      });
-      const size_t heir = now.first + (nearest - contacts.begin());
+    while (place < contacts.size() && Earlier(contacts[place], old)) ++place;
+    if (place < contacts.size() && SameContact(contacts[place], old)) {
+      frame.holding[now.first + place] += share * previous_holding[p];
+      ++place;  // others may have the same number
+    } else if (moves && contacts.size() <= kFewContacts && !previous_holding[p].isZero(0)) {
+      const auto nearer = [&](const Contact& x, const Contact& y) {
+        return (x.point_W - old.point_W).squaredNorm() < (y.point_W - old.point_W).squaredNorm();
+      };
+      const size_t heir = now.first + (std::min_element(contacts.begin(), contacts.end(), nearer) - contacts.begin());
       const Vector3 impulse_W = ContactFrame(old.normal_W) * previous_holding[p];
       frame.holding[heir] += share * (frame.frames[heir].transpose() * impulse_W);
     }

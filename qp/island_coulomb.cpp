@@ -53,7 +53,7 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
 // the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
-// convex problem with the slips found is solved to the tolerance, so that all but those slips is exact.
+// convex problem with the slips found is solved to the tolerance, unless the sweeps have done so, and all but those slips is exact.
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
@@ -72,10 +72,11 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   if (certified && MapOfSwept(problem).rms > kLostRms * settings.velocity_scale) {
     SearchFromConvex(problem, settings);
   }
-  // To the root of its gap the interior point's velocities are as good.
-  const bool near = MapOfSwept(problem).rms <= std::sqrt(settings.tolerance) * settings.velocity_scale;
-  const bool accepted =
-      (near || !certified) && TakeSwept(problem, settings, certified ? kAcceptShare : INFINITY, solution);
+  // The interior point's velocities are good to the root of its gap, too.
+  const double near = std::max(std::sqrt(settings.tolerance), kAcceptShare * settings.coulomb_tolerance);
+  const bool accepted = certified ? MapOfSwept(problem).rms <= near * settings.velocity_scale &&
+                                        TakeSwept(problem, settings, kAcceptShare, solution)
+                                  : TakeSwept(problem, settings, INFINITY, solution);
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
     RunInteriorPoint(problem, settings, slips_, solution, swept_impulses_);
@@ -241,8 +242,9 @@ void IslandSolver::FindFirstSlips(const Problem& problem, double goal) {
 double IslandSolver::UpdateSlips(const Problem& problem, Cone cone) {
   double change = 0;
   for (size_t c = 0; c < slips_.size(); ++c) {
-    const double slip =
-        Slip(ContactVelocity(problem.contacts[c], swept_velocities_.data()), problem.contacts[c].friction, cone);
+    const ContactTerm& contact = problem.contacts[c];
+    const Vector3 u = ContactVelocity(contact, swept_velocities_.data()) + contact.compliance * swept_impulses_[c];
+    const double slip = Slip(u, contact.friction, cone);
     change = std::max(change, std::abs(slip - slips_[c]));
     slips_[c] = slip;
   }

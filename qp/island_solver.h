@@ -9,7 +9,7 @@
 //   no friction           sweeps, then Newton's method where they came near, else an interior point of one row a contact that
 //                         starts from them; the general interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
-//   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where that is not the tolerance, the convex
+//   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where their gap misses the tolerance, the convex
 //                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
 //                         point [DS91, ACLM11]
 //

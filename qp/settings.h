@@ -21,7 +21,7 @@ enum class Cone {
 // How far exact Coulomb friction on the circular cone is driven. The other models have one way only. Momentum and cones hold to
 // rounding in both.
 enum class Tier {
-  kCertified,  // sweeps, then the convex problem with their slips; its gap holds to the tolerance
+  kCertified,  // sweeps, then the convex problem with their slips, where its gap misses coulomb_tolerance; solved to `tolerance`
   kSwept,      // sweeps alone, as far as they pay: about a third of the time, no bound on the gap
 };
 
@@ -33,7 +33,8 @@ struct Settings {
   double aim = 0;                   // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;         // of one interior-point solve
   int coulomb_rounds = 3;           // octagon or up to 12 bodies: cap on re-solves with lagged slip
-  double coulomb_tolerance = 1e-6;  // natural map (rms) of exact Coulomb over the velocity scale
+  // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
+  double coulomb_tolerance = 1e-6;
   Ladder ladder;                    // rungs that may be used
   bool expect_rest = false;         // hardly anything slides, the caller thinks; decides about speed alone
   double velocity_scale = 1;        // [m/s] v_ref, > 0; what the tolerances are relative to

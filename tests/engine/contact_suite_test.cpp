@@ -195,7 +195,6 @@ TEST(ContactSuite, SameBitsOnAnyNumberOfThreads) {
   }
 }
 
-// Used as a plug-in: the caller integrates, contacts stay where they are, the bodies freeze and keep their impulses.
 // A rocking cube may touch with the same corners under other numbers: what pressed there goes on to press.
 TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
   Settings settings;
@@ -213,6 +212,38 @@ TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
   for (size_t c = 0; c < before.size(); ++c) EXPECT_LT((s.suite.impulses()[c] - before[c]).norm(), 1e-9) << c;
 }
 
+// Callers who do not number the points of a face have them told apart by their order.
+TEST(ContactSuite, ContactsOfTheSameNumberKeepTheirLoads) {
+  Settings settings;
+  settings.freezing = Freezing::kOff;
+  Suite s(settings);
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0.2, 0.1, 1.5})};
+  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
+  AddFace(1, 2, {0.1, 0, 1}, 0.5, 0, &s.contacts);
+  for (Contact& contact : s.contacts) contact.feature = 0;
+  for (int frame = 0; frame < 5; ++frame) {
+    const StepReport report = s.Resolve();
+    if (frame > 0) {
+      EXPECT_EQ(report.ladder.rungs[static_cast<int>(qp::Rung::kHeld)].problems, 1) << frame;
+    }
+  }
+}
+
+TEST(ContactSuite, BodiesMayBeGoneInTheNextFrame) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0, 0, 1.5}), UnitCube({5, 0, 0.5})};
+  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
+  AddFace(0, 3, {5, 0, 0}, 0.5, 0, &s.contacts);
+  AddFace(1, 2, {0, 0, 1}, 0.5, 0, &s.contacts);
+  s.Resolve();
+  s.bodies.pop_back();
+  s.bodies.shrink_to_fit();
+  s.contacts.erase(s.contacts.begin() + 4, s.contacts.begin() + 8);
+  EXPECT_EQ(s.Resolve().awake, 2);
+  for (const Vector3& impulse : s.suite.impulses()) EXPECT_NEAR(impulse.head<2>().norm(), 0, 1e-9);
+}
+
+// Used as a plug-in: the caller integrates, contacts stay where they are, the bodies freeze and keep their impulses.
 TEST(ContactSuite, FreezesWithoutAWorldAndKeepsTheImpulses) {
   Suite s;
   s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0, 0, 1.5})};
