@@ -60,6 +60,19 @@ struct Suite {
   std::vector<Contact> contacts;
 };
 
+Settings NeverFreeze() {
+  Settings settings;
+  settings.freezing = Freezing::kOff;
+  return settings;
+}
+
+// One on the other, on a wall.
+void AddTwoCubes(Suite* s) {
+  s->bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0.2, 0.1, 1.5})};
+  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s->contacts);
+  AddFace(1, 2, {0.1, 0, 1}, 0.5, 0, &s->contacts);
+}
+
 TEST(ContactSuite, FreeBodyGetsGravityAndForce) {
   Suite s;
   s.bodies = {UnitCube(Vector3::Zero())};
@@ -197,12 +210,8 @@ TEST(ContactSuite, SameBitsOnAnyNumberOfThreads) {
 
 // A rocking cube may touch with the same corners under other numbers: what pressed there goes on to press.
 TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
-  Settings settings;
-  settings.freezing = Freezing::kOff;
-  Suite s(settings);
-  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0.2, 0.1, 1.5})};
-  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
-  AddFace(1, 2, {0.1, 0, 1}, 0.5, 0, &s.contacts);
+  Suite s(NeverFreeze());
+  AddTwoCubes(&s);
   s.Resolve();
   const std::vector<Vector3> before(s.suite.impulses().begin(), s.suite.impulses().end());
   for (Contact& contact : s.contacts) contact.feature += 10;
@@ -214,12 +223,8 @@ TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
 
 // Callers who do not number the points of a face have them told apart by their order.
 TEST(ContactSuite, ContactsOfTheSameNumberKeepTheirLoads) {
-  Settings settings;
-  settings.freezing = Freezing::kOff;
-  Suite s(settings);
-  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0.2, 0.1, 1.5})};
-  AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
-  AddFace(1, 2, {0.1, 0, 1}, 0.5, 0, &s.contacts);
+  Suite s(NeverFreeze());
+  AddTwoCubes(&s);
   for (Contact& contact : s.contacts) contact.feature = 0;
   for (int frame = 0; frame < 5; ++frame) {
     const StepReport report = s.Resolve();
@@ -280,9 +285,7 @@ TEST(ContactSuite, PaperFreezesByItsCounterAndOnlyInColdVolumes) {
 }
 
 TEST(ContactSuite, FreezingOffNeverFreezes) {
-  Settings settings;
-  settings.freezing = Freezing::kOff;
-  Suite s(settings);
+  Suite s(NeverFreeze());
   s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
   AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
   for (int i = 0; i < 30; ++i) s.Resolve();
