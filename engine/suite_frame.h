@@ -23,7 +23,8 @@ struct SuiteFrame {
   std::vector<Matrix3> frames;  // per contact
   // [N s] per contact, (n, t1, t2). `holding` keeps its values from frame to frame where nothing moves.
   std::vector<Vector3> bounces, collisions, holding;
-  std::vector<Vector3> held_before;   // `holding` as the frame begins: what the frame before left, on the contacts of today
+  std::vector<Vector3>
+      held_before;  // `holding` as the frame begins: what the frame before left, on the contacts of today
   std::vector<Twist> after_bounces;   // per body: where steps 2 and 3 start from
   std::vector<Twist> before_gravity;  // per body
 };

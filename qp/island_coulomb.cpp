@@ -53,7 +53,8 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
 // the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
-// convex problem with the slips found is solved to the tolerance, unless the sweeps have done so, and all but those slips is exact.
+// convex problem with the slips found is solved to the tolerance, where the sweeps have not done that, so that all but those slips
+// is exact.
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
   slips_.assign(problem.contacts.size(), 0.0);
@@ -68,15 +69,15 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
     RunInteriorPoint(problem, brief, slips_, &trial_);
     if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
   }
-  Search(problem, settings);
-  if (certified && MapOfSwept(problem).rms > kLostRms * settings.velocity_scale) {
-    SearchFromConvex(problem, settings);
-  }
+  NaturalMap map = Search(problem, settings);
+  if (certified && map.rms > kLostRms * settings.velocity_scale) map = SearchFromConvex(problem, settings, map);
   // The interior point's velocities are good to the root of its gap, too.
   const double near = std::max(std::sqrt(settings.tolerance), kAcceptShare * settings.coulomb_tolerance);
-  const bool accepted = certified ? MapOfSwept(problem).rms <= near * settings.velocity_scale &&
-                                        TakeSwept(problem, settings, kAcceptShare, solution)
-                                  : TakeSwept(problem, settings, INFINITY, solution);
+  bool accepted = !certified || map.rms <= near * settings.velocity_scale;
+  if (accepted) {
+    VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+    accepted = TakeSwept(problem, settings, certified ? kAcceptShare : INFINITY, solution);
+  }
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
     RunInteriorPoint(problem, settings, slips_, solution, swept_impulses_);
@@ -87,8 +88,8 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
 }
 
 // Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
-// until it can be accepted as it is: that is better than what the interior point makes of it, and cheaper.
-void IslandSolver::Search(const Problem& problem, const Settings& settings) {
+// until it can be accepted as it is: that is better than what the interior point makes of it, and cheaper. Returns their map.
+NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings) {
   const bool certified = settings.tier == Tier::kCertified;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   NaturalMap best = MapOfSwept(problem);
@@ -114,18 +115,19 @@ void IslandSolver::Search(const Problem& problem, const Settings& settings) {
     }
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
+  return best;
 }
 
 // Sweeps carry loads slowly: in a tower of hundreds they do not get to the ground. What the convex problem without slips
 // says is nearer then, if it has a solution.
-void IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings) {
-  const double rms = MapOfSwept(problem).rms;
+NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept) {
   std::fill(slips_.begin(), slips_.end(), 0.0);
   RunInteriorPoint(problem, settings, slips_, &trial_);
-  if (trial_.status != Status::kSolved || CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > rms)
-    return;
+  if (trial_.status != Status::kSolved ||
+      CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > swept.rms)
+    return swept;
   swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
-  Search(problem, settings);
+  return Search(problem, settings);
 }
 
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one

@@ -251,17 +251,17 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   return slip <= kHeldShare * scale;
 }
 
-// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance.
+// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
+// rounding of thousands of increments.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  return MapOfSwept(problem).max <= share * settings.coulomb_tolerance * settings.velocity_scale &&
-         TakeSwept(problem, settings, share, solution);
+  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+  return TakeSwept(problem, settings, share, solution);
 }
 
-// Takes impulses, and velocities that are exactly those that they make, without the rounding of thousands of increments; unless
-// their gap is too large. In the certified tier a contact's slip gives way by as much as it approaches faster than it may: with
+// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. In the certified tier a contact's slip gives way by as much as it approaches faster than it may: with
 // these slips the answer is feasible.
 bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   double gap = 0, energy = 0;
   swept_slips_.resize(problem.contacts.size());
   for (int c = 0; c < problem.num_contacts(); ++c) {

@@ -75,8 +75,8 @@ class IslandSolver {
                        Solution* solution);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
   void StartFrom(const Problem& problem, std::span<const Vector3> start);
-  void Search(const Problem& problem, const Settings& settings);
-  void SearchFromConvex(const Problem& problem, const Settings& settings);
+  NaturalMap Search(const Problem& problem, const Settings& settings);
+  NaturalMap SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept);
   void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
                         Solution* solution, std::span<const Vector3> near = {});
   NaturalMap MapOfSwept(const Problem& problem) const;

@@ -78,7 +78,6 @@ TEST(PassesBy, BallBesideABall) {
   EXPECT_FALSE(Meeting(post, {-2 * kRadius - 0.01, 0, 0}, {3, 0, 0}).passes);      // head on
 }
 
-// Flies past the corner within the step and is free at its end: the way counts.
 // The moment of the least gap is in the midst of the step.
 TEST(PassesBy, BallsAreJudgedByTheirLeastGap) {
   const BodyDefinition post = {.shape = Shape::Sphere(kRadius), .kind = BodyKind::kFixed};
@@ -89,6 +88,7 @@ TEST(PassesBy, BallsAreJudgedByTheirLeastGap) {
   }
 }
 
+// Flies past the corner within the step and is free at its end: the way counts.
 TEST(PassesBy, NotThroughACorner) {
   EXPECT_FALSE(Meeting(Tile({0, 0, 0}), {-0.52, 0.48, -0.01}, {5, 5, 0}, 0.02).passes);
 }
