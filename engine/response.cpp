@@ -192,7 +192,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     const Contact& c = contacts.contacts[number];
     return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
   };
-  if (std::none_of(touching_.begin(), touching_.end(), approaches)) return outcome;
+  const bool looks = settings.ladder.Has(qp::Rung::kNothing);
+  if (touching_.empty() || (looks && std::none_of(touching_.begin(), touching_.end(), approaches))) return outcome;
   const Stopwatch watch;
   const IslandView touching{island.bodies, touching_};
   gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
@@ -240,12 +241,13 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const double v_ref = std::max(speed_floor, fastest);
   const bool rubs = settings.model != Model::kCoulomb && std::any_of(problem_.contacts.begin(), problem_.contacts.end(),
                                                                      [](const auto& c) { return c.friction > 0; });
-  if (fastest <= 1e-12 * v_ref && !rubs) return outcome;
+  const bool looks = settings.ladder.Has(qp::Rung::kNothing);
+  if (looks && fastest <= 1e-12 * v_ref && !rubs) return outcome;
   // What still approaches without a load is what the collision problem's tolerance left, or will meet on its way. (Without
   // gravity the floor is a thousandth of the fastest approach.)
   const double left = (settings.gravity.isZero(0) ? 1e3 : 10) * settings.tolerance * speed_floor;
   const bool free = !rubs && FallsFreely(island, contacts, bodies);
-  if (free && touching <= left) return outcome;
+  if (looks && free && touching <= left) return outcome;
   const bool rests = v_ref <= kRestShare * speed_floor &&
                      MeanSpeedBeforeForces(island.bodies, bodies, settings.gravity, dt) <= kRestMotion * speed_floor;
   Solve(settings, v_ref, speed_floor, rests, &outcome);

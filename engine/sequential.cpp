@@ -166,7 +166,7 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
     settings.tolerance = kTiedTolerance;
     settings.coulomb_tolerance = kTiedMap;
     settings.velocity_scale = approach;
-    settings.ladder = qp::Ladder::Off();
+    settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
     if (flat) settings.ladder = settings.ladder.With(qp::Rung::kPlanar);
     tie_solver_.Solve(problem, settings, &solution);
     if (solution.status != qp::Status::kSolved || !solution.coulomb_reached) return false;

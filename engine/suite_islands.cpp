@@ -109,7 +109,8 @@ void ContactSuite::Impl::WakeByBounce() {
 // draft could leave out.
 bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
   if (settings.freezing != Freezing::kCertified || settings.model != Model::kCoulomb ||
-      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified || view.bodies.size() < kDraftBodies)
+      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified ||
+      !settings.ladder.Has(qp::Rung::kSweeps) || view.bodies.size() < kDraftBodies)
     return false;
   const auto rubs = [this](int number) { return frame.contacts.contacts[number].friction > 0; };
   if (std::none_of(view.contacts.begin(), view.contacts.end(), rubs)) return false;

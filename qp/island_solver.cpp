@@ -183,7 +183,7 @@ void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, 
                               Solution* solution) {
   if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
-    if (settings.cone == Cone::kCircular && (big || swept)) {
+    if (settings.cone == Cone::kCircular && (swept || (big && settings.ladder.Has(Rung::kSweeps)))) {
       SolveBigCoulomb(problem, settings, start, solution);
     } else {
       SolveCoulomb(problem, settings, solution);
@@ -254,7 +254,9 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
 // Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
 // rounding of thousands of increments.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
+  if (!settings.ladder.Has(Rung::kSweeps) ||
+      MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale)
+    return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   return TakeSwept(problem, settings, share, solution);
 }

@@ -16,18 +16,18 @@ enum class Rung : std::uint8_t {
   kCompound,       // bodies that move as one are carried as one
   kPlanar,         // symmetric about a plane: the problem in that plane
   kNormal,         // no friction: sweeps, then Newton's method or an interior point of one row a contact
-  kSweeps,         // Gauss-Seidel sweeps alone
+  kSweeps,         // Gauss-Seidel sweeps first, and alone where they get there
   kInteriorPoint,  // the interior point, with sweeps where there is friction
 };
 inline constexpr int kNumRungs = 10;
 inline constexpr const char* kRungNames[kNumRungs] = {"nothing",  "merged", "closed_form", "held",   "corners",
                                                       "compound", "planar", "normal",      "sweeps", "interior_point"};
 
-// Which rungs may be used. The first one and the last two always may.
+// Which rungs may be used. The last one always may; a problem without contacts is not asked.
 class Ladder {
  public:
   constexpr Ladder() = default;
-  static constexpr Ladder Off() { return Ladder(Bit(Rung::kNothing) | Bit(Rung::kSweeps) | Bit(Rung::kInteriorPoint)); }
+  static constexpr Ladder Off() { return Ladder(Bit(Rung::kInteriorPoint)); }
   constexpr bool Has(Rung rung) const { return (bits_ & Bit(rung)) != 0; }
   constexpr Ladder With(Rung rung) const { return Ladder(bits_ | Bit(rung)); }
   constexpr Ladder Without(Rung rung) const { return Ladder(bits_ & ~Bit(rung)); }

@@ -173,7 +173,8 @@ TEST(Lift, WallThatMovesPaysItself) {
 }
 
 // An elastic ball on a row of cubes that lie on the floor. Who bounces is in the air alone: where the ball had the least number
-// of them, the cubes that it touches were taken for flying as well, and paid.
+// of them, the cubes that it touches were taken for flying as well, and paid: a thousandth of the energy after 0.3 s. The heap is
+// chaotic: a ten millionth, which the width of the kernels may decide, is a thousandth after 0.4 s, too.
 TEST(Lift, NumbersDoNotDecideWhoIsInTheAir) {
   const auto run = [](bool ball_first) {
     World world(Awake());
@@ -182,11 +183,11 @@ TEST(Lift, NumbersDoNotDecideWhoIsInTheAir) {
     for (const BodyDefinition& body : ball_first ? std::vector{ball, cube} : std::vector{cube, ball}) world.Add(body);
     for (int i = 0; i < 3; ++i) world.Add(Cube({1.0005 + i, 0, 0.5}, 0.5, 0));
     for (int i = 1; i < 3; ++i) world.Add(Cube({0.5 + i, 0, 1.5}, 0.5, 0));
-    while (world.time() < 5) world.Step(1.0 / 30);
+    for (int frame = 0; frame < 10; ++frame) world.Step(1.0 / 30);
     return Energy(world.bodies());
   };
   const double first = run(true);
-  EXPECT_NEAR(run(false), first, 1e-6 * first);
+  EXPECT_NEAR(run(false), first, 1e-5 * first);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ qp::Settings MakeSettings(const Problem& problem, Model model) {
 }
 
 qp::Settings WithoutPlanar(qp::Settings settings) {
-  settings.ladder = qp::Ladder::Off().With(Rung::kClosedForm).With(Rung::kHeld).With(Rung::kNormal);
+  settings.ladder = qp::Ladder::Off().With(Rung::kClosedForm).With(Rung::kHeld).With(Rung::kNormal).With(Rung::kSweeps);
   return settings;
 }
 

@@ -1,0 +1,125 @@
+// With the ladder off every problem is one for the interior point, and the steps are the same.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Awake;
+using testing::Cube;
+using testing::Floor;
+using testing::Turn;
+
+constexpr double kStep = 1.0 / 60;
+constexpr int kFrames = 90;
+
+Settings OffTheLadder(Settings settings) {
+  settings.ladder = Ladder::Off();
+  return settings;
+}
+
+// Without `merged`, which is of first order in dt.
+Settings Climbing() {
+  Settings settings = Awake();
+  settings.ladder = settings.ladder.Without(qp::Rung::kMerged);
+  return settings;
+}
+
+// Four layers of sixteen cubes over each other, each turned another way: big islands with sliding and sticking contacts.
+World Heap(const Settings& settings) {
+  World world(settings);
+  world.Add(Floor());
+  for (int i = 0; i < 64; ++i) {
+    const int layer = i / 16, place = i % 16;
+    BodyDefinition cube =
+        Cube({1.75 * (place % 4) + 0.2 * (layer % 2), 1.75 * (place / 4) + 0.1 * layer, 0.9 + 1.8 * layer});
+    cube.rotation_WB = Turn(0.1 + 0.05 * i, Vector3(1, 0.3 * (i % 5), 0.2 * (i % 7)));
+    world.Add(cube);
+  }
+  return world;
+}
+
+int Problems(const LadderReport& ladder, qp::Rung rung) { return ladder.rungs[static_cast<int>(rung)].problems; }
+
+int ProblemsBelowTheLast(const LadderReport& ladder) {
+  int problems = 0;
+  for (int rung = 0; rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung) problems += ladder.rungs[rung].problems;
+  return problems;
+}
+
+// [m/s]
+double Farthest(const World& a, const World& b) {
+  double most = 0;
+  for (int i = 0; i < static_cast<int>(a.bodies().size()); ++i)
+    most = std::max(most, (a.body(i).linear_velocity_W - b.body(i).linear_velocity_W).norm());
+  return most;
+}
+
+// Both begin every frame where the interior point ended the last one, so that chaos does not count. Some frames have several answers to
+// Coulomb's law (blows by cubes that stick or slide), in others, islands of more than a dozen, the full method stops at 1e-4 m/s.
+TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
+  World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
+  int problems = 0, swept = 0, others = 0, same = 0;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    SCOPED_TRACE(frame);
+    climbing.Restore(off.Save());
+    const StepReport full = off.Step(kStep), report = climbing.Step(kStep);
+    EXPECT_EQ(ProblemsBelowTheLast(full.ladder), 0);
+    for (const StepReport* step : {&full, &report}) {
+      EXPECT_EQ(step->collision_qp.failed + step->static_qp.failed, 0);
+      EXPECT_LT(step->certificate.dual, 2e-6);
+      EXPECT_LT(step->certificate.gap, 2e-6);
+      EXPECT_LT(step->certificate.coulomb_map_rms, 1e-3);
+    }
+    problems += Problems(full.ladder, qp::Rung::kInteriorPoint);
+    swept += Problems(report.ladder, qp::Rung::kSweeps);
+    others += Problems(report.ladder, qp::Rung::kClosedForm) + Problems(report.ladder, qp::Rung::kHeld);
+    same += Farthest(off, climbing) < 1e-6;
+  }
+  EXPECT_GT(problems, 1000);
+  EXPECT_GT(swept, 30);
+  EXPECT_GT(others, 100);
+  EXPECT_GT(same, kFrames / 2);
+}
+
+// Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they
+// are none as well.
+TEST(Ladder, CollisionsOfWhatRestsAreNone) {
+  World world(OffTheLadder(Awake()));
+  world.Add(Floor());
+  for (int i = 0; i < 3; ++i) world.Add(Cube({1.0005 * i, 0, 0.5}));
+  for (int frame = 0; frame < 30; ++frame) {
+    const StepReport report = world.Step(kStep);
+    EXPECT_GT(report.collision_qp.solved, 0);
+    EXPECT_EQ(ProblemsBelowTheLast(report.ladder), 0);
+    for (int i = 1; i <= 3; ++i) EXPECT_LT(world.body(i).linear_velocity_W.norm(), 1e-7) << frame;
+  }
+}
+
+// Drafts are sweeps, too.
+TEST(Ladder, NothingIsDraftedWithoutSweeps) {
+  for (const bool sweeps : {true, false}) {
+    Settings settings;
+    settings.threads = 1;
+    if (!sweeps) settings.ladder = settings.ladder.Without(qp::Rung::kSweeps);
+    World world = Heap(settings);
+    int drafts = 0, frozen = 0;
+    for (int frame = 0; frame < 200; ++frame) {
+      const StepReport report = world.Step(kStep);
+      drafts += report.collision_qp.drafts + report.static_qp.drafts;
+      frozen = std::max(frozen, report.frozen);
+      if (!sweeps) {
+        EXPECT_EQ(Problems(report.ladder, qp::Rung::kSweeps), 0) << frame;
+      }
+    }
+    EXPECT_EQ(drafts > 0, sweeps);
+    EXPECT_GT(frozen, 3);
+  }
+}
+
+}  // namespace
+}  // namespace islet
