@@ -34,6 +34,12 @@ constexpr double kMixedGain = 0.7;    // of the natural map, for another one; it
 constexpr double kMixedShare = 0.03;  // of the natural map: what the next round's answer may miss of its own problem
 constexpr double kMixedAim = 1e-6;    // and at most so much [gap]
 
+// Small islands from the impulses of the frame before.
+constexpr int kWarmBlocks = 8, kWarmSweeps = 25;
+constexpr double kWarmMap = 1e-2;    // of v_ref: from farther away sweeps take as long as all else
+constexpr double kWarmGain = 0.9;    // of the natural map, for another block
+constexpr double kWarmShare = 1e-2;  // of the tolerance, which all else undercuts there by more
+
 double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
   const auto [least, most] = std::minmax_element(problem.bodies.begin(), problem.bodies.end(), lighter);
@@ -135,12 +141,14 @@ NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings
 // were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
 // one answer of the convex problem, whatever the order of its contacts. On small islands the next slips are mixed from those of
 // the rounds before as long as that brings the answer nearer, which depends on no order either; sweeps are for where it does not.
-void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution) {
+void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                                Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
   if (circular) gauss_seidel_.Prepare(problem);
   const bool small = problem.num_bodies() <= kSmallIsland;
+  if (small && circular && SettlesWarm(problem, settings, start, solution)) return;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY;
@@ -201,6 +209,27 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   }
   solution->coulomb_reached =
       CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
+}
+
+// From the impulses of the frame before, where something moves: what rests for long is held to more than sweeps reach. They are
+// given up as soon as they would take too long at the pace that they show.
+bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                               Solution* solution) {
+  if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_) return false;
+  const double begin = Seconds(), goal = kWarmShare * settings.coulomb_tolerance * settings.velocity_scale;
+  if (!StartFrom(problem, start)) return false;
+  double before = MapOfSwept(problem).max;
+  bool goes_on = before <= kWarmMap * settings.velocity_scale;
+  for (int left = kWarmBlocks; goes_on && left > 0; --left) {
+    gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
+    if (AcceptSweeps(problem, settings, kWarmShare, solution)) return true;
+    const double now = MapOfSwept(problem).max;
+    goes_on = now < kWarmGain * before && std::log(goal / now) > (left - 1) * std::log(now / before);
+    before = now;
+  }
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
 }
 
 // In most loose heaps a few plain sweeps from the answer without slips find the one with them.

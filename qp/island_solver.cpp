@@ -186,7 +186,7 @@ void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, 
     if (settings.cone == Cone::kCircular && (swept || (big && settings.ladder.Has(Rung::kSweeps)))) {
       SolveBigCoulomb(problem, settings, start, solution);
     } else {
-      SolveCoulomb(problem, settings, solution);
+      SolveCoulomb(problem, settings, start, solution);
     }
   } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
              !SolveNormal(problem, settings, start, solution)) {
@@ -334,19 +334,21 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
 }
 
 // Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
-// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that.
-void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
+// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that. Returns whether they
+// are of use.
+bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
-  if (start.size() != problem.contacts.size() || AllZero(start)) return;
+  if (start.size() != problem.contacts.size() || AllZero(start)) return false;
   const double without = MapOfSwept(problem).rms;
   TakeOver(problem, start);
   if (MapOfSwept(problem).rms < kWildShare * without) {
     gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
-    if (MapOfSwept(problem).rms < kGuessShare * without) return;
+    if (MapOfSwept(problem).rms < kGuessShare * without) return true;
   }
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);
+  return false;
 }
 
 NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {

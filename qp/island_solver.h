@@ -69,12 +69,15 @@ class IslandSolver {
   bool SolveReduced(const Settings& settings);
   bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
-  void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
+  void SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                    Solution* solution);
+  bool SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                   Solution* solution);
 
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
-  void StartFrom(const Problem& problem, std::span<const Vector3> start);
+  bool StartFrom(const Problem& problem, std::span<const Vector3> start);
   NaturalMap Search(const Problem& problem, const Settings& settings);
   NaturalMap SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept);
   void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,

@@ -372,6 +372,35 @@ TEST(Ladder, ImpulsesThatNoLongerHoldAreNotKept) {
   }
 }
 
+// A heap that moves on: from the answer of the frame before, sweeps alone find the next one in most islands. What rests is asked
+// for more than that.
+TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
+  Random random(117);
+  int cold = 0, warm = 0, swept = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    SCOPED_TRACE(trial);
+    Problem problem = RandomCluster(&random, 8, 0.5, 0.5, 10);
+    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    settings.ladder = settings.ladder.Without(qp::Rung::kHeld);
+    const qp::Solution before = Solve(problem, settings);
+    for (qp::BodyTerm& body : problem.bodies)
+      body.velocity.head<3>() += 1e-3 * settings.velocity_scale * random.Vector(1);
+    cold += Solve(problem, settings).iterations;
+    qp::IslandSolver solver;
+    qp::Solution after;
+    solver.Solve(problem, settings, &after, before.impulses);
+    warm += after.iterations;
+    swept += after.rung == qp::Rung::kSweeps && after.iterations == 0;
+    EXPECT_EQ(after.status, qp::Status::kSolved);
+    EXPECT_LE(ExactMap(problem, after), (after.iterations == 0 ? 1e-8 : 1e-6) * settings.velocity_scale);
+    settings.expect_rest = true;
+    solver.Solve(problem, settings, &after, before.impulses);
+    EXPECT_GT(after.iterations, 0);
+  }
+  EXPECT_LT(3 * warm, cold);
+  EXPECT_GT(swept, 20);
+}
+
 // One contact with a trace of friction is no frictionless island: it gets the full method.
 TEST(Ladder, FrictionlessMeansWithoutAnyFriction) {
   Random random(108);
