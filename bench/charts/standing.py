@@ -98,13 +98,15 @@ def no_worse(a, b, columns):
     return all(value(b, c) is None or value(a, c) <= value(b, c) for c in columns)
 
 
-def front(rows, clock, metric):
-    """Those that no other one beats in time and that metric."""
-    kept = []
-    for row in sorted((r for r in rows if good(r)), key=lambda r: (r.time(clock), value(r, metric))):
-        if not kept or value(row, metric) < value(kept[-1], metric):
-            kept.append(row)
-    return kept
+def beats(a, b, clock, columns):
+    """As fast, and no less exact."""
+    return a.time(clock) <= b.time(clock) and no_worse(a, b, columns)
+
+
+def front(rows, clock, columns):
+    """Those that no other one beats; of equals the first."""
+    return [r for i, r in enumerate(rows) if not any(
+        beats(q, r, clock, columns) and (k < i or not beats(r, q, clock, columns)) for k, q in enumerate(rows) if k != i)]
 
 
 def beside(peer, rows, clock):
@@ -122,15 +124,21 @@ def beside(peer, rows, clock):
         if in_time:
             best = min(value(r, metric) for r in in_time)
             entry[f"{metric}_ratio_at_its_time"] = min(value(peer, metric) / best, LARGEST_RATIO) if best else LARGEST_RATIO
-        if any(no_worse(r, peer, (metric,)) for r in in_time):
-            continue
-        # islet's points that it dominates: how much longer the fastest as good takes, if there is one.
-        if any(time <= r.time(clock) and no_worse(peer, r, (metric,)) for r in front(ours, clock, metric)):
-            as_good = [r.time(clock) for r in ours if no_worse(r, peer, (metric,))]
-            entry[f"{metric}_dominates"] = min(as_good) / time if as_good else math.inf
+        entry[f"{metric}_dominates"] = domination(peer, ours, clock, (metric,))
+    entry["all_dominates"] = domination(peer, ours, clock, METRICS) if good(peer) else ""
     as_good = [r.time(clock) for r in ours if no_worse(r, peer, METRICS)] if good(peer) else []
     entry["time_ratio_at_its_accuracy"] = time / min(as_good) if as_good else ""
     return entry
+
+
+def domination(peer, ours, clock, columns):
+    """If the peer beats a point of islet's front, and none is as fast and as exact as it: how many times as long islet's fastest as
+    good takes, infinite if there is none. Else empty."""
+    if any(beats(r, peer, clock, columns) for r in ours) or not any(
+            beats(peer, r, clock, columns) for r in front(ours, clock, columns)):
+        return ""
+    as_good = [r.time(clock) for r in ours if no_worse(r, peer, columns)]
+    return min(as_good) / peer.time(clock) if as_good else math.inf
 
 
 def standing(rows, clock):
@@ -138,10 +146,11 @@ def standing(rows, clock):
 
 
 def dominated(standings):
-    """Lines (scene, metric, peers, largest factor in time) where some peer dominates a point of islet."""
+    """Lines (scene, metric, peers, largest factor in time) where some peer dominates a point of islet; `all`: in all metrics at
+    once."""
     lines = []
     for scene, entries in standings.items():
-        for metric in METRICS:
+        for metric in ("all", *METRICS):
             over = [e for e in entries if e[f"{metric}_dominates"] != ""]
             if over:
                 most = max(e[f"{metric}_dominates"] for e in over)

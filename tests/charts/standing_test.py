@@ -58,7 +58,7 @@ class Beside(unittest.TestCase):
         e = entry_of(row("islet", 1, 1e-4), row("islet", 4, 1e-6), row("bullet", 0.5, 1e-5))
         self.assertAlmostEqual(e["error_dominates"], 8)
         self.assertEqual(e["error_ratio_at_its_time"], "")
-        self.assertEqual(standing.dominated({"glass": [e]})[0][:2], ("glass", "error"))
+        self.assertEqual(standing.dominated({"glass": [e]})[1][:2], ("glass", "error"))
 
     def test_a_peer_that_islet_never_reaches_dominates_without_bound(self):
         self.assertEqual(entry_of(row("islet", 1, 1e-4), row("bullet", 0.5, 1e-5))["error_dominates"], float("inf"))
@@ -80,6 +80,20 @@ class Beside(unittest.TestCase):
         lines = (row("islet", 4, 1e-6), row("islet", 1, 1e-6, sleeping=1))
         self.assertAlmostEqual(entry_of(*lines, row("bullet", 2, 1e-6))["error_dominates"], 2)
         self.assertEqual(entry_of(*lines, row("bullet", 2, 1e-6, sleeping=1))["error_dominates"], "")
+
+    def test_all_metrics_at_once(self):
+        ours = (row("islet", 1, 1e-4, coulomb=0.1), row("islet", 4, 1e-6, coulomb=0.01))
+        e = entry_of(*ours, row("bullet", 0.5, 1e-2, coulomb=0.05))
+        self.assertAlmostEqual(e["coulomb_error_dominates"], 8)
+        self.assertEqual(e["all_dominates"], "")
+        e = entry_of(*ours, row("bullet", 0.5, 1e-5, coulomb=0.05))
+        self.assertAlmostEqual(e["all_dominates"], 8)
+        self.assertEqual([line[1] for line in standing.dominated({"glass": [e]})], ["all", "error", "overlap_max", "coulomb_error"])
+        self.assertEqual(entry_of(*ours, row("bullet", 2, 1e-5, coulomb=0.05))["all_dominates"], "")
+
+    def test_equal_points_of_islet_are_one(self):
+        twins = (row("islet", 1, 1e-4), row("islet", 1, 1e-4, sleeping=1))
+        self.assertAlmostEqual(entry_of(*twins, row("bullet", 0.5, 1e-4, sleeping=1))["error_dominates"], 2)
 
     def test_a_failed_peer_has_no_ratio(self):
         e = entry_of(row("islet", 1, 1e-4), row("bullet", 0.5, 1e-9, failed="collapsed"))
