@@ -192,7 +192,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     const Contact& c = contacts.contacts[number];
     return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
   };
-  const bool looks = settings.ladder.Has(qp::Rung::kNothing);
+  // (The convex models would rub here, too.)
+  const bool looks = settings.ladder.Has(qp::Rung::kNothing) || settings.model != Model::kCoulomb;
   if (touching_.empty() || (looks && std::none_of(touching_.begin(), touching_.end(), approaches))) return outcome;
   const Stopwatch watch;
   const IslandView touching{island.bodies, touching_};

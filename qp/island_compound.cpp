@@ -15,7 +15,8 @@ bool IslandSolver::SolveCompound(const Problem& problem, const Settings& setting
   if (start.size() != problem.contacts.size() || settings.model != Model::kCoulomb ||
       settings.cone != Cone::kCircular || settings.tier != Tier::kCertified)
     return false;
-  const double begin = Seconds(), goal = settings.coulomb_tolerance * settings.velocity_scale;
+  const double begin = Seconds(), in_vain = seconds_in_vain_;
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   TakeOver(problem, start);
   if (!compounds_.Find(problem, swept_impulses_, swept_velocities_, settings.velocity_scale)) return false;
   bool expands = false;
@@ -28,7 +29,7 @@ bool IslandSolver::SolveCompound(const Problem& problem, const Settings& setting
   iterations_ += compounds_.factorisations();
   if (accepted) return true;
   ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  seconds_in_vain_ = in_vain + Seconds() - begin;
   return false;
 }
 
@@ -43,6 +44,8 @@ bool IslandSolver::SolveReduced(const Settings& settings) {
   if (compounds_.crowded()) inner.tier = Tier::kSwept;
   inner_->Solve(reduced, inner, &trial_, compounds_.reduced_start());
   iterations_ += trial_.iterations;
+  escalations_ += trial_.escalations;
+  seconds_in_vain_ += trial_.seconds_in_vain;
   ImpulseScales(reduced, &reduced_scales_);
   return CoulombMap(reduced, trial_.velocities, trial_.impulses, reduced_scales_).max <=
          kAcceptShare * settings.coulomb_tolerance * settings.velocity_scale;

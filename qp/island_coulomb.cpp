@@ -139,7 +139,7 @@ NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
 // need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
 // were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
-// one answer of the convex problem, whatever the order of its contacts. On small islands the next slips are mixed from those of
+// one answer of the convex problem, whatever the order of its contacts, unless it starts from the frame before. On small islands the next slips are mixed from those of
 // the rounds before as long as that brings the answer nearer, which depends on no order either; sweeps are for where it does not.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                 Solution* solution) {
@@ -159,14 +159,15 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   for (int round = 1;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
-    RunInteriorPoint(problem, inner, slips_, &trial_);
+    const bool near = !small && circular && round > 1;  // to what the last sweeps found, as in SolveBigCoulomb
+    RunInteriorPoint(problem, inner, slips_, &trial_, near ? swept_impulses_ : std::span<const Vector3>());
     trial_.rounds = round;
     const bool fails = trial_.status == Status::kFailed || trial_.status == Status::kInfeasible;
     if (fails && !(mixed.goes_on && mixed.begun)) {
       if (!std::isfinite(best)) *solution = trial_;
       if (round > 1 || !circular) break;
       FindFirstSlips(problem, goal);
-      if (AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
+      if (SweepsSuffice(problem, settings, solution)) break;
       continue;
     }
     double map = INFINITY, worst = INFINITY;
@@ -197,7 +198,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
       gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_);
     if (circular && round > sweeps_from) Search(problem, settings);
     const double change = UpdateSlips(problem, settings.cone);
-    if (circular && AcceptSweeps(problem, settings, kAcceptShare, solution)) break;
+    if (circular && SweepsSuffice(problem, settings, solution)) break;
     const bool settled = !circular && change <= goal;
     if (settled && accurate) break;
     accurate = small || settled;  // a rough round places the slips, but is no answer
@@ -206,6 +207,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     StartFrom(problem, {});
     Search(problem, settings);
     sprawls_ = !AcceptSweeps(problem, settings, in_plane_ ? kAcceptShare / kPlanarShare : kAcceptShare, solution);
+    if (!settings.ladder.Has(Rung::kSweeps)) solution->rung = Rung::kInteriorPoint;  // whose answer was mended
   }
   solution->coulomb_reached =
       CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal || !circular;
@@ -215,11 +217,11 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
 // given up as soon as they would take too long at the pace that they show.
 bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                Solution* solution) {
-  if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_) return false;
+  if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_ || AllZero(start)) return false;
   const double begin = Seconds(), goal = kWarmShare * settings.coulomb_tolerance * settings.velocity_scale;
-  if (!StartFrom(problem, start)) return false;
+  const bool useful = StartFrom(problem, start);
   double before = MapOfSwept(problem).max;
-  bool goes_on = before <= kWarmMap * settings.velocity_scale;
+  bool goes_on = useful && before <= kWarmMap * settings.velocity_scale;
   for (int left = kWarmBlocks; goes_on && left > 0; --left) {
     gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
     if (AcceptSweeps(problem, settings, kWarmShare, solution)) return true;
@@ -232,11 +234,16 @@ bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings,
   return false;
 }
 
+// The answer of the sweeps, where the ladder has that rung, and they meet the law.
+bool IslandSolver::SweepsSuffice(const Problem& problem, const Settings& settings, Solution* solution) {
+  return settings.ladder.Has(Rung::kSweeps) && AcceptSweeps(problem, settings, kAcceptShare, solution);
+}
+
 // In most loose heaps a few plain sweeps from the answer without slips find the one with them.
 bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& settings, Solution* solution) {
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   gauss_seidel_.Sweep(problem, kSweepsBefore, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-  if (AcceptSweeps(problem, settings, kAcceptShare, solution)) return true;
+  if (SweepsSuffice(problem, settings, solution)) return true;
   swept_impulses_ = first_.impulses = trial_.impulses;
   swept_velocities_ = first_.velocities = trial_.velocities;
   return false;

@@ -46,10 +46,6 @@ bool HasClosedForm(const Problem& problem, const Settings& settings) {
   return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
 }
 
-bool AllZero(std::span<const Vector3> impulses) {
-  return std::all_of(impulses.begin(), impulses.end(), [](const Vector3& j) { return j.isZero(0); });
-}
-
 bool AllFinite(const Solution& solution) {
   return std::all_of(solution.velocities.begin(), solution.velocities.end(), [](double v) { return std::isfinite(v); });
 }
@@ -71,6 +67,10 @@ void Prepare(const Problem& problem, Solution* solution) {
 
 double IslandSolver::Seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+bool IslandSolver::AllZero(std::span<const Vector3> impulses) {
+  return std::all_of(impulses.begin(), impulses.end(), [](const Vector3& j) { return j.isZero(0); });
 }
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
@@ -254,9 +254,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
 // Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
 // rounding of thousands of increments.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  if (!settings.ladder.Has(Rung::kSweeps) ||
-      MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale)
-    return false;
+  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   return TakeSwept(problem, settings, share, solution);
 }

@@ -55,6 +55,7 @@ class IslandSolver {
   static constexpr double kPlanarShare = 1e-2;
 
   static double Seconds();  // of a clock that only goes on
+  static bool AllZero(std::span<const Vector3> impulses);
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
@@ -85,6 +86,7 @@ class IslandSolver {
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
+  bool SweepsSuffice(const Problem& problem, const Settings& settings, Solution* solution);
   bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
   struct MixedRounds {  // of a small island

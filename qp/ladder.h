@@ -1,6 +1,6 @@
 // The ladder: the ways to solve an island's problem, cheapest first. A rung is taken where a cheap test says that it can serve,
 // and its answer is kept where it meets the law to the tolerance; otherwise the next one is tried. Which one serves depends on
-// the problem alone.
+// the problem and the impulses that it starts from alone.
 #pragma once
 
 #include <cstdint>

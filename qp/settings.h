@@ -22,7 +22,7 @@ enum class Cone {
 // rounding in both.
 enum class Tier {
   kCertified,  // sweeps, then the convex problem with their slips, where its gap misses coulomb_tolerance; solved to `tolerance`
-  kSwept,  // sweeps alone, as far as they pay: about a third of the time, no bound on the gap
+  kSwept,  // sweeps alone, as far as they pay, whatever the ladder: about a third of the time, no bound on the gap
 };
 
 struct Settings {
@@ -32,7 +32,7 @@ struct Settings {
   double tolerance = 1e-8;   // relative duality gap; dual violation over the velocity scale
   double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;  // of one interior-point solve
-  int coulomb_rounds = 3;    // octagon or up to 12 bodies: cap on re-solves with lagged slip
+  int coulomb_rounds = 3;    // octagon, up to 12 bodies, or no sweeps: cap on re-solves with lagged slip
   // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
   double coulomb_tolerance = 1e-6;
   Ladder ladder;              // rungs that may be used

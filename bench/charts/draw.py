@@ -208,7 +208,7 @@ BESIDE = (("peer", "peer"), ("default", "default"), ("starts", "starts"), ("fail
           ("the same, overlap", "overlap_max_ratio_at_its_time"), ("the same, Coulomb", "coulomb_error_ratio_at_its_time"),
           ("its time / islet's where no worse in all", "time_ratio_at_its_accuracy"),
           ("dominates islet in error: factor", "error_dominates"), ("in overlap", "overlap_max_dominates"),
-          ("in Coulomb", "coulomb_error_dominates"), ("in all three at once", "all_dominates"))
+          ("in Coulomb", "coulomb_error_dominates"), ("in all at once", "all_dominates"))
 STYLE = ("body{font:14px sans-serif;margin:2em;max-width:1500px}table{border-collapse:collapse;font-size:11px}td,th{border:1px "
          "solid #ccc;padding:1px 5px;text-align:right;max-width:28em}svg,img{max-width:100%;height:auto}"
          "pre{background:#f4f4f4;padding:.5em;overflow:auto}")
@@ -222,8 +222,8 @@ def page(scenes, by_scene, standings, heads, run, clock, folder):
     over = dominated(standings)
     parts.append("<h2>Where a peer dominates islet</h2>" + (
         "<p>As fast as a point of islet's front and no less exact, while no point of islet is as fast and as exact as it. Factor: "
-        "islet's time over the peer's where islet is as exact; inf: islet is never as exact; all: in error, overlap and Coulomb at "
-        "once.</p>" +
+        "islet's time over the peer's where islet is as exact; inf: islet is never as exact; all: in error, overlap and, "
+        "where it is applied, Coulomb at once.</p>" +
         table(("scene", "metric", "peers", "largest factor in time"), over) if over else "<p>Nowhere.</p>"))
     for name, lines in heads.items():
         parts.append(f"<pre>{html.escape(name + chr(10) + chr(10).join(lines))}</pre>")
@@ -278,7 +278,7 @@ def report(standings):
     for scene, metric, peers, factor in lines:
         print(f"DOMINATED {scene} {metric} (by up to {factor:.3g} in time): {peers}")
     if all(metric != "all" for _, metric, _, _ in lines):
-        print("No peer dominates islet in error, overlap and Coulomb at once.")
+        print("No peer dominates islet in all that a scene measures at once.")
 
 
 def publish(folder, target):

@@ -477,9 +477,9 @@ def fragment(folder, clock_asked="auto"):
         clock = table.clock(clock_asked)
         headers, lines, pictures = draw_ladder.draw(table, clock, clock_words(clock), folder, save)
         write_csv(folder / "ladder_table.csv", headers, lines)
-        page.add("The ladder", "Each island's problem answered by the cheapest way that serves (auto), or by sweeps and the interior point alone "
+        page.add("The ladder", "Each island's problem answered by the cheapest way that serves (auto), or by the interior point alone "
                  "(off); one thread, the same start, in turn. Natural map: rms over the contacts of the worst island, mean over the frames. "
-                 "Deviation: of the farthest body from a run at 1e-10 without the ladder; nudged: what 1e-9 m makes of that. Stepwise: both begin each frame in the same state, so that chaos does not decide; "
+                 "Deviation: of the farthest body from a run at 1e-10 by sweeps and the interior point; nudged: what 1e-9 m makes of that. Stepwise: both begin each frame in the same state, so that chaos does not decide; "
                  "their deviation is the largest of one frame.",
                  pictures, table, headers, lines)
     return page.text()

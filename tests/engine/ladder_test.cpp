@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "engine/world.h"
 #include "tests/support/worlds.h"
@@ -51,19 +52,21 @@ int ProblemsBelowTheLast(const LadderReport& ladder) {
   return problems;
 }
 
-// [m/s]
-double Farthest(const World& a, const World& b) {
-  double most = 0;
-  for (int i = 0; i < static_cast<int>(a.bodies().size()); ++i)
-    most = std::max(most, (a.body(i).linear_velocity_W - b.body(i).linear_velocity_W).norm());
-  return most;
+// Cubes that touch other cubes.
+std::vector<int> InCompany(const World& world) {
+  std::vector<int> company;
+  for (int i = 1; i < static_cast<int>(world.bodies().size()); ++i)
+    if (std::ranges::any_of(world.resolved_contacts(),
+                            [i](const Contact& c) { return c.body_a > 0 && (c.body_a == i || c.body_b == i); }))
+      company.push_back(i);
+  return company;
 }
 
-// Both begin every frame where the interior point ended the last one, so that chaos does not count. Some frames have several answers to
-// Coulomb's law (blows by cubes that stick or slide), in others, islands of more than a dozen, the full method stops at 1e-4 m/s.
+// Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may have
+// several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
   World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
-  int problems = 0, swept = 0, others = 0, same = 0;
+  int problems = 0, swept = 0, others = 0, same = 0, nearly = 0, all = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
     SCOPED_TRACE(frame);
     climbing.Restore(off.Save());
@@ -78,12 +81,16 @@ TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
     problems += Problems(full.ladder, qp::Rung::kInteriorPoint);
     swept += Problems(report.ladder, qp::Rung::kSweeps);
     others += Problems(report.ladder, qp::Rung::kClosedForm) + Problems(report.ladder, qp::Rung::kHeld);
-    same += Farthest(off, climbing) < 1e-6;
+    for (const int i : InCompany(off)) {
+      const double far = (off.body(i).linear_velocity_W - climbing.body(i).linear_velocity_W).norm();
+      same += far < 1e-6, nearly += far < 1e-3, ++all;
+    }
   }
   EXPECT_GT(problems, 1000);
   EXPECT_GT(swept, 30);
   EXPECT_GT(others, 100);
-  EXPECT_GT(same, kFrames / 5);
+  EXPECT_GT(same, 0.6 * all);
+  EXPECT_GT(nearly, 0.9 * all);
 }
 
 // Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they

@@ -20,8 +20,7 @@ Settings Awake(bool planar) {
   Settings settings;
   settings.threads = 1;
   settings.freezing = Freezing::kOff;
-  if (!planar)
-    settings.ladder = Ladder::Off().With(qp::Rung::kClosedForm).With(qp::Rung::kHeld).With(qp::Rung::kNormal);
+  if (!planar) settings.ladder = settings.ladder.Without(qp::Rung::kPlanar);
   return settings;
 }
 

@@ -66,7 +66,7 @@ qp::Settings MakeSettings(const Problem& problem, bool ladder = true) {
   settings.velocity_scale = VelocityScale(problem);
   settings.tolerance = 1e-12;
   settings.coulomb_rounds = 30;
-  if (!ladder) settings.ladder = qp::Ladder::Off();
+  if (!ladder) settings.ladder = qp::Ladder::Off().With(Rung::kSweeps);
   return settings;
 }
 

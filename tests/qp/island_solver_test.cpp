@@ -401,6 +401,35 @@ TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
   EXPECT_GT(swept, 20);
 }
 
+// The impulses of the frame before say which of several answers comes next, more than the order of the contacts does.
+TEST(Ladder, FromTheFrameBeforeOrderMattersLittle) {
+  Random random(118);
+  int far = 0, swept = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    SCOPED_TRACE(trial);
+    Problem problem = RandomCluster(&random, 8, 0.5, 0.5, 10);
+    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    std::vector<Vector3> start = Solve(problem, settings).impulses;
+    for (qp::BodyTerm& body : problem.bodies)
+      body.velocity.head<3>() += 1e-2 * settings.velocity_scale * random.Vector(1);
+    std::vector<int> order(start.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::shuffle(order.begin(), order.end(), random.engine());
+    Problem shuffled = problem;
+    std::vector<Vector3> start_shuffled(start.size());
+    for (size_t c = 0; c < order.size(); ++c)
+      shuffled.contacts[c] = problem.contacts[order[c]], start_shuffled[c] = start[order[c]];
+    qp::IslandSolver solver;
+    qp::Solution one, other;
+    solver.Solve(problem, settings, &one, start);
+    solver.Solve(shuffled, settings, &other, start_shuffled);
+    swept += one.iterations == 0 && other.iterations == 0;
+    far += VelocityDistance(problem, one.velocities, other.velocities) > 1e-4 * settings.velocity_scale;
+  }
+  EXPECT_GT(swept, 30);
+  EXPECT_LE(far, 3);
+}
+
 // One contact with a trace of friction is no frictionless island: it gets the full method.
 TEST(Ladder, FrictionlessMeansWithoutAnyFriction) {
   Random random(108);
