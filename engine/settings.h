@@ -48,7 +48,7 @@ struct Settings {
   // Accuracy
   Tier tier = Tier::kCertified;       // swept: kCoulomb on the circular cone only
   double tolerance = 1e-6;            // of the QPs: relative duality gap, and natural map over v_ref
-  int coulomb_rounds = 3;             // kCoulomb, octagon, up to 12 bodies, or no sweeps: cap on re-solves with lagged slip [DS91]
+  int coulomb_rounds = 3;             // kCoulomb, where sweeps do not lead: cap on re-solves with lagged slip [DS91]
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
   double overlap_tolerance = 2.5e-4;  // motion repeats until no pair overlaps by more; per shape size

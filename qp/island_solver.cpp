@@ -259,8 +259,8 @@ bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings
   return TakeSwept(problem, settings, share, solution);
 }
 
-// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. In the certified tier a contact's slip gives way by as much as it approaches faster than it may: with
-// these slips the answer is feasible.
+// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. In the certified tier
+// a contact's slip gives way by as much as it approaches faster than it may: with these slips the answer is feasible.
 bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   double gap = 0, energy = 0;
   swept_slips_.resize(problem.contacts.size());
@@ -332,8 +332,8 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
 }
 
 // Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
-// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that. Returns whether they
-// are of use.
+// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that. Returns whether
+// they are of use.
 bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
   CopyFreeVelocities(problem, &swept_velocities_);

@@ -62,8 +62,8 @@ std::vector<int> InCompany(const World& world) {
   return company;
 }
 
-// Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may have
-// several answers: a few cubes stick here and slide there.
+// Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may
+// have several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
   World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
   int problems = 0, swept = 0, others = 0, same = 0, nearly = 0, all = 0;

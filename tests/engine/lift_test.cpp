@@ -187,7 +187,7 @@ TEST(Lift, NumbersDoNotDecideWhoIsInTheAir) {
     return Energy(world.bodies());
   };
   const double first = run(true);
-  EXPECT_NEAR(run(false), first, 1e-5 * first);
+  EXPECT_NEAR(run(false), first, 1e-6 * first);
 }
 
 }  // namespace

@@ -17,9 +17,7 @@ using testing::Turn;
 constexpr double kStep = 1.0 / 60;
 
 Settings Awake(bool planar) {
-  Settings settings;
-  settings.threads = 1;
-  settings.freezing = Freezing::kOff;
+  Settings settings = testing::Awake();
   if (!planar) settings.ladder = settings.ladder.Without(qp::Rung::kPlanar);
   return settings;
 }
