@@ -10,7 +10,6 @@
 #include <fcl/math/bv/AABB.h>
 
 #include "engine/body_watch.h"
-#include "engine/pair_contacts.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
@@ -54,18 +53,19 @@ BoundingBox ToFcl(const Box& box) {
 }  // namespace
 
 struct Detector::Impl {
-  explicit Impl(parallel::WorkerPool* pool_) : pool(pool_), contacts_of_pairs(pool_) {}
+  Impl(parallel::WorkerPool* pool_, bool keep_) : pool(pool_), keep(keep_), contacts_of_pairs(pool_) {}
 
   parallel::WorkerPool* pool;
+  bool keep;
   BodyWatch bodies;
   PairContacts contacts_of_pairs;
 
   Tree tree;
   int refits_since_rebuild = 0;
-  std::vector<Node*> leaves;        // per body; null for half-spaces and removed bodies
-  std::vector<Box> rooms;           // per body that has a leaf
-  std::vector<char> leaves_room;    // per body: its candidates must be found again
-  std::vector<int> searching;       // those bodies
+  std::vector<Node*> leaves;      // per body; null for half-spaces and removed bodies
+  std::vector<Box> rooms;         // per body that has a leaf
+  std::vector<char> leaves_room;  // per body: its candidates must be found again
+  std::vector<int> searching;     // those bodies
   std::vector<CandidatePair> pairs, kept, sorted;
   std::vector<std::vector<CandidatePair>> found_by_task;
   std::vector<int> start;  // per body a
@@ -94,8 +94,8 @@ void Detector::Impl::FindLeavers() {
   for (size_t i = n; i < leaves.size(); ++i) {
     if (leaves[i]) tree.remove(leaves[i]);
   }
-  if (fewer) pairs.clear();
-  const bool all = fewer || bodies.half_spaces_changed();
+  if (fewer || !keep) pairs.clear();
+  const bool all = fewer || !keep || bodies.half_spaces_changed();
   leaves.resize(n, nullptr);
   rooms.resize(n);
   leaves_room.assign(n, 0);
@@ -113,7 +113,7 @@ void Detector::Impl::UpdateTree() {
   bool other_bodies = false;
   for (int i : searching) {
     const bool in_tree = !bodies[i].half_space && !bodies[i].removed;
-    if (in_tree) rooms[i] = RoomOf(bodies[i]);
+    if (in_tree) rooms[i] = keep ? RoomOf(bodies[i]) : bodies[i].box;
     if (in_tree && !leaves[i]) {
       leaves[i] = tree.insert(ToFcl(rooms[i]), reinterpret_cast<void*>(static_cast<std::intptr_t>(i)));
       other_bodies = true;
@@ -143,7 +143,8 @@ void Detector::Impl::Query(int body, std::vector<const Node*>* stack, std::vecto
     found->push_back(pair);
   };
   auto consider = [&](int other) {
-    if (other != body && !(leaves_room[other] && other < body)) append(other);  // of two that search the smaller reports
+    if (other != body && !(leaves_room[other] && other < body))
+      append(other);  // of two that search the smaller reports
   };
   const BoundingBox box = ToFcl(rooms[body]);
   stack->clear();
@@ -205,9 +206,7 @@ void Detector::Impl::SortFound() {
 
 // Old pairs of bodies that searched give way to the found ones. A pair that is found again keeps its contacts.
 void Detector::Impl::MergeFound() {
-  const auto before = [](const CandidatePair& p, const CandidatePair& q) {
-    return p.a != q.a ? p.a < q.a : p.b < q.b;
-  };
+  const auto before = [](const CandidatePair& p, const CandidatePair& q) { return p.a != q.a ? p.a < q.a : p.b < q.b; };
   kept.clear();
   auto next = sorted.begin();
   for (const CandidatePair& old : pairs) {
@@ -224,8 +223,10 @@ void Detector::Impl::MergeFound() {
   std::swap(pairs, kept);
 }
 
-Detector::Detector(parallel::WorkerPool* pool) : impl_(std::make_unique<Impl>(pool)) {}
+Detector::Detector(parallel::WorkerPool* pool, bool keep) : impl_(std::make_unique<Impl>(pool, keep)) {}
 Detector::~Detector() = default;
+
+KeptContacts Detector::kept() const { return impl_->contacts_of_pairs.kept(); }
 
 void Detector::Detect(std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const Vector3> travel_W,
                       std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen) {

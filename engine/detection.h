@@ -15,6 +15,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/pair_contacts.h"
 #include "engine/shape.h"
 
 namespace islet::parallel {
@@ -25,7 +26,8 @@ namespace islet {
 
 class Detector {
  public:
-  explicit Detector(parallel::WorkerPool* pool);
+  // keep: whether candidates and contacts of the call before are used again.
+  explicit Detector(parallel::WorkerPool* pool, bool keep = true);
   ~Detector();
   Detector(const Detector&) = delete;
   Detector& operator=(const Detector&) = delete;
@@ -38,6 +40,8 @@ class Detector {
   // spans differ in size.
   void Detect(std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const Vector3> travel_W,
               std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen = false);
+
+  KeptContacts kept() const;  // of the call before, by the last one
 
  private:
   struct Impl;

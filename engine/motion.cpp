@@ -11,28 +11,10 @@
 namespace islet {
 namespace {
 
-// Corrections turn bodies less than the mass metric would: a turn is right to first order only, and a cube held back at a
-// corner would be turned far enough to hit its neighbours.
-constexpr double kTurnWeight =
-    16;  // measured: 1 leaves overlaps of 0.1 m in cubejam after 8 passes, 4 none, 16 takes a quarter fewer passes
 // Contacts that are open by more than this share of the deepest overlap are left to the next pass. Measured on cubeglass in
 // full flow: 2 joins all cubes in flight into one dense problem and costs nine times as much as 0.05, which adds a quarter
 // more passes.
 constexpr double kCloseShare = 0.05;
-constexpr int kBlocks = 5, kSweeps = 100;  // blocks of so many sweeps, between which drifts are followed
-// Of the deepest overlap that a pass corrects; the next pass sees to the rest. Measured: 1e-2 halves the time of the motion in
-// cubeglass, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
-// overlaps of up to 0.01 m.
-constexpr double kPassTolerance = 1e-3;
-constexpr double kLeastDrift = 1e-2;  // of that
-
-// Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
-// farther at all than that or than the longest way that a body of the island goes freely in the step. Between surfaces that are
-// nearly parallel the linear problem sees its way out far away: of 9,800 corrections in cubeglass, cubejam and sphereglass all
-// stayed below 4.1 times but one, which threw a cube by 1.3 m for 1.2 mm; another one took a cube at rest through a wall. (The
-// ends of a row of 300 that all close in have far to go back, each with its neighbours: 20 times the overlap stopped them.)
-constexpr double kFarthest = 20;
-constexpr double kMassRatio = 100;
 
 // Restitution above which lifts are paid for. Below it bounces lose more than lifts give, and a correction is known to a tenth of
 // the overlap tolerance only: who pays for it has a velocity that depends on the numbers of the bodies (1e-3 m/s in a heap).
@@ -41,23 +23,6 @@ constexpr double kElastic = 0.8;
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
-// Light bodies count for at least a hundredth of the heaviest, where something immovable takes up what that moves: else a light
-// box between heavy ones is what gives way, and by mass goes a hundred times as far (1:10,000: 21 m, in a room of 3 m).
-void LevelMasses(qp::Problem* problem) {
-  const bool held = std::any_of(problem->contacts.begin(), problem->contacts.end(),
-                                [](const qp::ContactTerm& c) { return c.body_a < 0 || c.body_b < 0; });
-  if (!held) return;
-  double most = 0;
-  for (const qp::BodyTerm& body : problem->bodies) most = std::max(most, body.mass);
-  for (qp::BodyTerm& body : problem->bodies) {
-    const double factor = most / (kMassRatio * body.mass);
-    if (!(factor > 1)) continue;
-    body.mass *= factor;
-    body.inertia *= factor;
-    body.inverse_inertia /= factor;
-  }
-}
-
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
 }
@@ -65,7 +30,14 @@ double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
 }  // namespace
 
 Mover::Mover(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool) {
-  workers_.resize(pool->num_workers());
+  correctors_.reserve(pool->num_workers());
+  for (int i = 0; i < pool->num_workers(); ++i) correctors_.emplace_back(settings.ladder);
+}
+
+LadderReport Mover::TakeLadder() {
+  LadderReport sum = std::exchange(spared_, {});
+  for (Corrector& corrector : correctors_) sum.Include(corrector.TakeReport());
+  return sum;
 }
 
 void Mover::PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies) {
@@ -249,108 +221,80 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
   *outcome = before;
 }
 
-// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would, or
-// if there is no way out.
+// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance (without the rung free_motion:
+// of all). False if none would, or if there is no way out.
 bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
                     const std::vector<Contact>& contacts) {
-  double deepest = 0;
+  const bool spare = settings_.ladder.Has(qp::Rung::kFreeMotion);
+  double deepest = 0, least = INFINITY;
   for (size_t c = 0; c < contacts.size(); ++c) {
     if (handled_[c]) continue;
-    if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
+    const double slight = 0.5 * ToleranceOf(contacts[c], tolerances);
+    if (-gaps_[c] > slight) deepest = std::max(deepest, -gaps_[c]);
+    least = std::min(least, slight);
   }
-  if (deepest == 0) return false;
+  if (deepest == 0 && spare) {
+    CountSpared(static_cast<int>(contacts.size()));
+    return false;
+  }
+  if (deepest == 0) deepest = least;
+  FindIslands(kCloseShare * deepest, bodies, contacts);
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    const int first = partition_.contact_start[i], last = partition_.contact_start[i + 1];
+    for (int k = first; k < last; ++k) {
+      const int c = island_contacts_[k];
+      if (!spare || -gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) wanted_[i] = 1;
+    }
+    if (!wanted_[i] && last > first) CountSpared(last - first);
+  }
+  pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
+    if (wanted_[island]) corrected_[island] = CorrectIsland(island, worker, deepest, bodies, contacts);
+  });
+  for (Corrector& corrector : correctors_) swept_only_ |= corrector.TakeFailure();
+  return std::any_of(corrected_.begin(), corrected_.end(), [](std::uint8_t corrected) { return corrected != 0; });
+}
+
+void Mover::CountSpared(int contacts) {
+  LadderReport::Rung& rung = spared_.rungs[static_cast<int>(qp::Rung::kFreeMotion)];
+  ++rung.problems;
+  rung.contacts += contacts;
+}
+
+// What contacts join whose predicted gaps are at most `close` [m].
+void Mover::FindIslands(double close, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   cut_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) cut_[i] = !bodies[i].Moves();
   pairs_.clear();
   linked_.clear();
   frames_.resize(contacts.size());
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (gaps_[c] > kCloseShare * deepest || handled_[c]) continue;
+    if (gaps_[c] > close || handled_[c]) continue;
     pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
     linked_.push_back(static_cast<int>(c));
     frames_[c] = ContactFrame(contacts[c].normal_W);
   }
   islands::BuildPartition({cut_, pairs_}, &partition_);
   island_contacts_.resize(partition_.contacts.size());
+  for (size_t k = 0; k < island_contacts_.size(); ++k) island_contacts_[k] = linked_[partition_.contacts[k]];
   wanted_.assign(partition_.num_islands(), 0);
+  corrected_.assign(partition_.num_islands(), 0);
   corrections_.assign(bodies.size(), {});
-  for (int i = 0; i < partition_.num_islands(); ++i) {
-    for (int k = partition_.contact_start[i]; k < partition_.contact_start[i + 1]; ++k) {
-      const int c = island_contacts_[k] = linked_[partition_.contacts[k]];
-      if (-gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) wanted_[i] = 1;
-    }
-  }
-  pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
-    if (wanted_[island]) SolveIsland(island, worker, deepest, bodies, contacts);
-  });
-  bool any = false;
-  for (Worker& worker : workers_) {
-    any |= std::exchange(worker.corrected, false);
-    swept_only_ |= std::exchange(worker.failed, false);
-  }
-  return any;
 }
 
-// The frictionless contact problem with displacements for velocities: the change of the planned ones, from rest, that
-// opens all predicted gaps. (The planned displacements themselves as v0 would drown a millimetre in a metre of flight.)
-void Mover::SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
-                        const std::vector<Contact>& contacts) {
-  Worker& w = workers_[worker];
+bool Mover::CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
+                          const std::vector<Contact>& contacts) {
+  Corrector& corrector = correctors_[worker];
   const std::span<const int> members = partition_.bodies_of(island);
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
-  w.gatherer.Gather(bodies, {contacts, frames_}, members, numbers, &w.problem);
-  LevelMasses(&w.problem);
-  for (qp::BodyTerm& body : w.problem.bodies) {
-    body.velocity.setZero();
-    body.inertia *= kTurnWeight;
-    body.inverse_inertia /= kTurnWeight;
-  }
-  for (size_t k = 0; k < numbers.size(); ++k) {
-    w.problem.contacts[k].friction = 0;
-    w.problem.contacts[k].drift = Vector3(gaps_[numbers[k]], 0, 0);
-  }
-  if (!SolveDisplacements(scale, &w)) return;
-  w.corrected = true;
-  const double share = CorrectionShare(members, numbers, bodies, w);
+  if (!corrector.Solve({members, numbers, {contacts, frames_}, gaps_, free_way_, scale}, !swept_only_, bodies))
+    return false;
   for (size_t i = 0; i < members.size(); ++i) {
-    const Twist displacement = w.DisplacementOf(i);
-    Displacement& correction = corrections_[members[i]];
-    correction = {share * displacement.linear_W, share * displacement.angular_W};
+    const Displacement correction = corrections_[members[i]] = corrector.CorrectionOf(i);
     planned_[members[i]].linear += correction.linear;
     planned_[members[i]].angular += correction.angular;
   }
-}
-
-Twist Mover::Worker::DisplacementOf(size_t member) const {
-  const double* d = &solution.velocities[6 * member];
-  return {{d[0], d[1], d[2]}, {d[3], d[4], d[5]}};
-}
-
-// How much of the correction that the worker found is made: all of it, unless it goes too far.
-double Mover::CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
-                              const Worker& w) const {
-  double deepest = 0, against = 0, farthest = 0, longest = 0;  // [m]
-  for (size_t k = 0; k < numbers.size(); ++k) {
-    deepest = std::max(deepest, -gaps_[numbers[k]]);
-    Vector3 shift = Vector3::Zero();
-    double turn = 0;
-    const auto add = [&](int local, double sign) {
-      if (local < 0) return;
-      const Twist displacement = w.DisplacementOf(local);
-      shift += sign * displacement.linear_W;
-      turn = std::max(turn, bodies[members[local]].radius * displacement.angular_W.norm());
-    };
-    add(w.problem.contacts[k].body_a, -1);
-    add(w.problem.contacts[k].body_b, 1);
-    against = std::max(against, shift.norm() + turn);
-  }
-  for (size_t i = 0; i < members.size(); ++i) {
-    farthest = std::max(farthest, FastestPoint(w.DisplacementOf(i), bodies[members[i]].radius));
-    longest = std::max(longest, free_way_[members[i]]);
-  }
-  const double most = kFarthest * deepest;
-  return std::min({1.0, most / against, std::max(most, longest) / farthest});
+  return true;
 }
 
 // Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.
@@ -414,49 +358,6 @@ void Mover::PayForLifts(std::span<Body> bodies) {
     const Vector3 taken = PayForLift(settings_.gravity, lift, bodies);
     if (!taken.isZero(0) && leans) paid_.push_back({*deepest, cut_[deepest->body_b] ? Vector3(-taken) : taken});
   }
-}
-
-// What is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
-bool Mover::SolveDisplacements(double scale, Worker* worker) const {
-  if (!worker->plane.Reduce(worker->problem, scale))
-    return SolveDisplacements(scale, worker->problem, &worker->solution, worker);
-  if (!SolveDisplacements(scale, worker->plane.problem(), &worker->flat_solution, worker)) return false;
-  worker->plane.Expand(worker->problem, worker->flat_solution, &worker->solution);
-  return true;
-}
-
-bool Mover::SweepDisplacements(double tolerance, const qp::Problem& problem, qp::Solution* solution, Worker* worker) {
-  qp::GaussSeidel& sweeps = worker->sweeps;
-  sweeps.Prepare(problem);
-  for (int block = 0; block < kBlocks; ++block) {
-    if (block == 1) qp::ImpulseScales(problem, &worker->scales);
-    if (block > 0)
-      worker->drift.Follow(problem, worker->scales, kLeastDrift * tolerance, &sweeps, &solution->impulses,
-                           &solution->velocities);
-    if (sweeps.Sweep(problem, kSweeps, tolerance, &solution->impulses, &solution->velocities, qp::Pace::kMomentum) <
-        kSweeps)
-      return true;
-  }
-  return false;
-}
-
-// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
-// there is no way out for all, which costs it most, it is asked once in a step: cubeglass spent 5 s of one frame on 24 passes.
-bool Mover::SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const {
-  qp::Solution& solution = *out;
-  solution.slips.assign(problem.contacts.size(), 0.0);
-  solution.velocities.assign(6 * problem.bodies.size(), 0.0);
-  solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
-  if (SweepDisplacements(kPassTolerance * scale, problem, &solution, worker)) return true;
-  if (swept_only_) return false;
-  qp::Settings settings;
-  settings.model = Model::kConvex;
-  settings.velocity_scale = scale;
-  settings.tolerance = kPassTolerance;
-  worker->solver.Solve(problem, settings, &solution);
-  const bool solved = solution.status == qp::Status::kSolved || solution.status == qp::Status::kInaccurate;
-  worker->failed |= !solved;
-  return solved;
 }
 
 // The free turn keeps the angular momentum. A correction only puts the body elsewhere: it turns the velocity along with the

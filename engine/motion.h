@@ -4,9 +4,9 @@
 //   free motion      x += dt (v0 + v1) / 2, v0 after the collisions, v1 after the static contacts: exact for free flight and
 //                    for sliding under constant friction; rotation by rotation.h
 //   flights          a body that no contact pushes stops at the moment at which it meets a wall, see flight.h
-//   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts: frictionless contact problem, per island,
-//                    only for islands in which something would overlap; repeated from the new poses until no pair overlaps
-//                    by more than the tolerance
+//   position QP      min |d - d*|_M  with  n . (d_b - d_a) >= -gap  at near contacts (correction.h), per island, only for islands
+//                    in which something would overlap; repeated from the new poses until no pair overlaps by more than the
+//                    tolerance
 //   last resort      bodies that still overlap after the last pass stay where the step began
 //   velocities       are those that the contact suite certified: a correction changes none but its direction in the body,
 //                    those of an island in flight by what keeps its momenta and energy (island_spin.h), and those of bodies
@@ -20,14 +20,13 @@
 #include <vector>
 
 #include "engine/contact_suite.h"
+#include "engine/correction.h"
 #include "engine/flight.h"
-#include "engine/island_problem.h"
 #include "engine/island_spin.h"
 #include "engine/lift.h"
 #include "engine/settings.h"
+#include "engine/step_report.h"
 #include "islands/partition.h"
-#include "qp/drift.h"
-#include "qp/island_solver.h"
 
 namespace islet {
 
@@ -72,6 +71,10 @@ class Mover {
   const Flights& flights() const { return flights_; }
   std::span<const PaidImpulse> paid() const { return paid_; }
 
+  // How the position problems since the last call were answered. Those that nobody had to solve: rung free_motion, one for each
+  // island, or one for a whole pass in which nothing would overlap.
+  LadderReport TakeLadder();
+
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // [m] where free motion would take each body; zero for those that stand still.
@@ -82,37 +85,20 @@ class Mover {
     Vector3 position_W;  // [m]
     Quaternion rotation_WB;
   };
-  struct Worker {
-    IslandGatherer gatherer;
-    qp::Problem problem;
-    qp::Solution solution;
-    qp::PlanarProblem plane;
-    qp::Solution flat_solution;
-    qp::IslandSolver solver;
-    qp::GaussSeidel sweeps;
-    qp::Drift drift;
-    std::vector<double> scales;              // of the problem's impulses
-    bool corrected = false, failed = false;  // an island of this pass, an interior-point solve
-
-    Twist DisplacementOf(size_t member) const;  // [m, rad] that `solution` makes
-  };
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
   void GroundFlights(bool all, std::span<Body> bodies);
   void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  void SolveIsland(int island, int worker, double scale, std::span<const Body> bodies,
-                   const std::vector<Contact>& contacts);
-  double CorrectionShare(std::span<const int> members, std::span<const int> numbers, std::span<const Body> bodies,
-                         const Worker& w) const;
+  void CountSpared(int contacts);
+  void FindIslands(double close, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  bool CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
+                     const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
   void RememberCorrections(const std::vector<Contact>& contacts);
   void PayForLifts(std::span<Body> bodies);
-  static bool SweepDisplacements(double tolerance, const qp::Problem& problem, qp::Solution* solution, Worker* worker);
-  bool SolveDisplacements(double scale, Worker* worker) const;
-  bool SolveDisplacements(double scale, const qp::Problem& problem, qp::Solution* out, Worker* worker) const;
   void Apply(std::span<Body> bodies);
   static void Judge(std::span<const double> tolerances, const std::vector<Contact>& contacts, MotionOutcome* outcome);
   void HoldBack(std::span<const double> tolerances, const DetectContacts& detect, std::span<Body> bodies,
@@ -132,7 +118,8 @@ class Mover {
   std::vector<Pose> start_, end_;                           // per body, of this step
   std::vector<double> free_way_;                            // [m] per body, of this step: without corrections
   bool swept_only_ = false;                                 // an interior-point solve of this step has failed
-  std::vector<std::uint8_t> cut_, wanted_, free_, held_;    // per body; per island; per island; per body
+  std::vector<std::uint8_t> cut_, held_;                    // per body
+  std::vector<std::uint8_t> wanted_, corrected_, free_;     // per island
   std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
@@ -141,8 +128,9 @@ class Mover {
   std::vector<Contact> shifted_contacts_;  // of shifted_pairs_; gap: as it was predicted
   std::vector<PaidImpulse> paid_;
   islands::Partition partition_;
-  std::vector<IslandSpin> spins_;  // per island
-  std::vector<Worker> workers_;
+  std::vector<IslandSpin> spins_;      // per island
+  std::vector<Corrector> correctors_;  // per worker
+  LadderReport spared_;                // position problems that nobody had to solve
 };
 
 }  // namespace islet

@@ -53,12 +53,15 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
                                 int chunk) {
   std::vector<Contact>& contacts = now_[chunk];
   contacts.clear();
+  KeptContacts& kept = kept_[chunk] = {};
   for (CandidatePair& pair : pairs) {
     const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
     const int first = static_cast<int>(contacts.size());
     const bool known = pair.kept && !a.changed && !b.changed;
     pair.kept = Wanted(a, b, include_frozen);
     if (pair.kept && known) {
+      ++kept.pairs;
+      kept.contacts += pair.count;
       if (pair.count > 0) {
         const auto begin = before_[pair.chunk].begin() + pair.first;
         contacts.insert(contacts.end(), begin, begin + pair.count);
@@ -78,6 +81,7 @@ void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::ve
   const int chunks = (num_pairs + kPairsPerChunk - 1) / kPairsPerChunk;
   std::swap(now_, before_);
   if (static_cast<int>(now_.size()) < chunks) now_.resize(chunks);
+  kept_.resize(chunks);
   // By reference: a function object that holds more than two words allocates.
   const auto collide = [&](int chunk, int) {
     const int begin = chunk * kPairsPerChunk;
@@ -92,6 +96,15 @@ void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::ve
     std::copy(now_[chunk].begin(), now_[chunk].end(), contacts->begin() + static_cast<std::ptrdiff_t>(start_[chunk]));
   };
   pool_->ForEach(chunks, std::cref(copy));
+}
+
+KeptContacts PairContacts::kept() const {
+  KeptContacts sum;
+  for (const KeptContacts& chunk : kept_) {
+    sum.pairs += chunk.pairs;
+    sum.contacts += chunk.contacts;
+  }
+  return sum;
 }
 
 }  // namespace islet

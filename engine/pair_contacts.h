@@ -23,12 +23,18 @@ struct CandidatePair {
   std::int8_t axis = -1;  // that separated the two the last time
 };
 
+struct KeptContacts {
+  int pairs = 0, contacts = 0;
+};
+
 class PairContacts {
  public:
   explicit PairContacts(parallel::WorkerPool* pool) : pool_(pool) {}
 
   void Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,
                std::vector<Contact>* contacts);
+
+  KeptContacts kept() const;  // by the last call
 
  private:
   using Chunks = std::vector<std::vector<Contact>>;
@@ -37,7 +43,8 @@ class PairContacts {
 
   parallel::WorkerPool* pool_;
   Chunks now_, before_;
-  std::vector<size_t> start_;  // per chunk
+  std::vector<size_t> start_;       // per chunk
+  std::vector<KeptContacts> kept_;  // per chunk
 };
 
 }  // namespace islet

@@ -45,7 +45,8 @@ struct QpSummary {  // over the islands of one step
   double seconds = 0;      // wall time of the stage's solves, summed over islands
 };
 
-// How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted.
+// How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted. Of motion and detection:
+// free_motion counts islands, or all contacts at once where nothing would overlap, kept_pairs pairs of bodies, reach detections.
 struct LadderReport {
   struct Rung {
     int problems = 0;
@@ -89,7 +90,8 @@ struct StepReport {
   double frozen_imbalance = 0;
   int restitution_lowered = 0;  // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;
-  LadderReport ladder;
+  LadderReport ladder;         // of the contact problems
+  LadderReport motion_ladder;  // of position problems and of detection
   StageSeconds seconds;
   Certificate certificate;     // worst over the islands
   double penetration_max = 0;  // [m] deepest overlap after the move

@@ -57,19 +57,21 @@ struct World::Impl : WorldState {
   std::vector<Contact> detected, still;  // scratch
   std::vector<Contact> beds;             // those in which spheres overlap, by sphere
   std::vector<int> bed_start;            // per body: first of its beds
+  LadderReport spared;                   // what detection was spared in this step
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
         own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)),
         pool(p ? p : own_pool.get()),
         suite(s, pool),
-        detector(pool),
+        detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
         mover(s, pool),
         flight_time(s.bounce_law == BounceLaw::kExact) {}
 
   Body& At(int number);
   void DetectAll();
   void DetectMoving(std::span<const Vector3> expected);
+  void CountSpared(qp::Rung rung, int problems, size_t contacts);
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach(std::span<const Vector3> planned) const;
   void MixMaterials(std::vector<Contact>* contacts) const;
@@ -191,13 +193,21 @@ void World::Impl::DetectAll() {
   stale = false;
 }
 
+void World::Impl::CountSpared(qp::Rung rung, int problems, size_t contacts) {
+  spared.rungs[static_cast<int>(rung)].problems += problems;
+  spared.rungs[static_cast<int>(rung)].contacts += static_cast<int>(contacts);
+}
+
 // Contacts between bodies that stand still are kept: their poses have not changed since they were found.
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
+  if (!settings.ladder.Has(qp::Rung::kKeptPairs)) return DetectAll();
   still.clear();
   std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
                [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
+  const KeptContacts kept = detector.kept();
+  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts + still.size());
   MixMaterials(&detected);
   if (still.empty()) {
     std::swap(near_contacts, detected);
@@ -337,7 +347,11 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
     *detect_seconds += Seconds() - start;
   };
   const std::span<const Vector3> planned = mover.PlanTravel(plan, bodies);
-  if (!StaysInReach(planned)) detect(planned, &near_contacts);
+  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(planned)) {
+    CountSpared(qp::Rung::kReach, 1, near_contacts.size());
+  } else {
+    detect(planned, &near_contacts);
+  }
   FindBeds();
   for (Contact& c : near_contacts) Passes(plan.dt, planned, &c);
   return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
@@ -376,6 +390,8 @@ StepReport World::Step(double dt) {
   report.seconds.move -= detect_seconds;
   report.seconds.detect += detect_seconds;
 
+  report.motion_ladder = w.mover.TakeLadder();
+  report.motion_ladder.Include(std::exchange(w.spared, {}));
   report.penetration_max = moved.penetration_max;
   report.motion_passes = moved.passes;
   report.motion_failures = moved.reached && moved.held_back == 0 ? 0 : 1;

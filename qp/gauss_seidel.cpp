@@ -78,7 +78,10 @@ void GaussSeidel::PrepareBatch(const Problem& problem, int number, int still) {
     batch.body[1][lane] = c >= 0 && problem.contacts[c].body_b >= 0 ? problem.contacts[c].body_b : still;
     if (c >= 0) {
       batch.used = lane + 1;
-      PrepareContact(problem, c, lane, &batch);
+      if (normal_)
+        PrepareNormal(problem, c, lane, &batch);
+      else
+        PrepareContact(problem, c, lane, &batch);
       continue;
     }
     for (int d = 0; d < 3; ++d) {
@@ -149,6 +152,38 @@ void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, S
   batch.compliance[lane] = contact.compliance;
 }
 
+// The same bits for what the kernel without friction reads.
+void GaussSeidel::PrepareNormal(const Problem& problem, int number, int lane, SweepBatch<double>* batch) {
+  const ContactTerm& contact = problem.contacts[number];
+  const int bodies[2] = {contact.body_a, contact.body_b};
+  const Jacobian* const jacobians[2] = {&contact.jacobian_a, &contact.jacobian_b};
+  Vector6 rows[2];
+  double w = 0;
+  for (int side = 0; side < 2; ++side) {
+    rows[side].setZero();
+    if (bodies[side] < 0) continue;
+    const BodyRoot& root = roots_[bodies[side]];
+    const Vector6 row = jacobians[side]->row(0).transpose();
+    rows[side].head<3>() = root.mass_root * row.head<3>();
+    for (int k = 0; k < 3; ++k) {
+      const auto column = root.inertia_root.col(k);
+      rows[side][3 + k] = row[3] * column[0] + row[4] * column[1] + row[5] * column[2];
+    }
+    double square = 0;
+    for (int k = 0; k < 6; ++k) square += rows[side][k] * rows[side][k];
+    w += square;
+  }
+  const double normal = 1 / std::sqrt(w);
+  for (int side = 0; side < 2; ++side)
+    for (int k = 0; k < 6; ++k) batch->rows[side][0][k][lane] = normal * rows[side][k];
+  for (int k = 0; k < 2; ++k) batch->tangent[k][lane] = batch->shear[k][lane] = 0;
+  batch->offset[0][lane] = normal * (contact.drift[0] - contact.target);
+  batch->normal[lane] = normal;
+  batch->friction[lane] = batch->compliance[lane] = 0;
+  batch->weight[lane] = w;
+  axes_[number] = {1, 0};
+}
+
 // The batches of double precision, rounded.
 void GaussSeidel::PrepareSingle() {
   MakeRoom(&single_);
@@ -179,8 +214,9 @@ SweepSums GaussSeidel::SweepOnce(Number momentum, Field<Number>* field) {
       const SweepBatch<Number>* batches = &field->batches[section.first_batch];
       SweepState<Number>* states = &field->states[section.first_batch];
       SweepVelocity<Number>* velocities = field->velocities.data();
-      sums_[number] = normal_ ? field->kernels->normal(section.num_batches, batches, momentum, states, velocities)
-                              : field->kernels->coulomb(section.num_batches, batches, compliant_, momentum, states, velocities);
+      sums_[number] =
+          normal_ ? field->kernels->normal(section.num_batches, batches, momentum, states, velocities)
+                  : field->kernels->coulomb(section.num_batches, batches, compliant_, momentum, states, velocities);
     });
   }
   SweepSums total;

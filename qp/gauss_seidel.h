@@ -60,6 +60,7 @@ class GaussSeidel {
   };
   void PrepareBatch(const Problem& problem, int number, int still);
   void PrepareContact(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
+  void PrepareNormal(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
   void PrepareSingle();
   template <typename Number>
   void MakeRoom(Field<Number>* field) const;

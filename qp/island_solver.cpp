@@ -17,7 +17,7 @@ constexpr double kHeldShare = 1e-3;    // of the tolerance: what held before mus
 constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without friction, by Newton's method
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
-constexpr int kNormalSweeps = 30;      // before an interior point that starts from them
+constexpr int kNormalSweeps = 40;      // before an interior point that starts from them
 // Of it: where a linear step begins, and where sweeps do, which are slow. What freezing takes for acceleration is as much as all
 // of it, a billionth of v_ref a frame.
 constexpr double kStickShare = 0.1, kSweptShare = 1e-2;
@@ -231,6 +231,16 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   const double scale = settings.coulomb_tolerance * settings.velocity_scale;
   double map = MapOfSwept(problem).max;
   if (!(map <= scale)) return false;
+  const double begin = Seconds();
+  if (HoldsNearly(problem, settings, map, solution)) return true;
+  ++escalations_;
+  seconds_in_vain_ += Seconds() - begin;
+  return false;
+}
+
+// What TakeOver has, and whose natural map [velocity] is at most the tolerance.
+bool IslandSolver::HoldsNearly(const Problem& problem, const Settings& settings, double map, Solution* solution) {
+  const double scale = settings.coulomb_tolerance * settings.velocity_scale;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
   if (map > (sticks ? kStickShare : kSweptShare) * kHeldShare * scale) {
     if (sticks) {
@@ -295,7 +305,12 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
   const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
   gauss_seidel_.Prepare(problem);
-  StartFrom(problem, start);
+  if (big && start.size() == problem.contacts.size()) {
+    TakeOver(problem,
+             start);  // as it is: what is wild in it the interior point survives, and judging costs more than 20 sweeps
+  } else {
+    StartFrom(problem, start);
+  }
   gauss_seidel_.Sweep(problem, big ? kNormalSweeps : kSweeps, goal, &swept_impulses_, &swept_velocities_,
                       Pace::kMomentum);
   const double map = MapOfSwept(problem).rms;

@@ -63,6 +63,7 @@ class IslandSolver {
   bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
+  bool HoldsNearly(const Problem& problem, const Settings& settings, double map, Solution* solution);
   bool SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                     Solution* solution);
   bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,

@@ -18,12 +18,17 @@ enum class Rung : std::uint8_t {
   kNormal,         // no friction: sweeps, then Newton's method or an interior point of one row a contact
   kSweeps,         // Gauss-Seidel sweeps first, and alone where they get there
   kInteriorPoint,  // the interior point, with sweeps where there is friction
+  // Of motion and detection:
+  kFreeMotion,  // no position problem where free motion does not overlap
+  kKeptPairs,   // contacts of two bodies that have not moved since they were found
+  kReach,       // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumRungs = 10;
-inline constexpr const char* kRungNames[kNumRungs] = {"nothing",  "merged", "closed_form", "held",   "corners",
-                                                      "compound", "planar", "normal",      "sweeps", "interior_point"};
+inline constexpr int kNumProblemRungs = 10, kNumRungs = 13;
+inline constexpr const char* kRungNames[kNumRungs] = {
+    "nothing", "merged", "closed_form",    "held",        "corners",    "compound", "planar",
+    "normal",  "sweeps", "interior_point", "free_motion", "kept_pairs", "reach"};
 
-// Which rungs may be used. The last one always may; a problem without contacts is not asked.
+// Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {
  public:
   constexpr Ladder() = default;

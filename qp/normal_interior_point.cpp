@@ -11,7 +11,10 @@ constexpr double kSpread = 300;      // m over the natural map of the start
 constexpr double kLeastSpread = 3;   // over the m at which the gap is the tolerance
 constexpr double kBack = 0.995;      // of the way to the boundary
 constexpr double kShortStep = 0.02;  // twice in a row: no answer, or none that is worth the wait
-constexpr int kCorrectors = 2;
+// Measured on 240 problems of sphereglass (more than 800 contacts): all of Mehrotra's goal and 2 correctors 8.4 factorisations and
+// 31 solves, 0.3 of it and 2 8.1 and 30, 0.3 and 1 8.6 and 26, which takes the least time (13 % less than the first).
+constexpr double kGoalShare = 0.3;
+constexpr int kCorrectors = 1;
 constexpr double kReach = 0.3;  // by which a corrector wants to lengthen the step, of which it must bring a tenth
 constexpr double kLow = 0.1, kHigh = 10;
 
@@ -220,7 +223,7 @@ bool NormalInteriorPoint::Iterate(const Settings& settings) {
       left += (row.s + affine * row.ds) * (row.impulse + affine * row.dj);
       row.product = row.ds * row.dj;
     }
-    const double ratio = left / (count * mean), goal = ratio * ratio * ratio * mean;
+    const double ratio = left / (count * mean), goal = kGoalShare * ratio * ratio * ratio * mean;
     const double step = StepTo(ImproveCentrality<kWidth>(goal, ComputeDirection<kWidth>(goal)));
     short_steps = step < kShortStep ? short_steps + 1 : 0;
     for (size_t i = 0; i < v_.size(); ++i) v_[i] += step * dv_[i];

@@ -38,22 +38,27 @@ void NormalSystem::Prepare(const Problem& problem) {
 }
 
 int NormalSystem::Factorise(const std::vector<double>& sigma) {
+  return width_ == 3 ? FactoriseIn<3>(sigma) : FactoriseIn<6>(sigma);
+}
+
+template <int kWidth>
+int NormalSystem::FactoriseIn(const std::vector<double>& sigma) {
   static constexpr double kSigns[6] = {1, 1, 1, 1, 1, 1};
-  return cholesky_.Factorise({kSigns, static_cast<size_t>(width_)}, [&](int s) {
+  return cholesky_.Factorise({kSigns, static_cast<size_t>(kWidth)}, [&](int s) {
     for (const auto& part : parts_.masses(s)) {
       const auto at = [&](int row, int column) -> double& {
         return part.to[row + static_cast<ptrdiff_t>(column) * part.stride];
       };
       for (int i = 0; i < 3; ++i) at(i, i) += masses_[part.body];
-      for (int i = 3; i < width_; ++i)
-        for (int j = 3; j < width_; ++j) at(i, j) += inertias_[part.body](i - 3, j - 3);
+      for (int i = 3; i < kWidth; ++i)
+        for (int j = 3; j < kWidth; ++j) at(i, j) += inertias_[part.body](i - 3, j - 3);
     }
     for (const auto& part : parts_.products(s)) {
       if (sigma[part.contact] == 0) continue;
-      for (int j = 0; j < width_; ++j) {
+      for (int j = 0; j < kWidth; ++j) {
         const double right = sigma[part.contact] * part.right[j];
         double* column = part.to + static_cast<ptrdiff_t>(j) * part.stride;
-        for (int i = 0; i < width_; ++i) column[i] += part.left[i] * right;
+        for (int i = 0; i < kWidth; ++i) column[i] += part.left[i] * right;
       }
     }
   });

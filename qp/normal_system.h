@@ -32,6 +32,9 @@ class NormalSystem {
   const BlockCholesky& cholesky() const { return cholesky_; }
 
  private:
+  template <int kWidth>
+  int FactoriseIn(const std::vector<double>& sigma);
+
   int width_ = 6;
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;

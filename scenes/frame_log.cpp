@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <iterator>
+#include <span>
 
 namespace islet {
 
@@ -10,8 +11,11 @@ FrameLog::FrameLog()
     : text_(
           "frame,contacts,active_contacts,islands,largest_island_contacts,collision_qp_seconds,static_qp_seconds,"
           "iterations,awake,kinetic_energy,penetration_max,woken,frozen,step_seconds") {
-  for (const char* rung : qp::kRungNames) fmt::format_to(std::back_inserter(text_), ",{}", rung);
-  text_ += ",escalations\n";
+  const std::span<const char* const> names = qp::kRungNames;
+  for (const char* rung : names.first(qp::kNumProblemRungs)) fmt::format_to(std::back_inserter(text_), ",{}", rung);
+  text_ += ",escalations";
+  for (const char* rung : names) fmt::format_to(std::back_inserter(text_), ",motion_{}", rung);
+  text_ += ",motion_escalations\n";
 }
 
 void FrameLog::Add(const StepReport& r, double step_seconds) {
@@ -19,8 +23,14 @@ void FrameLog::Add(const StepReport& r, double step_seconds) {
                  r.contacts, r.active_contacts, r.islands.size(), r.largest_island_contacts, r.collision_qp.seconds,
                  r.static_qp.seconds, r.collision_qp.iterations + r.static_qp.iterations, r.awake, r.kinetic_energy,
                  r.penetration_max, r.woken, r.frozen, step_seconds);
-  for (const LadderReport::Rung& rung : r.ladder.rungs) fmt::format_to(std::back_inserter(text_), ",{}", rung.problems);
-  fmt::format_to(std::back_inserter(text_), ",{}\n", r.ladder.escalations);
+  AddRungs(r.ladder, qp::kNumProblemRungs);
+  AddRungs(r.motion_ladder, qp::kNumRungs);
+  text_ += '\n';
+}
+
+void FrameLog::AddRungs(const LadderReport& ladder, int rungs) {
+  for (int r = 0; r < rungs; ++r) fmt::format_to(std::back_inserter(text_), ",{}", ladder.rungs[r].problems);
+  fmt::format_to(std::back_inserter(text_), ",{}", ladder.escalations);
 }
 
 }  // namespace islet

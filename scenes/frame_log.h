@@ -2,7 +2,7 @@
 //
 // Columns: frame (from 1), contacts, active_contacts, islands, largest_island_contacts, collision_qp_seconds [s],
 // static_qp_seconds [s], iterations (interior point, both problems), awake, kinetic_energy [J], penetration_max [m],
-// woken, frozen, step_seconds [s].
+// woken, frozen, step_seconds [s]; problems by rung of the ladder and escalations; the same of motion and detection.
 #pragma once
 
 #include <string>
@@ -18,6 +18,8 @@ class FrameLog {
   const std::string& text() const { return text_; }
 
  private:
+  void AddRungs(const LadderReport& ladder, int rungs);
+
   int frames_ = 0;
   std::string text_;  // whole table; written when the run is over, so that no half table is left by a broken one
 };

@@ -66,9 +66,10 @@ Json QpJson(const QpSummary& qp, double frames) {
           {"seconds_per_frame", qp.seconds / frames}};
 }
 
-Json LadderJson(const LadderReport& ladder, double all_seconds) {
+// Its first `rungs` rungs.
+Json LadderJson(const LadderReport& ladder, int rungs, double all_seconds) {
   Json json;
-  for (int r = 0; r < qp::kNumRungs; ++r) {
+  for (int r = 0; r < rungs; ++r) {
     const LadderReport::Rung& rung = ladder.rungs[r];
     json[qp::kRungNames[r]] = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
   }
@@ -123,6 +124,7 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   Accumulate(report.collision_qp, &collision_qp_);
   Accumulate(report.static_qp, &static_qp_);
   ladder_.Include(report.ladder);
+  motion_ladder_.Include(report.motion_ladder);
   certificate_.Include(report.certificate);
   bounces_ += report.bounces;
   woken_ += report.woken;
@@ -198,13 +200,15 @@ std::string RunReport::Json() const {
   json["restitution_lowered"] = restitution_lowered_;
   json["collision_qp"] = QpJson(collision_qp_, frames);
   json["static_qp"] = QpJson(static_qp_, frames);
-  json["ladder"] = LadderJson(ladder_, sum);
+  json["ladder"] = LadderJson(ladder_, qp::kNumProblemRungs, sum);
   json["certificate"] = CertificateJson(certificate_);
   json["frozen_imbalance"] = frozen_imbalance_;
   json["penetration"] = {{"max", penetration_.max},
                          {"mean_of_frame_max", penetration_.sum / frames},
                          {"max_over_smallest_size", penetration_.max / info_.smallest_size}};
-  json["motion"] = {{"passes_max", motion_passes_max_}, {"failures", motion_failures_}};
+  json["motion"] = {{"passes_max", motion_passes_max_},
+                    {"failures", motion_failures_},
+                    {"ladder", LadderJson(motion_ladder_, qp::kNumRungs, sum)}};
   json["kinetic_energy_end"] = last_.kinetic_energy;
   json["energy_gain_max"] = certificate_.energy_gain;
   json["mechanical_energy_gain"] = mechanical_energy_gain_;

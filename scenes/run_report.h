@@ -52,7 +52,7 @@ class RunReport {
   Series contacts_, active_contacts_, islands_, largest_island_, penetration_;
   QpSummary collision_qp_, static_qp_;
   Certificate certificate_;
-  LadderReport ladder_;
+  LadderReport ladder_, motion_ladder_;
   double mechanical_energy_gain_ = 0;
   double frozen_imbalance_ = 0;
   int bounces_ = 0, woken_ = 0, woken_max_ = 0, motion_passes_max_ = 0, motion_failures_ = 0, restitution_lowered_ = 0;

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -71,14 +72,16 @@ Settings MakeSettings(const StudyScene& scene, const Kind& kind) {
   const std::string_view name = kind.name;
   if (!name.ends_with("auto")) settings.ladder = qp::Ladder::Off();
   if (name == "reference" || name == "nudged")
-    settings.ladder = settings.ladder.With(qp::Rung::kNothing).With(qp::Rung::kSweeps);
+    for (const qp::Rung rung :
+         {qp::Rung::kNothing, qp::Rung::kSweeps, qp::Rung::kFreeMotion, qp::Rung::kKeptPairs, qp::Rung::kReach})
+      settings.ladder = settings.ladder.With(rung);
   return settings;
 }
 
 struct Run {
   std::vector<double> wall, cpu;  // [s] of each frame
   double qp = 0;                  // [s]
-  LadderReport ladder;
+  LadderReport ladder, motion_ladder;
   double map_mean = 0, map_max = 0, penetration = 0, contacts = 0, energy = 0;
   int failed = 0, inaccurate = 0, capped = 0, frozen = 0;
   double deviation = 0;          // [m]
@@ -96,6 +99,7 @@ struct Run {
   void Add(const StepReport& report) {
     qp += report.collision_qp.seconds + report.static_qp.seconds;
     ladder.Include(report.ladder);
+    motion_ladder.Include(report.motion_ladder);
     map_mean += report.certificate.coulomb_map_rms;  // a sum until the end
     map_max = std::max(map_max, report.certificate.coulomb_map_rms);
     penetration = std::max(penetration, report.penetration_max);
@@ -220,12 +224,16 @@ class Study {
     Run reference;
   };
 
+  static std::span<const char* const> ProblemRungs() {
+    return std::span<const char* const>(qp::kRungNames).first(qp::kNumProblemRungs);
+  }
+
   static std::string Columns() {
     std::string columns =
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
         "energy_end,penetration_max,contacts_mean,frozen_end,failed,inaccurate,capped,escalations,vain_s,";
-    for (const char* rung : qp::kRungNames) columns += rung + std::string("_n,") + rung + "_s,";
-    return columns + "state_hash";
+    for (const char* rung : ProblemRungs()) columns += rung + std::string("_n,") + rung + "_s,";
+    return columns + "position_problems,position_seconds,spared_positions,kept_pairs,spared_detections,state_hash";
   }
 
   void RunPair(const Case& one, double tolerance) {
@@ -261,11 +269,19 @@ class Study {
   void Write(const Case& one, const Kind& kind, const Run& run, int repeats) {
     const StudyScene& scene = *one.scene;
     std::ostringstream rungs;
-    for (const LadderReport::Rung& rung : run.ladder.rungs) rungs << rung.problems << ',' << rung.seconds << ',';
+    LadderReport::Rung positions;
+    for (size_t r = 0; r < ProblemRungs().size(); ++r) {
+      rungs << run.ladder.rungs[r].problems << ',' << run.ladder.rungs[r].seconds << ',';
+      positions.problems += run.motion_ladder.rungs[r].problems;
+      positions.seconds += run.motion_ladder.rungs[r].seconds;
+    }
+    rungs << positions.problems << ',' << positions.seconds << ',';
+    for (const qp::Rung rung : {qp::Rung::kFreeMotion, qp::Rung::kKeptPairs, qp::Rung::kReach})
+      rungs << run.motion_ladder.rungs[static_cast<int>(rung)].problems << ',';
     csv_.Row(scene.name, scene.frames, scene.lead, kind.name, kind.tolerance, repeats, run.Cpu(), run.Wall(), run.qp,
              run.map_mean, run.map_max, run.deviation, run.energy, run.penetration, run.contacts, run.frozen,
-             run.failed, run.inaccurate, run.capped, run.ladder.escalations, run.ladder.seconds_in_vain,
-             rungs.str() + Hex(run.hash));
+             run.failed, run.inaccurate, run.capped, run.ladder.escalations + run.motion_ladder.escalations,
+             run.ladder.seconds_in_vain + run.motion_ladder.seconds_in_vain, rungs.str() + Hex(run.hash));
     std::ostringstream line;
     line << "  ladder: " << scene.name << ' ' << kind.name << ' ' << kind.tolerance << ": " << run.Cpu() << " s, "
          << static_cast<int>(clock_.Cpu()) << " of at most about " << options_.budget << " s";

@@ -217,10 +217,10 @@ TEST(Detector, KeptContactsAreThoseOfAFreshDetection) {
       return Vector3(uniform(-size, size), uniform(-size, size), uniform(-size, size));
     };
     parallel::WorkerPool pool(workers);
-    Detector detector(&pool);
-    std::vector<Contact> contacts;
+    Detector detector(&pool), forgetful(&pool, /*keep=*/false);
+    std::vector<Contact> contacts, anew;
     Scene scene = RandomScene(3, 250);
-    size_t found = 0;
+    size_t found = 0, kept = 0;
     for (int call = 0; call < 120; ++call) {
       const double share = call % 4 == 0 ? 1 : uniform(0, 0.3);  // of the bodies that move in this call
       const int n = static_cast<int>(scene.bodies.size());
@@ -256,11 +256,19 @@ TEST(Detector, KeptContactsAreThoseOfAFreshDetection) {
       const bool include_frozen = one_in(3);
       detector.Detect(scene.bodies, scene.shapes, scene.travel_W, scene.margins, &contacts, include_frozen);
       const auto fresh = Detect(scene, include_frozen);
+      forgetful.Detect(scene.bodies, scene.shapes, scene.travel_W, scene.margins, &anew, include_frozen);
       ASSERT_EQ(contacts.size(), fresh.size()) << "call " << call;
-      for (size_t c = 0; c < fresh.size(); ++c) ASSERT_TRUE(Same(contacts[c], fresh[c])) << "call " << call;
+      ASSERT_EQ(anew.size(), fresh.size()) << "call " << call;
+      for (size_t c = 0; c < fresh.size(); ++c) {
+        ASSERT_TRUE(Same(contacts[c], fresh[c])) << "call " << call;
+        ASSERT_TRUE(Same(anew[c], fresh[c])) << "call " << call;
+      }
       found += fresh.size();
+      kept += detector.kept().contacts;
+      EXPECT_EQ(forgetful.kept().pairs, 0);
     }
     EXPECT_GT(found, 20000u);
+    EXPECT_GT(kept, found / 4);
   }
 }
 
