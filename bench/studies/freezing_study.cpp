@@ -8,7 +8,8 @@
 //   rest   from the state in which the run without freezing ends, 10 s more (cubeglass 3 s). Deviation: from its continuation
 //          without freezing; in the row of `off` itself, how far that went
 //
-// Settings: `default` the engine's; `as_paper` kinetic model, octagon, no priority queue (the paper left out step 1 for Table 1).
+// Settings: `default` the engine's; `as_paper` kinetic model, octagon, no priority queue (the paper left out step 1 for Table 1),
+// and no ladder: the paper solves each problem whole.
 // Kinds: off, nudged, certified (knob: freeze_seconds; freeze_travel in proportion), paper (knob: c_f).
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -80,7 +81,7 @@ bool IsStandard(const Kind& kind, const StudyScene& scene) {
 
 Settings MakeSettings(const Kind& kind, bool as_paper) {
   Settings settings = as_paper ? Settings::Paper() : Settings{};
-  if (as_paper) settings.bounce_limit = 0;
+  if (as_paper) settings.bounce_limit = 0, settings.ladder = qp::Ladder::Off();
   settings.threads = 1;
   settings.freezing = kind.freezing;
   if (kind.freezing == Freezing::kPaper) settings.freeze_count = static_cast<int>(kind.knob);
