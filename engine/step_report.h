@@ -49,8 +49,8 @@ struct QpSummary {  // over the islands of one step
 // free_motion counts islands, or all contacts at once where nothing would overlap, kept_pairs pairs of bodies, reach detections.
 struct LadderReport {
   struct Rung {
-    int problems = 0;
-    int contacts = 0;
+    std::int64_t problems = 0;
+    std::int64_t contacts = 0;
     double seconds = 0;  // [s] wall, summed over islands; what was tried in vain before included
   };
   std::array<Rung, qp::kNumRungs> rungs;

@@ -44,10 +44,10 @@ World Heap(const Settings& settings) {
   return world;
 }
 
-int Problems(const LadderReport& ladder, qp::Rung rung) { return ladder.rungs[static_cast<int>(rung)].problems; }
+std::int64_t Problems(const LadderReport& ladder, qp::Rung rung) { return ladder.rungs[static_cast<int>(rung)].problems; }
 
-int ProblemsBelowTheLast(const LadderReport& ladder) {
-  int problems = 0;
+std::int64_t ProblemsBelowTheLast(const LadderReport& ladder) {
+  std::int64_t problems = 0;
   for (int rung = 0; rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung) problems += ladder.rungs[rung].problems;
   return problems;
 }
@@ -66,7 +66,8 @@ std::vector<int> InCompany(const World& world) {
 // have several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
   World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
-  int problems = 0, swept = 0, others = 0, same = 0, nearly = 0, all = 0;
+  std::int64_t problems = 0, swept = 0, others = 0;
+  int same = 0, nearly = 0, all = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
     SCOPED_TRACE(frame);
     climbing.Restore(off.Save());
@@ -120,7 +121,8 @@ TEST(Ladder, MotionAndDetectionAreSparedWhatNobodyNeeds) {
     Settings without = Awake();
     without.ladder = without.ladder.Without(rung);
     World asked = Heap(without), spared = Heap(Awake());
-    int times = 0, same = 0, all_bodies = 0;
+    std::int64_t times = 0;
+    int same = 0, all_bodies = 0;
     double farthest = 0;
     for (int frame = 0; frame < kFrames; ++frame) {
       spared.Restore(asked.Save());

@@ -36,7 +36,7 @@ World Dropped(const Settings& settings, int count, double restitution, double pu
 }
 
 struct Watched {
-  int planar = 0, others = 0;
+  std::int64_t planar = 0, others = 0;
   double out = 0;  // largest distance from the plane [m], or spin [rad/s] or velocity [m/s] out of it
 };
 

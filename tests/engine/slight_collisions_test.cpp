@@ -30,7 +30,7 @@ Settings Awake(bool merged) {
   return settings;
 }
 
-int Merged(const StepReport& report) { return report.ladder.rungs[static_cast<int>(qp::Rung::kMerged)].problems; }
+std::int64_t Merged(const StepReport& report) { return report.ladder.rungs[static_cast<int>(qp::Rung::kMerged)].problems; }
 
 // Cubes side by side, that slide across the row: one island, in which the cubes do nothing to each other.
 World SlidingRow(const Settings& settings, double speed, double approach, double restitution = 0, int length = 5) {
@@ -209,7 +209,7 @@ TEST(SlightCollisions, HeapComesToRestAllTheSame) {
       cube.rotation_WB = testing::Turn(0.7 * i, Vector3(1, 0.3 * i, 2));
       world.Add(cube);
     }
-    int taken = 0;
+    std::int64_t taken = 0;
     double worst = 0, energy = Energy(world.bodies());
     for (int frame = 0; frame < 900; ++frame) {
       const StepReport report = world.Step(kDt);

@@ -401,6 +401,51 @@ TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
   EXPECT_GT(swept, 20);
 }
 
+// Sweeps are slow on faces that lie on each other: more than four boxes of a tower do not try them, four do.
+TEST(Ladder, TowersDoNotStartFromTheFrameBefore) {
+  Random random(119);
+  int tries = 0;
+  for (const int boxes : {4, 5, 10}) {
+    for (int trial = 0; trial < 10; ++trial) {
+      Problem problem = RandomStack(&random, boxes, 0.3, 0.5, 2);
+      qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+      settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
+      const qp::Solution before = Solve(problem, settings);
+      for (qp::BodyTerm& body : problem.bodies)
+        body.velocity.head<3>() += 1e-2 * settings.velocity_scale * random.Vector(1);
+      qp::IslandSolver solver;
+      qp::Solution after;
+      solver.Solve(problem, settings, &after, before.impulses);
+      const bool tried = after.escalations > 0 || after.rung == qp::Rung::kSweeps;
+      tries += boxes == 4 && tried;
+      if (boxes > 4) {
+        EXPECT_FALSE(tried && after.iterations == 0) << boxes;
+        EXPECT_EQ(after.escalations, 0) << boxes;
+      }
+    }
+  }
+  EXPECT_GE(tries, 8);
+}
+
+TEST(IslandSolver, PatienceEndsTheRounds) {
+  Random random(120);
+  int shorter = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    Problem problem = RandomStack(&random, 6, 0.2, 0.4, 2);
+    for (qp::BodyTerm& body : problem.bodies) body.velocity.head<2>() += random.Vector(0.3).head<2>();
+    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    settings.ladder = qp::Ladder::Off();
+    const qp::Solution patient = Solve(problem, settings);
+    settings.patience = 1;
+    const qp::Solution impatient = Solve(problem, settings);
+    EXPECT_EQ(impatient.rounds, 1);
+    EXPECT_EQ(impatient.status, qp::Status::kSolved);
+    EXPECT_EQ(impatient.coulomb_reached, ExactMap(problem, impatient) <= 1e-6 * settings.velocity_scale);
+    shorter += impatient.iterations < patient.iterations;
+  }
+  EXPECT_GT(shorter, 10);
+}
+
 // The impulses of the frame before say which of several answers comes next, more than the order of the contacts does.
 TEST(Ladder, FromTheFrameBeforeOrderMattersLittle) {
   Random random(118);
