@@ -71,7 +71,6 @@ Displacement Corrector::CorrectionOf(size_t member) const {
   return {share_ * displacement.linear_W, share_ * displacement.angular_W};
 }
 
-bool Corrector::TakeFailure() { return std::exchange(failed_, false); }
 LadderReport Corrector::TakeReport() { return std::exchange(report_, {}); }
 
 // How much of the correction is made: all of it, unless it goes too far.
@@ -96,16 +95,17 @@ double Corrector::Share(const IslandToCorrect& island, std::span<const Body> bod
     farthest = std::max(farthest, FastestPoint(DisplacementOf(solution_, i), bodies[body].radius));
     longest = std::max(longest, island.free_way[body]);
   }
-  if (deepest == 0) return 0;  // asked without need, and moved by rounding alone
+  if (deepest == 0) return 0;
   const double most = kFarthest * deepest;
   return std::min({1.0, most / against, std::max(most, longest) / farthest});
 }
 
 // What is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
 bool Corrector::SolveProblem(double scale, bool exact) {
-  const double begin = Seconds();
+  const double begin = Seconds(), in_vain = report_.seconds_in_vain;
   qp::Rung rung = qp::Rung::kPlanar;
   bool solved;
+  failed_ = false;
   if (ladder_.Has(rung) && plane_.Reduce(problem_, scale)) {
     qp::Rung inside;
     solved = SolveReduced(scale, exact, plane_.problem(), &flat_solution_, &inside);
@@ -113,11 +113,16 @@ bool Corrector::SolveProblem(double scale, bool exact) {
   } else {
     solved = SolveReduced(scale, exact, problem_, &solution_, &rung);
   }
+  if (!solved) {
+    ++report_.escalations;
+    report_.seconds_in_vain = in_vain + Seconds() - begin;
+    return false;
+  }
   LadderReport::Rung& entry = report_.rungs[static_cast<int>(rung)];
   ++entry.problems;
   entry.contacts += problem_.num_contacts();
   entry.seconds += Seconds() - begin;
-  return solved;
+  return true;
 }
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
@@ -145,7 +150,7 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
   report_.seconds_in_vain += solution->seconds_in_vain;
   *rung = solution->rung;
   const bool solved = solution->status == qp::Status::kSolved || solution->status == qp::Status::kInaccurate;
-  failed_ |= !solved;
+  failed_ = !solved;
   return solved;
 }
 

@@ -42,10 +42,10 @@ class Corrector {
   // Of the last island, by place in its bodies: [m, rad].
   Displacement CorrectionOf(size_t member) const;
 
-  // Since the last call: whether the interior point found no answer.
-  bool TakeFailure();
+  // Of the last island: whether the interior point was asked and found no answer.
+  bool failed() const { return failed_; }
 
-  // And how the position problems since then were answered.
+  // How the position problems since the last call were answered; what has no answer counts as tried in vain.
   LadderReport TakeReport();
 
  private:

@@ -27,6 +27,9 @@ double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
 }
 
+// [m] that nobody corrects.
+double SlightOverlap(const Contact& c, std::span<const double> tolerances) { return 0.5 * ToleranceOf(c, tolerances); }
+
 }  // namespace
 
 Mover::Mover(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool) {
@@ -129,9 +132,10 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   shifted_contacts_.clear();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
+  const bool asks_all = !settings_.ladder.Has(qp::Rung::kFreeMotion);
   for (outcome.passes = 0;; ++outcome.passes) {
     PlanFlights(outcome.passes, tolerances, bodies, *contacts);
-    const bool corrected = !outcome.reached && Correct(tolerances, bodies, *contacts);
+    const bool corrected = !outcome.reached && Correct(asks_all && outcome.passes == 0, tolerances, bodies, *contacts);
     if (outcome.passes > 0 && !corrected && !flights_move_) break;
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
     if (corrected) RememberSpins(bodies, *contacts);
@@ -221,54 +225,54 @@ void Mover::HoldBack(std::span<const double> tolerances, const DetectContacts& d
   *outcome = before;
 }
 
-// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance (without the rung free_motion:
-// of all). False if none would, or if there is no way out.
-bool Mover::Correct(std::span<const double> tolerances, std::span<const Body> bodies,
+// Changes planned_ of the islands in which a contact would overlap by more than half its tolerance. False if none would, or if
+// there is no way out. ask_all: the others are asked, too, and stay as they are.
+bool Mover::Correct(bool ask_all, std::span<const double> tolerances, std::span<const Body> bodies,
                     const std::vector<Contact>& contacts) {
-  const bool spare = settings_.ladder.Has(qp::Rung::kFreeMotion);
-  double deepest = 0, least = INFINITY;
-  for (size_t c = 0; c < contacts.size(); ++c) {
-    if (handled_[c]) continue;
-    const double slight = 0.5 * ToleranceOf(contacts[c], tolerances);
-    if (-gaps_[c] > slight) deepest = std::max(deepest, -gaps_[c]);
-    least = std::min(least, slight);
-  }
-  if (deepest == 0 && spare) {
+  double deepest = 0;
+  for (size_t c = 0; c < contacts.size(); ++c)
+    if (!handled_[c] && -gaps_[c] > SlightOverlap(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
+  if (deepest == 0 && !ask_all) {
     CountSpared(static_cast<int>(contacts.size()));
     return false;
   }
-  if (deepest == 0) deepest = least;
-  FindIslands(kCloseShare * deepest, bodies, contacts);
+  FindIslands(deepest, tolerances, bodies, contacts);
   for (int i = 0; i < partition_.num_islands(); ++i) {
     const int first = partition_.contact_start[i], last = partition_.contact_start[i + 1];
     for (int k = first; k < last; ++k) {
       const int c = island_contacts_[k];
-      if (!spare || -gaps_[c] > 0.5 * ToleranceOf(contacts[c], tolerances)) wanted_[i] = 1;
+      if (-gaps_[c] > SlightOverlap(contacts[c], tolerances)) wanted_[i] = 1;
     }
-    if (!wanted_[i] && last > first) CountSpared(last - first);
+    if (!wanted_[i] && !ask_all && last > first) CountSpared(last - first);
   }
   pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
-    if (wanted_[island]) corrected_[island] = CorrectIsland(island, worker, deepest, bodies, contacts);
+    const int first = partition_.contact_start[island];
+    if (first == partition_.contact_start[island + 1] || !(wanted_[island] || ask_all)) return;
+    const double scale = deepest > 0 ? deepest : SlightOverlap(contacts[island_contacts_[first]], tolerances);
+    CorrectIsland(island, worker, scale, bodies, contacts);
   });
-  for (Corrector& corrector : correctors_) swept_only_ |= corrector.TakeFailure();
+  for (const std::uint8_t failed : failed_) swept_only_ |= failed != 0;
   return std::any_of(corrected_.begin(), corrected_.end(), [](std::uint8_t corrected) { return corrected != 0; });
 }
 
 void Mover::CountSpared(int contacts) {
+  if (!settings_.ladder.Has(qp::Rung::kFreeMotion)) return;
   LadderReport::Rung& rung = spared_.rungs[static_cast<int>(qp::Rung::kFreeMotion)];
   ++rung.problems;
   rung.contacts += contacts;
 }
 
-// What contacts join whose predicted gaps are at most `close` [m].
-void Mover::FindIslands(double close, std::span<const Body> bodies, const std::vector<Contact>& contacts) {
+// What is joined by contacts whose predicted gaps are small beside the deepest overlap; where there is none, beside a slight one.
+void Mover::FindIslands(double deepest, std::span<const double> tolerances, std::span<const Body> bodies,
+                        const std::vector<Contact>& contacts) {
   cut_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) cut_[i] = !bodies[i].Moves();
   pairs_.clear();
   linked_.clear();
   frames_.resize(contacts.size());
   for (size_t c = 0; c < contacts.size(); ++c) {
-    if (gaps_[c] > close || handled_[c]) continue;
+    const double overlap = deepest > 0 ? deepest : SlightOverlap(contacts[c], tolerances);
+    if (gaps_[c] > kCloseShare * overlap || handled_[c]) continue;
     pairs_.emplace_back(contacts[c].body_a, contacts[c].body_b);
     linked_.push_back(static_cast<int>(c));
     frames_[c] = ContactFrame(contacts[c].normal_W);
@@ -276,25 +280,26 @@ void Mover::FindIslands(double close, std::span<const Body> bodies, const std::v
   islands::BuildPartition({cut_, pairs_}, &partition_);
   island_contacts_.resize(partition_.contacts.size());
   for (size_t k = 0; k < island_contacts_.size(); ++k) island_contacts_[k] = linked_[partition_.contacts[k]];
-  wanted_.assign(partition_.num_islands(), 0);
-  corrected_.assign(partition_.num_islands(), 0);
+  for (auto* flags : {&wanted_, &corrected_, &failed_}) flags->assign(partition_.num_islands(), 0);
   corrections_.assign(bodies.size(), {});
 }
 
-bool Mover::CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
+void Mover::CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
                           const std::vector<Contact>& contacts) {
   Corrector& corrector = correctors_[worker];
   const std::span<const int> members = partition_.bodies_of(island);
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
-  if (!corrector.Solve({members, numbers, {contacts, frames_}, gaps_, free_way_, scale}, !swept_only_, bodies))
-    return false;
-  for (size_t i = 0; i < members.size(); ++i) {
+  const bool found =
+      corrector.Solve({members, numbers, {contacts, frames_}, gaps_, free_way_, scale}, !swept_only_, bodies);
+  if (!wanted_[island]) return;
+  corrected_[island] = found;
+  failed_[island] = corrector.failed();
+  for (size_t i = 0; found && i < members.size(); ++i) {
     const Displacement correction = corrections_[members[i]] = corrector.CorrectionOf(i);
     planned_[members[i]].linear += correction.linear;
     planned_[members[i]].angular += correction.angular;
   }
-  return true;
 }
 
 // Of the islands that this pass corrects and that touch nothing immovable: nobody else could take up their spin.

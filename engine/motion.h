@@ -90,10 +90,12 @@ class Mover {
                    const std::vector<Contact>& contacts);
   void GroundFlights(bool all, std::span<Body> bodies);
   void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  bool Correct(std::span<const double> tolerances, std::span<const Body> bodies, const std::vector<Contact>& contacts);
+  bool Correct(bool ask_all, std::span<const double> tolerances, std::span<const Body> bodies,
+               const std::vector<Contact>& contacts);
   void CountSpared(int contacts);
-  void FindIslands(double close, std::span<const Body> bodies, const std::vector<Contact>& contacts);
-  bool CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
+  void FindIslands(double deepest, std::span<const double> tolerances, std::span<const Body> bodies,
+                   const std::vector<Contact>& contacts);
+  void CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,
                      const std::vector<Contact>& contacts);
   void RememberSpins(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   void RestoreSpins(std::span<Body> bodies);
@@ -107,20 +109,20 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
-  std::span<const std::uint8_t> owes_;                      // of the plan, during the step
-  bool flights_move_ = false;                               // in this pass
-  std::vector<Displacement> planned_, flown_;               // of this pass; of flying bodies: before corrections
-  std::vector<Displacement> corrections_;                   // of this pass: what `planned_` has of them
-  std::vector<Displacement> shifts_;                        // of this step: their sum
-  std::vector<std::uint8_t> handled_;                       // per contact: left to the flights
-  std::vector<Vector3> free_turns_;                         // [rad] per body: what is left of the planned free rotation
-  std::vector<Vector3> travel_;                             // [m] per body
-  std::vector<Pose> start_, end_;                           // per body, of this step
-  std::vector<double> free_way_;                            // [m] per body, of this step: without corrections
-  bool swept_only_ = false;                                 // an interior-point solve of this step has failed
-  std::vector<std::uint8_t> cut_, held_;                    // per body
-  std::vector<std::uint8_t> wanted_, corrected_, free_;     // per island
-  std::vector<std::pair<int, int>> pairs_, shifted_pairs_;  // of this pass; of this step: joined by corrections
+  std::span<const std::uint8_t> owes_;         // of the plan, during the step
+  bool flights_move_ = false;                  // in this pass
+  std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
+  std::vector<Displacement> corrections_;      // of this pass: what `planned_` has of them
+  std::vector<Displacement> shifts_;           // of this step: their sum
+  std::vector<std::uint8_t> handled_;          // per contact: left to the flights
+  std::vector<Vector3> free_turns_;            // [rad] per body: what is left of the planned free rotation
+  std::vector<Vector3> travel_;                // [m] per body
+  std::vector<Pose> start_, end_;              // per body, of this step
+  std::vector<double> free_way_;               // [m] per body, of this step: without corrections
+  bool swept_only_ = false;                    // an interior-point solve of this step has failed
+  std::vector<std::uint8_t> cut_, held_;       // per body
+  std::vector<std::uint8_t> wanted_, corrected_, failed_, free_;  // per island
+  std::vector<std::pair<int, int>> pairs_, shifted_pairs_;        // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
   std::vector<Matrix3> turns_;             // per body: what planned_ turns a lever by

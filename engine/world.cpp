@@ -207,7 +207,7 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
                [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
   const KeptContacts kept = detector.kept();
-  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts + still.size());
+  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
   MixMaterials(&detected);
   if (still.empty()) {
     std::swap(near_contacts, detected);

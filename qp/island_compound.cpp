@@ -4,8 +4,8 @@
 namespace islet::qp {
 namespace {
 
-// Of a reduced problem; what takes more is seldom accepted. Of 600 in six scenes of towers and heaps one was that took more than
-// 20 factorisations, and those that were not accepted took 40 to 60 each.
+// Of a reduced problem; what takes more is seldom accepted. Of 600 in six scenes of towers and heaps 6 were that took more than 10
+// factorisations, one of them more than 20; those that were not accepted took 40 to 60 each. A first round runs to its end.
 constexpr int kRounds = 1, kPatience = 10;
 constexpr double kReducedShare = 0.5;  // of the tolerance, of a reduced problem
 constexpr int kSplits = 2;  // of clusters that do not hold; of what two do not serve a third serves one in ten

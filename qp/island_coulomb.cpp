@@ -56,9 +56,10 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
   return pressed > kSprawl * mass * settings.velocity_scale;
 }
 
-// Three bodies and more that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. Of
-// 1,600 tries in cubejam and three dropped stacks those that ended in vain were 210 of 378 on three and four bodies, 202 of 258 on
-// more; where faces have fewer of the contacts, 107 of 1,020 and 568 of 1,530.
+// Five bodies and more that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
+// cubejam and three dropped stacks 202 of 258 tries on such towers ended in vain, 210 of 378 on those of three and four bodies;
+// where faces have fewer of the contacts, 568 of 1,530 and 107 of 1,020. A face: neighbours in the order of the contacts; all
+// walls count as one body.
 bool IsTower(const Problem& problem) {
   const std::vector<ContactTerm>& contacts = problem.contacts;
   size_t in_faces = 0;
@@ -168,7 +169,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY;
-  bool accurate = small;
+  bool accurate = small || settings.patience < std::numeric_limits<int>::max();
   int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), sweeps_from = 1;
   MixedRounds mixed{.goes_on = small && circular && problem.num_bodies() >= kLeastMixed};
   if (mixed.goes_on) mixing_.Begin(slips_.size());
@@ -181,7 +182,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     const bool fails = trial_.status == Status::kFailed || trial_.status == Status::kInfeasible;
     if (fails && !(mixed.goes_on && mixed.begun)) {
       if (!std::isfinite(best)) *solution = trial_;
-      if (round > 1 || !circular) break;
+      if (round > 1 || !circular || iterations_ >= settings.patience) break;
       FindFirstSlips(problem, goal);
       if (SweepsSuffice(problem, settings, solution)) break;
       continue;

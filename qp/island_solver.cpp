@@ -149,7 +149,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   if (settings.cone != Cone::kCircular || AnyCompliance(problem) || !IsConvex(problem, settings) ||
       !planar_.Reduce(problem, settings.velocity_scale))
     return false;
-  const double begin = Seconds();
+  const double begin = Seconds(), in_vain = seconds_in_vain_;
   planar_.MergeImpulses(start, &planar_start_);
   whole_scales_.swap(scales_);
   planar_.MergeScales(whole_scales_, &scales_);
@@ -174,7 +174,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   }
   Prepare(problem, solution);
   ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  seconds_in_vain_ = in_vain + Seconds() - begin;
   return false;
 }
 
@@ -305,9 +305,9 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
   const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
   gauss_seidel_.Prepare(problem);
+  // As it is where an interior point follows: that survives what is wild, and judging it costs more than 20 sweeps.
   if (big && start.size() == problem.contacts.size()) {
-    TakeOver(problem,
-             start);  // as it is: what is wild in it the interior point survives, and judging costs more than 20 sweeps
+    TakeOver(problem, start);
   } else {
     StartFrom(problem, start);
   }

@@ -6,7 +6,7 @@
 // (each second time in the other order) and the same bit for bit, so of each frame the least time counts. In scenes with a lead
 // the state is that after so many frames of the swept tier.
 //   map        [m/s] natural map of exact Coulomb, rms over the contacts, of the worst island of each frame, by engine/certificate
-//   deviation  [m] farthest body from the run with `nothing` and `sweeps` alone at 1e-10, at the end. These scenes may be
+//   deviation  [m] farthest body from the run with `nothing`, `sweeps` and what motion has at 1e-10, at the end. These scenes may be
 //              chaotic: in the row `nudged` (as that run, one body 1e-9 m aside) stands what deviation means nothing
 // Two runs of a chaotic scene do not solve the same problems. So there is a third pair at 1e-6, `stepwise auto` and `off`: both
 // begin each frame in the state that the latter left; their deviation is the largest of any one frame.

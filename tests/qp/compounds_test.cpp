@@ -349,7 +349,7 @@ TEST(Compounds, AnswerNothingThatBreaksTheLaw) {
       for (qp::BodyTerm& body : before.bodies) body.velocity *= random.Uniform(1 - 0.2 * change, 1);
       for (ContactTerm& contact : before.contacts) contact.target = 0;
       const qp::Solution solution = Climb(now, Full(before).impulses);
-      ++(solution.rung == Rung::kCompound ? compounds : others);
+      if (run >= 2) ++(solution.rung == Rung::kCompound ? compounds : others);  // the large change leaves next to none
       if (solution.rung != Rung::kCompound) continue;
       EXPECT_LE(WorstViolation(now, solution), 3e-6 * VelocityScale(now));
     }

@@ -431,7 +431,7 @@ TEST(IslandSolver, PatienceEndsTheRounds) {
   Random random(120);
   int shorter = 0;
   for (int trial = 0; trial < 20; ++trial) {
-    Problem problem = RandomStack(&random, 6, 0.2, 0.4, 2);
+    Problem problem = RandomStack(&random, trial < 15 ? 6 : 20, 0.2, 0.4, 2);
     for (qp::BodyTerm& body : problem.bodies) body.velocity.head<2>() += random.Vector(0.3).head<2>();
     qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
     settings.ladder = qp::Ladder::Off();
