@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "engine/rotation.h"
@@ -23,6 +24,8 @@ constexpr double kElastic = 0.8;
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
+constexpr int kPerTask = 256;  // bodies or contacts
+
 double ToleranceOf(const Contact& c, std::span<const double> tolerances) {
   return std::min(tolerances[c.body_a], tolerances[c.body_b]);
 }
@@ -43,11 +46,22 @@ LadderReport Mover::TakeLadder() {
   return sum;
 }
 
+// Calls f(i) for i = 0 .. count-1, by several workers where there are many. Each may write what belongs to i alone.
+template <typename F>
+void Mover::ForEach(size_t count, const F& f) {
+  const int tasks = static_cast<int>((count + kPerTask - 1) / kPerTask);
+  const auto work = [&](int task, int) {
+    const size_t end = std::min(count, static_cast<size_t>(task + 1) * kPerTask);
+    for (size_t i = static_cast<size_t>(task) * kPerTask; i < end; ++i) f(i);
+  };
+  pool_->ForEach(tasks, std::cref(work));
+}
+
 void Mover::PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies) {
   planned_.assign(bodies.size(), {});
-  for (size_t i = 0; i < bodies.size(); ++i) {
+  ForEach(bodies.size(), [&](size_t i) {
     const Body& body = bodies[i];
-    if (body.removed) continue;
+    if (body.removed) return;
     if (body.kind == BodyKind::kKinematic) {
       planned_[i] = {plan.dt * body.linear_velocity_W, plan.dt * body.angular_velocity_W};
     } else if (body.Moves()) {
@@ -55,7 +69,7 @@ void Mover::PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies)
       planned_[i].angular = FreeRotation(body.inertia_B, body.rotation_WB,
                                          0.5 * (plan.before[i].angular_W + body.angular_velocity_W), plan.durations[i]);
     }
-  }
+  });
 }
 
 std::span<const Vector3> Mover::PlanTravel(const MotionPlan& plan, std::span<const Body> bodies) {
@@ -68,15 +82,15 @@ std::span<const Vector3> Mover::PlanTravel(const MotionPlan& plan, std::span<con
 // With the whole turn of the points, not its first order: a cube may turn by a third of a radian in a step.
 void Mover::PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   turns_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) turns_[i] = TurnLessOne(planned_[i].angular);
+  ForEach(bodies.size(), [&](size_t i) { turns_[i] = TurnLessOne(planned_[i].angular); });
   const auto way = [&](int i, const Contact& c) -> Vector3 {
     return planned_[i].linear + turns_[i] * (c.point_W - bodies[i].position_W);
   };
   gaps_.resize(contacts.size());
-  for (size_t k = 0; k < contacts.size(); ++k) {
+  ForEach(contacts.size(), [&](size_t k) {
     const Contact& c = contacts[k];
     gaps_[k] = c.gap + c.normal_W.dot(way(c.body_b, c) - way(c.body_a, c));
-  }
+  });
 }
 
 // Moves the flying bodies to the moments at which they meet walls: planned_ takes them there from where they are now, and
@@ -119,7 +133,6 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   owes_ = plan.owes;
-  PlanFreeMotion(plan, bodies);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) start_[i] = {bodies[i].position_W, bodies[i].rotation_WB};
@@ -368,10 +381,10 @@ void Mover::PayForLifts(std::span<Body> bodies) {
 // The free turn keeps the angular momentum. A correction only puts the body elsewhere: it turns the velocity along with the
 // body, so that the kinetic energy stays.
 void Mover::Apply(std::span<Body> bodies) {
-  for (size_t i = 0; i < bodies.size(); ++i) {
+  ForEach(bodies.size(), [&](size_t i) {
     Body& body = bodies[i];
     body.position_W += planned_[i].linear;
-    if (planned_[i].angular.isZero(0)) continue;
+    if (planned_[i].angular.isZero(0)) return;
     const Quaternion turned = Quaternion(Exp(planned_[i].angular) * body.rotation_WB).normalized();
     if (body.Moves()) {
       const Quaternion free = Exp(free_turns_[i]) * body.rotation_WB;
@@ -380,7 +393,7 @@ void Mover::Apply(std::span<Body> bodies) {
         body.angular_velocity_W = turned * (free.conjugate() * body.angular_velocity_W);
     }
     body.rotation_WB = turned;
-  }
+  });
   for (Vector3& turn : free_turns_) turn.setZero();  // later passes only correct
 }
 

@@ -360,6 +360,7 @@ TEST(Mover, WhatIsSqueezedIsNotThrownOut) {
   const std::vector<double> durations(3, 1.0 / 60), tolerances(3, 2.5e-4);
   const std::vector<std::uint8_t> flies(3, 0);
   const MotionPlan plan{.dt = 1.0 / 60, .durations = durations, .flies = flies, .owes = flies, .before = before};
+  mover.PlanTravel(plan, bodies);
   const MotionOutcome outcome = mover.Move(plan, tolerances, detect, bodies, &contacts);
   EXPECT_TRUE(outcome.reached);
   EXPECT_GT(outcome.passes, 5);
