@@ -72,6 +72,7 @@ struct World::Impl : WorldState {
   void DetectAll();
   void DetectMoving(std::span<const Vector3> expected);
   void CountSpared(qp::Rung rung, int problems, size_t contacts);
+  void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach(std::span<const Vector3> planned) const;
   void MixMaterials(std::vector<Contact>* contacts) const;
@@ -198,16 +199,24 @@ void World::Impl::CountSpared(qp::Rung rung, int problems, size_t contacts) {
   spared.rungs[static_cast<int>(rung)].contacts += static_cast<int>(contacts);
 }
 
+void World::Impl::CountKept() {
+  const KeptContacts kept = detector.kept();
+  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
+}
+
 // Contacts between bodies that stand still are kept: their poses have not changed since they were found.
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
-  if (!settings.ladder.Has(qp::Rung::kKeptPairs)) return DetectAll();
+  if (!settings.ladder.Has(qp::Rung::kKeptPairs)) {
+    DetectAll();
+    CountKept();
+    return;
+  }
   still.clear();
   std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
                [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
-  const KeptContacts kept = detector.kept();
-  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
+  CountKept();
   MixMaterials(&detected);
   if (still.empty()) {
     std::swap(near_contacts, detected);
