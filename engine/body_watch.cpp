@@ -1,7 +1,6 @@
 #include "engine/body_watch.h"
 
 #include <algorithm>
-#include <functional>
 
 #include "parallel/worker_pool.h"
 
@@ -48,11 +47,8 @@ void BodyWatch::Update(std::span<const Body> bodies, std::span<const Shape> shap
   }
   half_spaces_changed_ = half_spaces_ != before_ || std::any_of(half_spaces_.begin(), half_spaces_.end(),
                                                                 [&](int i) { return other_shape_[i] != 0; });
-  const auto work = [&](int task, int) {
-    const int end = std::min(n, (task + 1) * kBodiesPerTask);
-    for (int i = task * kBodiesPerTask; i < end; ++i) UpdateOne(i, bodies[i], travel_W[i], margins[i]);
-  };
-  pool->ForEach((n + kBodiesPerTask - 1) / kBodiesPerTask, std::cref(work));
+  pool->ForEachOf(bodies.size(), kBodiesPerTask,
+                  [&](size_t i) { UpdateOne(static_cast<int>(i), bodies[i], travel_W[i], margins[i]); });
 }
 
 void BodyWatch::UpdateOne(int number, const Body& body, const Vector3& travel, double margin) {

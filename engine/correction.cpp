@@ -118,10 +118,7 @@ bool Corrector::SolveProblem(double scale, bool exact) {
     report_.seconds_in_vain = in_vain + Seconds() - begin;
     return false;
   }
-  LadderReport::Rung& entry = report_.rungs[static_cast<int>(rung)];
-  ++entry.problems;
-  entry.contacts += problem_.num_contacts();
-  entry.seconds += Seconds() - begin;
+  report_.Add(rung, 1, problem_.num_contacts(), Seconds() - begin);
   return true;
 }
 

@@ -1,8 +1,8 @@
 #include "engine/motion.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "engine/rotation.h"
@@ -46,20 +46,9 @@ LadderReport Mover::TakeLadder() {
   return sum;
 }
 
-// Calls f(i) for i = 0 .. count-1, by several workers where there are many. Each may write what belongs to i alone.
-template <typename F>
-void Mover::ForEach(size_t count, const F& f) {
-  const int tasks = static_cast<int>((count + kPerTask - 1) / kPerTask);
-  const auto work = [&](int task, int) {
-    const size_t end = std::min(count, static_cast<size_t>(task + 1) * kPerTask);
-    for (size_t i = static_cast<size_t>(task) * kPerTask; i < end; ++i) f(i);
-  };
-  pool_->ForEach(tasks, std::cref(work));
-}
-
 void Mover::PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies) {
   planned_.assign(bodies.size(), {});
-  ForEach(bodies.size(), [&](size_t i) {
+  pool_->ForEachOf(bodies.size(), kPerTask, [&](size_t i) {
     const Body& body = bodies[i];
     if (body.removed) return;
     if (body.kind == BodyKind::kKinematic) {
@@ -82,12 +71,12 @@ std::span<const Vector3> Mover::PlanTravel(const MotionPlan& plan, std::span<con
 // With the whole turn of the points, not its first order: a cube may turn by a third of a radian in a step.
 void Mover::PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts) {
   turns_.resize(bodies.size());
-  ForEach(bodies.size(), [&](size_t i) { turns_[i] = TurnLessOne(planned_[i].angular); });
+  pool_->ForEachOf(bodies.size(), kPerTask, [&](size_t i) { turns_[i] = TurnLessOne(planned_[i].angular); });
   const auto way = [&](int i, const Contact& c) -> Vector3 {
     return planned_[i].linear + turns_[i] * (c.point_W - bodies[i].position_W);
   };
   gaps_.resize(contacts.size());
-  ForEach(contacts.size(), [&](size_t k) {
+  pool_->ForEachOf(contacts.size(), kPerTask, [&](size_t k) {
     const Contact& c = contacts[k];
     gaps_[k] = c.gap + c.normal_W.dot(way(c.body_b, c) - way(c.body_a, c));
   });
@@ -132,6 +121,7 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 
 MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
+  assert(planned_.size() == bodies.size());
   owes_ = plan.owes;
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
@@ -246,7 +236,7 @@ bool Mover::Correct(bool ask_all, std::span<const double> tolerances, std::span<
   for (size_t c = 0; c < contacts.size(); ++c)
     if (!handled_[c] && -gaps_[c] > SlightOverlap(contacts[c], tolerances)) deepest = std::max(deepest, -gaps_[c]);
   if (deepest == 0 && !ask_all) {
-    CountSpared(static_cast<int>(contacts.size()));
+    CountSpared(contacts.size());
     return false;
   }
   FindIslands(deepest, tolerances, bodies, contacts);
@@ -256,7 +246,7 @@ bool Mover::Correct(bool ask_all, std::span<const double> tolerances, std::span<
       const int c = island_contacts_[k];
       if (-gaps_[c] > SlightOverlap(contacts[c], tolerances)) wanted_[i] = 1;
     }
-    if (!wanted_[i] && !ask_all && last > first) CountSpared(last - first);
+    if (!wanted_[i] && last > first) CountSpared(last - first);
   }
   pool_->ForEach(partition_.num_islands(), [&](int island, int worker) {
     const int first = partition_.contact_start[island];
@@ -268,11 +258,9 @@ bool Mover::Correct(bool ask_all, std::span<const double> tolerances, std::span<
   return std::any_of(corrected_.begin(), corrected_.end(), [](std::uint8_t corrected) { return corrected != 0; });
 }
 
-void Mover::CountSpared(int contacts) {
-  if (!settings_.ladder.Has(qp::Rung::kFreeMotion)) return;
-  LadderReport::Rung& rung = spared_.rungs[static_cast<int>(qp::Rung::kFreeMotion)];
-  ++rung.problems;
-  rung.contacts += contacts;
+void Mover::CountSpared(size_t contacts) {
+  if (settings_.ladder.Has(qp::Rung::kFreeMotion))
+    spared_.Add(qp::Rung::kFreeMotion, 1, static_cast<std::int64_t>(contacts));
 }
 
 // What is joined by contacts whose predicted gaps are small beside the deepest overlap; where there is none, beside a slight one.
@@ -381,7 +369,7 @@ void Mover::PayForLifts(std::span<Body> bodies) {
 // The free turn keeps the angular momentum. A correction only puts the body elsewhere: it turns the velocity along with the
 // body, so that the kinetic energy stays.
 void Mover::Apply(std::span<Body> bodies) {
-  ForEach(bodies.size(), [&](size_t i) {
+  pool_->ForEachOf(bodies.size(), kPerTask, [&](size_t i) {
     Body& body = bodies[i];
     body.position_W += planned_[i].linear;
     if (planned_[i].angular.isZero(0)) return;

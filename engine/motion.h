@@ -58,8 +58,8 @@ class Mover {
  public:
   Mover(const Settings& settings, parallel::WorkerPool* pool);
 
-  // After PlanTravel with the same plan and bodies. contacts: near contacts at the poses before the move, on return those after it. tolerances: [m] per body; a pair's is the
-  // smaller one. detect is called after each pass.
+  // After PlanTravel with the same plan and bodies. contacts: near contacts at the poses before the move, on return those after
+  // it. tolerances: [m] per body; a pair's is the smaller one. detect is called after each pass.
   MotionOutcome Move(const MotionPlan& plan, std::span<const double> tolerances, const DetectContacts& detect,
                      std::span<Body> bodies, std::vector<Contact>* contacts);
 
@@ -85,8 +85,6 @@ class Mover {
     Vector3 position_W;  // [m]
     Quaternion rotation_WB;
   };
-  template <typename F>
-  void ForEach(size_t count, const F& f);
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
@@ -94,7 +92,7 @@ class Mover {
   void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   bool Correct(bool ask_all, std::span<const double> tolerances, std::span<const Body> bodies,
                const std::vector<Contact>& contacts);
-  void CountSpared(int contacts);
+  void CountSpared(size_t contacts);
   void FindIslands(double deepest, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
   void CorrectIsland(int island, int worker, double scale, std::span<const Body> bodies,

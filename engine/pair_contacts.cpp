@@ -53,7 +53,7 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
                                 int chunk) {
   std::vector<Contact>& contacts = now_[chunk];
   contacts.clear();
-  KeptContacts& kept = kept_[chunk] = {};
+  KeptContacts kept;
   for (CandidatePair& pair : pairs) {
     const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
     const int first = static_cast<int>(contacts.size());
@@ -73,6 +73,7 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
     pair.first = first;
     pair.count = static_cast<int>(contacts.size()) - first;
   }
+  kept_[chunk] = kept;
 }
 
 void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,

@@ -16,6 +16,13 @@ void Certificate::Include(const Certificate& other) {
   energy_gain = std::max(energy_gain, other.energy_gain);
 }
 
+void LadderReport::Add(qp::Rung rung, std::int64_t problems, std::int64_t contacts, double seconds) {
+  Rung& entry = rungs[static_cast<size_t>(rung)];
+  entry.problems += problems;
+  entry.contacts += contacts;
+  entry.seconds += seconds;
+}
+
 void LadderReport::Include(const LadderReport& other) {
   for (size_t r = 0; r < rungs.size(); ++r) {
     rungs[r].problems += other.rungs[r].problems;

@@ -53,9 +53,10 @@ struct LadderReport {
     std::int64_t contacts = 0;
     double seconds = 0;  // [s] wall, summed over islands; what was tried in vain before included
   };
-  std::array<Rung, qp::kNumRungs> rungs;
-  int escalations = 0;         // rungs that were tried in vain
-  double seconds_in_vain = 0;  // [s] and what that took
+  std::array<Rung, qp::kNumRungs> rungs;  // by qp::Rung
+  int escalations = 0;                    // rungs that were tried in vain
+  double seconds_in_vain = 0;             // [s] and what that took
+  void Add(qp::Rung rung, std::int64_t problems, std::int64_t contacts, double seconds = 0);
   void Include(const LadderReport& other);
 };
 

@@ -19,10 +19,7 @@ void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summ
   summary->seconds += outcome.seconds;
   summary->drafts += outcome.draft;
   if (outcome.draft || outcome.contacts == 0) return;
-  LadderReport::Rung& rung = ladder->rungs[static_cast<int>(outcome.rung)];
-  ++rung.problems;
-  rung.contacts += outcome.contacts;
-  rung.seconds += outcome.seconds;
+  ladder->Add(outcome.rung, 1, outcome.contacts, outcome.seconds);
   ladder->escalations += outcome.escalations;
   ladder->seconds_in_vain += outcome.seconds_in_vain;
   if (outcome.status == QpStatus::kNone) return;

@@ -71,7 +71,6 @@ struct World::Impl : WorldState {
   Body& At(int number);
   void DetectAll();
   void DetectMoving(std::span<const Vector3> expected);
-  void CountSpared(qp::Rung rung, int problems, size_t contacts);
   void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach(std::span<const Vector3> planned) const;
@@ -194,14 +193,9 @@ void World::Impl::DetectAll() {
   stale = false;
 }
 
-void World::Impl::CountSpared(qp::Rung rung, int problems, size_t contacts) {
-  spared.rungs[static_cast<int>(rung)].problems += problems;
-  spared.rungs[static_cast<int>(rung)].contacts += static_cast<int>(contacts);
-}
-
 void World::Impl::CountKept() {
   const KeptContacts kept = detector.kept();
-  CountSpared(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
+  spared.Add(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
 }
 
 // Contacts between bodies that stand still are kept: their poses have not changed since they were found.
@@ -357,7 +351,7 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
   };
   const std::span<const Vector3> planned = mover.PlanTravel(plan, bodies);
   if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(planned)) {
-    CountSpared(qp::Rung::kReach, 1, near_contacts.size());
+    spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
   } else {
     detect(planned, &near_contacts);
   }

@@ -6,6 +6,8 @@
 //   threads: ForEach from one thread at a time; a task must not call ForEach of the same pool
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <functional>
 #include <memory>
 
@@ -30,6 +32,18 @@ class WorkerPool {
   // task(index, worker) for index = 0 .. num_tasks-1, worker in [0, num_workers). Returns when all are done; the first
   // exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
+
+  // f(i) for i = 0 .. count-1, per_task of them in one task.
+  template <typename F>
+  void ForEachOf(std::size_t count, int per_task, const F& f) {
+    const std::size_t size = static_cast<std::size_t>(per_task);
+    const auto work = [&](int task, int) {
+      const std::size_t begin = static_cast<std::size_t>(task) * size, end = std::min(count, begin + size);
+      for (std::size_t i = begin; i < end; ++i) f(i);
+    };
+    // By reference: a function object that holds more than two words allocates.
+    ForEach(static_cast<int>((count + size - 1) / size), std::cref(work));
+  }
 
  private:
   struct Impl;

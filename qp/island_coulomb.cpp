@@ -156,8 +156,9 @@ NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings
 // Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one
 // need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
 // were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
-// one answer of the convex problem, whatever the order of its contacts, unless it starts from the frame before. On small islands the next slips are mixed from those of
-// the rounds before as long as that brings the answer nearer, which depends on no order either; sweeps are for where it does not.
+// one answer of the convex problem, whatever the order of its contacts, unless it starts from the frame before. On small islands
+// the next slips are mixed from those of the rounds before as long as that brings the answer nearer, which depends on no order
+// either; sweeps are for where it does not.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                 Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;

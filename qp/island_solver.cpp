@@ -305,7 +305,7 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
   const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
   gauss_seidel_.Prepare(problem);
-  // As it is where an interior point follows: that survives what is wild, and judging it costs more than 20 sweeps.
+  // As it is where an interior point follows: that survives what is wild, and judging it costs as much as a dozen sweeps.
   if (big && start.size() == problem.contacts.size()) {
     TakeOver(problem, start);
   } else {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 namespace islet::qp {
 
@@ -27,6 +28,7 @@ inline constexpr int kNumProblemRungs = 10, kNumRungs = 13;
 inline constexpr const char* kRungNames[kNumRungs] = {
     "nothing", "merged", "closed_form",    "held",        "corners",    "compound", "planar",
     "normal",  "sweeps", "interior_point", "free_motion", "kept_pairs", "reach"};
+inline constexpr std::span<const char* const> kProblemRungNames{kRungNames, kNumProblemRungs};
 
 // Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {

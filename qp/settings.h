@@ -33,7 +33,8 @@ struct Settings {
   double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;  // of one interior-point solve
   int coulomb_rounds = 3;    // octagon, up to 12 bodies, or no sweeps: cap on re-solves with lagged slip
-  int patience = std::numeric_limits<int>::max();  // factorisations of exact Coulomb up to 12 bodies or without sweeps, after which no round begins
+  // Exact Coulomb up to 12 bodies or without sweeps: factorisations after which no further round begins.
+  int patience = std::numeric_limits<int>::max();
   // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
   double coulomb_tolerance = 1e-6;
   Ladder ladder;              // rungs that may be used

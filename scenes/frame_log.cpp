@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <iterator>
-#include <span>
 
 namespace islet {
 
@@ -11,10 +10,9 @@ FrameLog::FrameLog()
     : text_(
           "frame,contacts,active_contacts,islands,largest_island_contacts,collision_qp_seconds,static_qp_seconds,"
           "iterations,awake,kinetic_energy,penetration_max,woken,frozen,step_seconds") {
-  const std::span<const char* const> names = qp::kRungNames;
-  for (const char* rung : names.first(qp::kNumProblemRungs)) fmt::format_to(std::back_inserter(text_), ",{}", rung);
+  for (const char* rung : qp::kProblemRungNames) fmt::format_to(std::back_inserter(text_), ",{}", rung);
   text_ += ",escalations";
-  for (const char* rung : names) fmt::format_to(std::back_inserter(text_), ",motion_{}", rung);
+  for (const char* rung : qp::kRungNames) fmt::format_to(std::back_inserter(text_), ",motion_{}", rung);
   text_ += ",motion_escalations\n";
 }
 

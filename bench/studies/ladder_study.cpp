@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -224,15 +223,11 @@ class Study {
     Run reference;
   };
 
-  static std::span<const char* const> ProblemRungs() {
-    return std::span<const char* const>(qp::kRungNames).first(qp::kNumProblemRungs);
-  }
-
   static std::string Columns() {
     std::string columns =
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
         "energy_end,penetration_max,contacts_mean,frozen_end,failed,inaccurate,capped,escalations,vain_s,";
-    for (const char* rung : ProblemRungs()) columns += rung + std::string("_n,") + rung + "_s,";
+    for (const char* rung : qp::kProblemRungNames) columns += rung + std::string("_n,") + rung + "_s,";
     return columns + "position_problems,position_seconds,spared_positions,kept_pairs,spared_detections,state_hash";
   }
 
@@ -270,7 +265,7 @@ class Study {
     const StudyScene& scene = *one.scene;
     std::ostringstream rungs;
     LadderReport::Rung positions;
-    for (size_t r = 0; r < ProblemRungs().size(); ++r) {
+    for (int r = 0; r < qp::kNumProblemRungs; ++r) {
       rungs << run.ladder.rungs[r].problems << ',' << run.ladder.rungs[r].seconds << ',';
       positions.problems += run.motion_ladder.rungs[r].problems;
       positions.seconds += run.motion_ladder.rungs[r].seconds;

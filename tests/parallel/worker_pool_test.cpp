@@ -31,6 +31,15 @@ TEST_P(WorkerPoolOf, RunsEveryIndexOnce) {
   }
 }
 
+TEST_P(WorkerPoolOf, ChunksHoldEveryIndexOnce) {
+  WorkerPool pool(GetParam());
+  for (const std::size_t count : {0U, 1U, 63U, 64U, 65U, 1000U}) {
+    std::vector<std::atomic<int>> runs(count);
+    pool.ForEachOf(count, 64, [&](std::size_t index) { ++runs.at(index); });
+    for (const auto& times : runs) EXPECT_EQ(times, 1);
+  }
+}
+
 TEST_P(WorkerPoolOf, NegativeCountIsNoTasks) {
   WorkerPool pool(GetParam());
   pool.ForEach(-3, [](int, int) { FAIL(); });
