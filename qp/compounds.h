@@ -26,7 +26,7 @@ namespace islet::qp {
 class Compounds {
  public:
   // start: impulses of the frame before. velocities: those that they lead to. velocity_scale: v_ref.
-  // Returns whether at most half of the bodies remain in reduced().
+  // Returns whether few enough bodies remain in reduced(): two, or a third of them.
   bool Find(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,
             double velocity_scale);
 

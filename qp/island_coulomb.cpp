@@ -56,11 +56,13 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
   return pressed > kSprawl * mass * settings.velocity_scale;
 }
 
+}  // namespace
+
 // Five bodies and more that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
 // cubejam and three dropped stacks 202 of 258 tries on such towers ended in vain, 210 of 378 on those of three and four bodies;
 // where faces have fewer of the contacts, 568 of 1,530 and 107 of 1,020. A face: neighbours in the order of the contacts; all
 // walls count as one body.
-bool IsTower(const Problem& problem) {
+bool IslandSolver::IsTower(const Problem& problem) {
   const std::vector<ContactTerm>& contacts = problem.contacts;
   size_t in_faces = 0;
   for (size_t first = 0, end; first < contacts.size(); first = end) {
@@ -71,8 +73,6 @@ bool IsTower(const Problem& problem) {
   }
   return problem.num_bodies() > 4 && static_cast<double>(in_faces) > kTowerShare * static_cast<double>(contacts.size());
 }
-
-}  // namespace
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
 // the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
@@ -245,7 +245,7 @@ bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings,
     gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
     if (AcceptSweeps(problem, settings, kWarmShare, solution)) return true;
     const double now = MapOfSwept(problem).max;
-    goes_on = now < kWarmGain * before && std::log(goal / now) > (left - 1) * std::log(now / before);
+    goes_on = now < kWarmGain * before && AtThisPace(before, now, left - 1) < goal;
     before = now;
   }
   ++escalations_;

@@ -56,6 +56,9 @@ class IslandSolver {
 
   static double Seconds();  // of a clock that only goes on
   static bool AllZero(std::span<const Vector3> impulses);
+  static bool IsTower(const Problem& problem);
+  // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
+  static double AtThisPace(double before, double now, int blocks);
   void SolveOneContact(const Problem& problem, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
@@ -63,7 +66,8 @@ class IslandSolver {
   bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
-  bool HoldsNearly(const Problem& problem, const Settings& settings, double map, Solution* solution);
+  bool HoldsExactly(const Problem& problem, const Settings& settings, Solution* solution);
+  void SweepHeld(const Problem& problem, double goal, double map);
   bool SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                     Solution* solution);
   bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,

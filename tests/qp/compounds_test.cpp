@@ -389,6 +389,40 @@ TEST(Compounds, AreNotFoundWhereNothingHoldsBodiesTogether) {
   }));
 }
 
+// A tower whose parts leave each other: as many compounds as parts. Two of few bodies are few, of more no more than a third.
+TEST(Compounds, AreNotFoundWhereTooManyRemain) {
+  Random random(13);
+  for (const auto& [boxes, few] : {std::pair{4, 2}, {5, 2}, {8, 3}, {10, 3}, {11, 4}, {12, 4}}) {
+    const Pile pile = Tower(&random, boxes);
+    const std::vector<Vector3> start = Full(pile.problem).impulses;
+    for (int parts = 1; 2 * parts <= boxes; ++parts) {
+      std::vector<double> after(6 * boxes, 0.0);
+      for (int i = 0; i < boxes; ++i) after[6 * i + 2] = std::min(i, parts - 1) * kFall;
+      qp::Compounds compounds;
+      EXPECT_EQ(compounds.Find(pile.problem, start, after, kFall), parts <= few) << boxes << " in " << parts;
+    }
+  }
+}
+
+// What slides on each other is answered by sweeps of the parts: ten factorisations do not find the slips.
+TEST(Compounds, SlideOnEachOther) {
+  Random random(14);
+  int compounds = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    Problem problem = Tower(&random, 8, 2, 2).problem;
+    for (ContactTerm& contact : problem.contacts)
+      if (contact.body_a == 3) contact.friction = 0.1;
+    const std::vector<Vector3> start = Full(problem).impulses;
+    const double push = random.Uniform(0.3, 0.6);
+    for (int i = 4; i < 8; ++i) problem.bodies[i].velocity[0] += push * kFall;
+    const qp::Solution solution = Climb(problem, start);
+    ExpectSameAnswer(problem, solution);
+    EXPECT_GT(solution.velocities[6 * 4] - solution.velocities[6 * 3], 0.1 * kFall);
+    compounds += solution.rung == Rung::kCompound;
+  }
+  EXPECT_GE(compounds, 18);
+}
+
 TEST(Compounds, AreLeftOutOnRequestAndAllocateNothing) {
   Random random(8);
   const Pile pile = Tower(&random, 15);

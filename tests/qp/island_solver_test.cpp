@@ -372,6 +372,33 @@ TEST(Ladder, ImpulsesThatNoLongerHoldAreNotKept) {
   }
 }
 
+// A tower that is pulled over the floor, a hair's breadth from what held: compounds answer that, sweeps without them.
+TEST(Ladder, TowersThatSlideAreNotSweptTowardsWhatHeld) {
+  Random random(121);
+  for (const bool compounds : {true, false}) {
+    int held = 0, compound = 0;
+    for (int trial = 0; trial < 10; ++trial) {
+      Problem problem = RandomStack(&random, 6, 0.3, 0.5, 2);
+      for (qp::BodyTerm& body : problem.bodies) body.velocity[0] += 1;
+      for (qp::ContactTerm& contact : problem.contacts)
+        if (contact.body_a < 0) contact.friction = 0.3;
+      qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+      if (!compounds) settings.ladder = settings.ladder.Without(qp::Rung::kCompound);
+      qp::IslandSolver solver;
+      qp::Solution first, second;
+      solver.Solve(problem, settings, &first);
+      for (qp::BodyTerm& body : problem.bodies)
+        body.velocity.head<3>() += 1e-7 * settings.velocity_scale * random.Vector(1);
+      solver.Solve(problem, settings, &second, first.impulses);
+      held += second.rung == qp::Rung::kHeld;
+      compound += second.rung == qp::Rung::kCompound;
+      EXPECT_LE(ExactMap(problem, second), 1e-6 * settings.velocity_scale);
+    }
+    EXPECT_EQ(held > 0, !compounds) << held;
+    EXPECT_EQ(compound > 0, compounds) << compound;
+  }
+}
+
 // A heap that moves on: from the answer of the frame before, sweeps alone find the next one in most islands. What rests is asked
 // for more than that.
 TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
