@@ -1,7 +1,11 @@
 #include "engine/island_problem.h"
 
+#include "parallel/fork.h"
+
 namespace islet {
 namespace {
+
+constexpr int kRange = 128;  // contacts in a piece of work
 
 Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;
@@ -21,7 +25,7 @@ qp::Jacobian PointJacobian(const Vector3& position_W, const Contact& contact, co
 void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& contacts,
                             std::span<const int> island_bodies, std::span<const int> island_contacts,
                             qp::Problem* problem) {
-  problem->Clear();
+  problem->bodies.clear();
   if (local_.size() < bodies.size()) local_.resize(bodies.size(), -1);
   for (const int number : island_bodies) {
     local_[number] = problem->num_bodies();
@@ -33,22 +37,27 @@ void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& c
     term.velocity << body.linear_velocity_W, body.angular_velocity_W;
     problem->bodies.push_back(term);
   }
-  for (const int number : island_contacts) {
-    const Contact& contact = contacts.contacts[number];
-    const Matrix3& frame = contacts.frames[number];
-    const Body& a = bodies[contact.body_a];
-    const Body& b = bodies[contact.body_b];
-    qp::ContactTerm term;
-    term.body_a = local_[contact.body_a];
-    term.body_b = local_[contact.body_b];
-    if (term.body_a >= 0) term.jacobian_a = PointJacobian(a.position_W, contact, frame, -1);
-    if (term.body_b >= 0) term.jacobian_b = PointJacobian(b.position_W, contact, frame, 1);
-    if (a.kind == BodyKind::kKinematic) term.drift -= frame.transpose() * a.VelocityAt(contact.point_W);
-    if (b.kind == BodyKind::kKinematic) term.drift += frame.transpose() * b.VelocityAt(contact.point_W);
-    term.friction = contact.friction;
-    problem->contacts.push_back(term);
-  }
+  problem->contacts.resize(island_contacts.size());
+  parallel::ForkRanges(static_cast<int>(island_contacts.size()), kRange, [&](int from, int to) {
+    for (int c = from; c < to; ++c) problem->contacts[c] = Term(bodies, contacts, island_contacts[c]);
+  });
   for (const int number : island_bodies) local_[number] = -1;
+}
+
+qp::ContactTerm IslandGatherer::Term(std::span<const Body> bodies, const ContactFrames& contacts, int number) const {
+  const Contact& contact = contacts.contacts[number];
+  const Matrix3& frame = contacts.frames[number];
+  const Body& a = bodies[contact.body_a];
+  const Body& b = bodies[contact.body_b];
+  qp::ContactTerm term;
+  term.body_a = local_[contact.body_a];
+  term.body_b = local_[contact.body_b];
+  if (term.body_a >= 0) term.jacobian_a = PointJacobian(a.position_W, contact, frame, -1);
+  if (term.body_b >= 0) term.jacobian_b = PointJacobian(b.position_W, contact, frame, 1);
+  if (a.kind == BodyKind::kKinematic) term.drift -= frame.transpose() * a.VelocityAt(contact.point_W);
+  if (b.kind == BodyKind::kKinematic) term.drift += frame.transpose() * b.VelocityAt(contact.point_W);
+  term.friction = contact.friction;
+  return term;
 }
 
 void IslandGatherer::ScatterVelocities(const qp::Solution& solution, std::span<const int> island_bodies,

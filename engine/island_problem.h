@@ -2,7 +2,7 @@
 //
 //   gather   const bodies and contacts; frozen, fixed and kinematic bodies are immovable, their motion goes into `drift`
 //   scatter  writes the velocities of the island's own bodies and nothing else
-//   threads: one gatherer per worker; islands share no body that moves, so tasks never write to the same place
+//   threads: one gatherer per worker, idle ones help; islands share no body that moves, so tasks never write to the same place
 #pragma once
 
 #include <span>
@@ -34,6 +34,8 @@ class IslandGatherer {
                                 std::span<Body> bodies);
 
  private:
+  qp::ContactTerm Term(std::span<const Body> bodies, const ContactFrames& contacts, int number) const;
+
   std::vector<int> local_;  // world body -> place in the island, -1 elsewhere
 };
 

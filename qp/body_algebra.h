@@ -38,14 +38,6 @@ inline void CopyFreeVelocities(const Problem& problem, std::vector<double>* velo
     velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
-// v0 + M^-1 J^T j.
-inline void VelocitiesAfter(const Problem& problem, const std::vector<Vector3>& impulses,
-                            std::vector<double>* velocities) {
-  CopyFreeVelocities(problem, velocities);
-  for (int c = 0; c < problem.num_contacts(); ++c)
-    ApplyImpulse(problem, problem.contacts[c], impulses[c], velocities->data());
-}
-
 // Contact velocity that the unknowns of one field make.
 inline Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
   Vector3 u = Vector3::Zero();
@@ -62,6 +54,17 @@ inline void AddForce(const ContactTerm& contact, int stride, int field, double s
     At(*out, stride * contact.body_a + 6 * field).noalias() += contact.jacobian_a.transpose() * force;
   if (contact.body_b >= 0)
     At(*out, stride * contact.body_b + 6 * field).noalias() += contact.jacobian_b.transpose() * force;
+}
+
+// v0 + M^-1 J^T j.
+inline void VelocitiesAfter(const Problem& problem, const std::vector<Vector3>& impulses,
+                            std::vector<double>* velocities) {
+  velocities->assign(6 * problem.bodies.size(), 0.0);
+  for (int c = 0; c < problem.num_contacts(); ++c) AddForce(problem.contacts[c], 6, 0, 1, impulses[c], velocities);
+  for (int i = 0; i < problem.num_bodies(); ++i) {
+    const Vector6 momentum = At(*velocities, 6 * i);
+    At(*velocities, 6 * i) = problem.bodies[i].velocity + InverseMassTimes(problem.bodies[i], momentum);
+  }
 }
 
 }  // namespace islet::qp

@@ -9,7 +9,10 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kPrepareBatches = 32;  // in one piece
+using Block = Eigen::Map<Vector3>;
+using ConstBlock = Eigen::Map<const Vector3>;
+
+constexpr int kPrepareBatches = 32, kLoadBatches = 64, kLoadBodies = 128;  // in one piece
 // Nesterov's momentum wants a gradient; the law of friction is none, and full momentum circles around jammed piles for ever.
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
@@ -30,6 +33,26 @@ Matrix3 Root(const Matrix3& a) {
     }
   }
   return g;
+}
+
+// Onto the cone, which single precision meets to its own rounding.
+Vector3 WithinCone(const Vector3& j, double friction) {
+  const double slide = j.tail<2>().norm(), most = friction * j[0];
+  if (slide <= most) return j;
+  const double scale = most / slide;
+  return {j[0], scale * j[1], scale * j[2]};
+}
+
+// The velocities of x + momentum (x - previous): they are linear in the impulses.
+template <typename Number>
+void Extrapolate(Number momentum, int count, SweepVelocity<Number>* velocities, SweepVelocity<Number>* previous) {
+  for (int i = 0; i < count; ++i) {
+    for (int k = 0; k < 8; ++k) {
+      const Number y = velocities[i].y[k];
+      velocities[i].y[k] = y + momentum * (y - previous[i].y[k]);
+      previous[i].y[k] = y;
+    }
+  }
 }
 
 }  // namespace
@@ -74,8 +97,9 @@ void GaussSeidel::PrepareBatch(const Problem& problem, int number, int still) {
   batch.used = 0;
   for (int lane = 0; lane < kBatchLanes; ++lane) {
     const int c = order_.contacts()[number * kBatchLanes + lane];
-    batch.body[0][lane] = c >= 0 && problem.contacts[c].body_a >= 0 ? problem.contacts[c].body_a : still;
-    batch.body[1][lane] = c >= 0 && problem.contacts[c].body_b >= 0 ? problem.contacts[c].body_b : still;
+    const auto place = [&](int body) { return body >= 0 ? order_.places()[body] : still; };
+    batch.body[0][lane] = c >= 0 ? place(problem.contacts[c].body_a) : still;
+    batch.body[1][lane] = c >= 0 ? place(problem.contacts[c].body_b) : still;
     if (c >= 0) {
       batch.used = lane + 1;
       if (normal_)
@@ -204,12 +228,17 @@ void GaussSeidel::PrepareSingle() {
   single_prepared_ = true;
 }
 
+// Whoever sweeps a part moves its bodies ahead first: they are at hand.
 template <typename Number>
-SweepSums GaussSeidel::SweepOnce(Number momentum, Field<Number>* field) {
+SweepSums GaussSeidel::SweepOnce(bool ahead, Number momentum, Field<Number>* field) {
   const std::vector<int>& phases = order_.phase_start();
   for (size_t p = 0; p + 1 < phases.size(); ++p) {
     parallel::Fork(phases[p + 1] - phases[p], [&](int piece) {
       const int number = phases[p] + piece;
+      if (ahead && p == 0) {
+        const int first = order_.body_start()[piece], last = order_.body_start()[piece + 1];
+        Extrapolate(momentum, last - first, &field->velocities[first], &field->previous[first]);
+      }
       const SweepOrder::Section& section = order_.sections()[number];
       const SweepBatch<Number>* batches = &field->batches[section.first_batch];
       SweepState<Number>* states = &field->states[section.first_batch];
@@ -228,82 +257,71 @@ SweepSums GaussSeidel::SweepOnce(Number momentum, Field<Number>* field) {
   return total;
 }
 
-namespace {
-
-// The velocities of x + momentum (x - previous): they are linear in the impulses.
-template <typename Number>
-void Extrapolate(Number momentum, std::vector<SweepVelocity<Number>>* velocities,
-                 std::vector<SweepVelocity<Number>>* previous) {
-  for (size_t i = 0; i < previous->size(); ++i) {
-    for (int k = 0; k < 6; ++k) {
-      const Number y = (*velocities)[i].y[k];
-      (*velocities)[i].y[k] = y + momentum * (y - (*previous)[i].y[k]);
-      (*previous)[i].y[k] = y;
-    }
-  }
-}
-
-// Onto the cone, which single precision meets to its own rounding.
-Vector3 WithinCone(const Vector3& j, double friction) {
-  const double slide = j.tail<2>().norm(), most = friction * j[0];
-  if (slide <= most) return j;
-  const double scale = most / slide;
-  return {j[0], scale * j[1], scale * j[2]};
-}
-
-}  // namespace
-
 // Into the coordinates of the kernels: x = T^-1 j, y = G^-1 v = G^T M v.
 template <typename Number>
 void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impulses,
                        const std::vector<double>& velocities, Field<Number>* field) const {
-  using ConstBlock = Eigen::Map<const Vector3>;
-  for (size_t slot = 0; slot < order_.contacts().size(); ++slot) {
-    const int c = order_.contacts()[slot];
-    const size_t lane = slot % kBatchLanes;
-    const SweepBatch<double>& batch = plain_.batches[slot / kBatchLanes];
-    SweepState<Number>& state = field->states[slot / kBatchLanes];
-    for (int d = 0; d < 3; ++d) state.x[d][lane] = state.previous[d][lane] = 0;
-    state.lambda[lane] = 0;
+  const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
+  parallel::ForkRanges(batches, kLoadBatches, [&](int from, int to) {
+    for (int b = from; b < to; ++b) LoadBatch(impulses, b, &field->states[b]);
+  });
+  std::fill(field->velocities.begin() + bodies, field->velocities.end(), SweepVelocity<Number>{});
+  parallel::ForkRanges(bodies, kLoadBodies, [&](int from, int to) {
+    for (int i = from; i < to; ++i) {
+      const double* v = velocities.data() + 6 * i;
+      const Vector3 linear = ConstBlock(v) / roots_[i].mass_root;
+      const Vector3 momentum = problem.bodies[i].inertia * ConstBlock(v + 3);
+      const Vector3 angular = roots_[i].inertia_root.transpose() * momentum;
+      SweepVelocity<Number> y{};
+      for (int k = 0; k < 3; ++k) y.y[k] = static_cast<Number>(linear[k]), y.y[3 + k] = static_cast<Number>(angular[k]);
+      field->velocities[order_.places()[i]] = field->previous[order_.places()[i]] = y;
+    }
+  });
+}
+
+template <typename Number>
+void GaussSeidel::LoadBatch(const std::vector<Vector3>& impulses, int number, SweepState<Number>* state) const {
+  const SweepBatch<double>& batch = plain_.batches[number];
+  for (int lane = 0; lane < kBatchLanes; ++lane) {
+    for (int d = 0; d < 3; ++d) state->x[d][lane] = state->previous[d][lane] = 0;
+    state->lambda[lane] = 0;
+    const int c = order_.contacts()[number * kBatchLanes + lane];
     if (c < 0) continue;
     const Vector3& j = impulses[c];
     const double t[2] = {axes_[c].cosine * j[1] + axes_[c].sine * j[2], axes_[c].cosine * j[2] - axes_[c].sine * j[1]};
     double normal = j[0];
     for (int k = 0; k < 2; ++k) {
       normal -= batch.shear[k][lane] * t[k];
-      if (batch.tangent[k][lane] > 0) state.x[1 + k][lane] = static_cast<Number>(t[k] / batch.tangent[k][lane]);
+      if (batch.tangent[k][lane] > 0) state->x[1 + k][lane] = static_cast<Number>(t[k] / batch.tangent[k][lane]);
     }
-    state.x[0][lane] = static_cast<Number>(normal / batch.normal[lane]);
-    for (int d = 0; d < 3; ++d) state.previous[d][lane] = state.x[d][lane];
-  }
-  std::fill(field->velocities.begin(), field->velocities.end(), SweepVelocity<Number>{});
-  for (size_t i = 0; i < roots_.size(); ++i) {
-    const double* v = velocities.data() + 6 * i;
-    const Vector3 linear = ConstBlock(v) / roots_[i].mass_root;
-    const Vector3 momentum = problem.bodies[i].inertia * ConstBlock(v + 3);
-    const Vector3 angular = roots_[i].inertia_root.transpose() * momentum;
-    SweepVelocity<Number>& y = field->velocities[i];
-    for (int k = 0; k < 3; ++k) y.y[k] = static_cast<Number>(linear[k]), y.y[3 + k] = static_cast<Number>(angular[k]);
-    field->previous[i] = y;
+    state->x[0][lane] = static_cast<Number>(normal / batch.normal[lane]);
+    for (int d = 0; d < 3; ++d) state->previous[d][lane] = state->x[d][lane];
   }
 }
 
 template <typename Number>
 void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impulses,
                          std::vector<double>* velocities) const {
-  using Block = Eigen::Map<Vector3>;
-  for (size_t i = 0; i < roots_.size(); ++i) {
-    double* v = velocities->data() + 6 * i;
-    const Number* y = field.velocities[i].y;
-    Block{v} = Vector3(y[0], y[1], y[2]) * roots_[i].mass_root;
-    Block(v + 3).noalias() = roots_[i].inertia_root * Vector3(y[3], y[4], y[5]);
-  }
-  for (size_t slot = 0; slot < order_.contacts().size(); ++slot) {
-    const int c = order_.contacts()[slot];
+  const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
+  parallel::ForkRanges(bodies, kLoadBodies, [&](int from, int to) {
+    for (int i = from; i < to; ++i) {
+      double* v = velocities->data() + 6 * i;
+      const Number* y = field.velocities[order_.places()[i]].y;
+      Block{v} = Vector3(y[0], y[1], y[2]) * roots_[i].mass_root;
+      Block(v + 3).noalias() = roots_[i].inertia_root * Vector3(y[3], y[4], y[5]);
+    }
+  });
+  parallel::ForkRanges(batches, kLoadBatches, [&](int from, int to) {
+    for (int b = from; b < to; ++b) UnloadBatch(field.states[b], b, impulses);
+  });
+}
+
+template <typename Number>
+void GaussSeidel::UnloadBatch(const SweepState<Number>& state, int number, std::vector<Vector3>* impulses) const {
+  const SweepBatch<double>& batch = plain_.batches[number];
+  for (int lane = 0; lane < kBatchLanes; ++lane) {
+    const int c = order_.contacts()[number * kBatchLanes + lane];
     if (c < 0) continue;
-    const size_t lane = slot % kBatchLanes;
-    const SweepBatch<double>& batch = plain_.batches[slot / kBatchLanes];
-    const SweepState<Number>& state = field.states[slot / kBatchLanes];
     const double t[2] = {batch.tangent[0][lane] * state.x[1][lane], batch.tangent[1][lane] * state.x[2][lane]};
     (*impulses)[c] = {batch.normal[lane] * state.x[0][lane] + batch.shear[0][lane] * t[0] + batch.shear[1][lane] * t[1],
                       axes_[c].cosine * t[0] - axes_[c].sine * t[1], axes_[c].sine * t[0] + axes_[c].cosine * t[1]};
@@ -319,8 +337,7 @@ int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_s
   int sweep = 0;
   while (sweep < max_sweeps) {
     ++sweep;
-    if (pace == Pace::kMomentum) Extrapolate(momentum, &field->velocities, &field->previous);
-    const SweepSums sums = SweepOnce(momentum, field);
+    const SweepSums sums = SweepOnce(pace == Pace::kMomentum, momentum, field);
     if (sums.largest <= tolerance) break;
     if (pace == Pace::kPlain) continue;
     const bool astray = sums.ahead < 0 || sums.change > kMaxGrowth * last_change;

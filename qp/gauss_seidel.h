@@ -55,7 +55,7 @@ class GaussSeidel {
     const SweepKernels<Number>* kernels = nullptr;
     std::vector<SweepBatch<Number>> batches;
     std::vector<SweepState<Number>> states;
-    std::vector<SweepVelocity<Number>> velocities;  // bodies, then an immovable one per section
+    std::vector<SweepVelocity<Number>> velocities;  // bodies in their places, then an immovable one per section
     std::vector<SweepVelocity<Number>> previous;    // of the bodies, one sweep before
   };
   void PrepareBatch(const Problem& problem, int number, int still);
@@ -73,7 +73,11 @@ class GaussSeidel {
   template <typename Number>
   void Unload(const Field<Number>& field, std::vector<Vector3>* impulses, std::vector<double>* velocities) const;
   template <typename Number>
-  SweepSums SweepOnce(Number momentum, Field<Number>* field);
+  void LoadBatch(const std::vector<Vector3>& impulses, int number, SweepState<Number>* state) const;
+  template <typename Number>
+  void UnloadBatch(const SweepState<Number>& state, int number, std::vector<Vector3>* impulses) const;
+  template <typename Number>
+  SweepSums SweepOnce(bool ahead, Number momentum, Field<Number>* field);
 
   SweepOrder order_;
   bool compliant_ = false;

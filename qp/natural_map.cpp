@@ -1,13 +1,23 @@
 #include "qp/natural_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "parallel/fork.h"
+
 namespace islet::qp {
+namespace {
+
+constexpr int kRange = 256, kMostRanges = 64;  // contacts in a piece of work; pieces
+
+}  // namespace
 
 void ImpulseScales(const Problem& problem, std::vector<double>* rho) {
-  rho->clear();
-  for (const ContactTerm& contact : problem.contacts) rho->push_back(3 / DelassusTrace(problem, contact));
+  rho->resize(problem.contacts.size());
+  parallel::ForkRanges(problem.num_contacts(), kRange, [&](int from, int to) {
+    for (int c = from; c < to; ++c) (*rho)[c] = 3 / DelassusTrace(problem, problem.contacts[c]);
+  });
 }
 
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
@@ -19,16 +29,29 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
 
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
                       const std::vector<Vector3>& impulses, const std::vector<double>& rho) {
-  double sum = 0, largest = 0;
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    const ContactTerm& contact = problem.contacts[c];
-    Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
-    u[0] += contact.friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - contact.target;
-    const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho[c] * u, contact.friction)) / rho[c];
-    sum += map.squaredNorm();
-    largest = std::max(largest, map.squaredNorm());
+  struct Sums {
+    double squares = 0, largest = 0;
+  };
+  std::array<Sums, kMostRanges> sums;
+  const int count = problem.num_contacts(), range = std::max(kRange, (count + kMostRanges - 1) / kMostRanges);
+  parallel::ForkRanges(count, range, [&](int from, int to) {
+    Sums part;
+    for (int c = from; c < to; ++c) {
+      const ContactTerm& contact = problem.contacts[c];
+      Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
+      u[0] += contact.friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - contact.target;
+      const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho[c] * u, contact.friction)) / rho[c];
+      part.squares += map.squaredNorm();
+      part.largest = std::max(part.largest, map.squaredNorm());
+    }
+    sums[from / range] = part;
+  });
+  Sums all;
+  for (const Sums& part : sums) {
+    all.squares += part.squares;
+    all.largest = std::max(all.largest, part.largest);
   }
-  return {std::sqrt(largest), std::sqrt(sum / std::max(1, problem.num_contacts()))};
+  return {std::sqrt(all.largest), std::sqrt(all.squares / std::max(1, count))};
 }
 
 Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {

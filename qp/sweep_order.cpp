@@ -21,6 +21,7 @@ void SweepOrder::Build(const Problem& problem, int num_parts) {
   part_.assign(problem.bodies.size(), 0);
   if (num_parts > 1) SplitIntoParts(problem, num_parts);
   const int num_sections = AssignSections(problem, num_parts);
+  PlaceBodies(num_parts);
 
   section_start_.assign(num_sections + 1, 0);
   for (int section : section_of_) ++section_start_[section + 1];
@@ -99,12 +100,13 @@ void SweepOrder::SplitIntoParts(const Problem& problem, int num_parts) {
   }
 }
 
-// Numbers the sections in the order of the phases, without those that have no contacts. section_start_ is scratch here: first
-// whether a section is used, then its number.
+// Numbers the sections in the order of the phases, without those that have no contacts, but with the first. section_start_ is
+// scratch here: first whether a section is used, then its number.
 int SweepOrder::AssignSections(const Problem& problem, int num_parts) {
   const int rest = 2 * num_parts;  // after the parts and their boundaries, even ones first
   section_of_.resize(problem.contacts.size());
   section_start_.assign(rest + 1, 0);
+  section_start_[0] = !section_of_.empty();  // phase 0 is the parts'
   for (size_t c = 0; c < section_of_.size(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
     const int a = part_[contact.body_a >= 0 ? contact.body_a : contact.body_b];
@@ -124,8 +126,21 @@ int SweepOrder::AssignSections(const Problem& problem, int num_parts) {
   }
   if (num_sections > phase_start_.back()) phase_start_.push_back(num_sections);
   for (int& section : section_of_) section = section_start_[section];
-  std::fill(section_start_.begin(), section_start_.end(), 0);
   return num_sections;
+}
+
+// Bodies of a part without contacts of its own, and so without a section, go with those before. section_start_ still has the
+// number of each part's section.
+void SweepOrder::PlaceBodies(int num_parts) {
+  earliest_.assign(num_parts + 1, 0);  // bodies by part
+  for (const int part : part_) ++earliest_[part + 1];
+  std::partial_sum(earliest_.begin(), earliest_.end(), earliest_.begin());
+  body_start_.clear();
+  for (int part = 0; part < num_parts; ++part)
+    if (section_start_[part] < section_start_[part + 1]) body_start_.push_back(earliest_[part]);
+  body_start_.push_back(earliest_[num_parts]);
+  places_.resize(part_.size());
+  for (size_t body = 0; body < part_.size(); ++body) places_[body] = earliest_[part_[body]]++;
 }
 
 // The first batch from here on that has a free lane.

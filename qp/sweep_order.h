@@ -34,12 +34,17 @@ class SweepOrder {
   const std::vector<int>& phase_start() const { return phase_start_; }
   // The contact in each lane of each batch, or -1.
   const std::vector<int>& contacts() const { return contacts_; }
+  // Where each body is when bodies are sorted by parts. Places body_start()[s] up to body_start()[s + 1] are touched by no
+  // section of phase 0 but s.
+  const std::vector<int>& places() const { return places_; }
+  const std::vector<int>& body_start() const { return body_start_; }
 
  private:
   void FindNeighbours(const Problem& problem);
   int WalkFrom(int body);
   void SplitIntoParts(const Problem& problem, int num_parts);
   int AssignSections(const Problem& problem, int num_parts);
+  void PlaceBodies(int num_parts);
   void FillBatches(const Problem& problem, int section);
   int FindRoom(int batch);
 
@@ -48,6 +53,7 @@ class SweepOrder {
   std::vector<int> phase_start_, contacts_;
   std::vector<int> neighbour_start_, neighbours_, walk_, part_;  // bodies
   std::vector<int> section_of_, section_start_, members_;        // contacts by section
+  std::vector<int> places_, body_start_;                         // per body; per section of phase 0
   std::vector<int> earliest_;                                    // batch, per body
   std::vector<int> used_, room_;  // per batch: lanes in use; next batch that may have room
 };

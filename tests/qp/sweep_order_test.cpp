@@ -74,6 +74,21 @@ void CheckOrder(const SweepOrder& order, const Problem& problem) {
   }
 }
 
+// Each body has a place, and those of a part's section theirs side by side.
+void CheckPlaces(const SweepOrder& order, const Problem& problem) {
+  const std::set<int> places(order.places().begin(), order.places().end());
+  ASSERT_EQ(places.size(), problem.bodies.size());
+  ASSERT_EQ(static_cast<int>(order.body_start().size()), order.phase_start()[1] + 1);
+  EXPECT_EQ(order.body_start().front(), 0);
+  EXPECT_EQ(*places.rbegin(), order.body_start().back() - 1);
+  for (int s = 0; s < order.phase_start()[1]; ++s) {
+    for (const int body : BodiesOfSection(order, problem, order.sections()[s])) {
+      EXPECT_GE(order.places()[body], order.body_start()[s]);
+      EXPECT_LT(order.places()[body], order.body_start()[s + 1]);
+    }
+  }
+}
+
 TEST(SweepOrder, KeepsTheOrderOfContactsThatTouch) {
   SweepOrder order;
   for (const NamedProblem& island : RandomIslands(81, 40, 10, false)) {
@@ -82,7 +97,22 @@ TEST(SweepOrder, KeepsTheOrderOfContactsThatTouch) {
       SCOPED_TRACE(parts);
       order.Build(island.problem, parts);
       CheckOrder(order, island.problem);
+      CheckPlaces(order, island.problem);
     }
+  }
+}
+
+// A star: all contacts are those of one body with others, so that of many parts only one has contacts of its own.
+TEST(SweepOrder, PartsWithoutContactsOfTheirOwn) {
+  Problem problem;
+  problem.bodies.resize(40);
+  for (int c = 1; c < 40; ++c) problem.contacts.push_back({.body_a = 0, .body_b = c});
+  for (const int parts : {2, 3, 5, 8}) {
+    SCOPED_TRACE(parts);
+    SweepOrder order;
+    order.Build(problem, parts);
+    CheckOrder(order, problem);
+    CheckPlaces(order, problem);
   }
 }
 
@@ -93,6 +123,7 @@ TEST(SweepOrder, LargeIslandsAreCutInTwoHalvesOfAKind) {
   SweepOrder order;
   order.Build(problem);
   CheckOrder(order, problem);
+  CheckPlaces(order, problem);
   ASSERT_EQ(order.phase_start().size(), 3u);
   ASSERT_EQ(order.phase_start()[1], 2);
   EXPECT_NEAR(order.sections()[0].num_batches, order.sections()[1].num_batches, 0.1 * order.sections()[0].num_batches);
