@@ -14,6 +14,7 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
+constexpr int kPerTask = 512;        // contacts
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
@@ -117,12 +118,10 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.rest_speed = settings.gravity.norm() * dt;
   frame.bodies = bodies;
   frame.frames.resize(contacts.size());
+  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { frame.frames[c] = ContactFrame(contacts[c].normal_W); });
   double fastest = 0;
-  for (size_t c = 0; c < contacts.size(); ++c) {
-    frame.frames[c] = ContactFrame(contacts[c].normal_W);
-    if (!contacts[c].touches) continue;
-    fastest = std::max(fastest, -NormalVelocity(contacts[c], bodies[contacts[c].body_a], bodies[contacts[c].body_b]));
-  }
+  for (const Contact& c : contacts)
+    if (c.touches) fastest = std::max(fastest, -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]));
   frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
   frame.threshold = 10 * settings.tolerance * frame.speed_floor;
   frame.contacts = {contacts, frame.frames};
@@ -205,8 +204,9 @@ void ContactSuite::Impl::Finish(StepReport* report) {
   const size_t nc = frame.contacts.contacts.size();
   for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
-  for (size_t c = 0; c < nc; ++c)
+  pool->ForEachOf(nc, kPerTask, [&](size_t c) {
     impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
+  });
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;

@@ -66,14 +66,10 @@ void FlightTime::ChooseDurations(double dt, const Vector3& gravity_W, const Suit
 MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const ContactSuite& suite,
                                   std::span<const Contact> resolved, std::span<Body> bodies) {
   const std::span<const Vector3> holding = suite.memory().previous_holding;  // of this step, by now
-  flies_.assign(bodies.size(), exact_);
-  for (size_t c = 0; c < resolved.size(); ++c) {
-    for (const int i : {resolved[c].body_a, resolved[c].body_b})
-      if (Pushes(holding[c], gravity_W, dt, bodies[i])) flies_[i] = 0;
-  }
+  FindPushes(dt, gravity_W, resolved, holding, bodies);
   before_.assign(suite.velocities_before_gravity().begin(), suite.velocities_before_gravity().end());
   bounced_.Restore(dt, gravity_W, bodies, resolved, holding, &before_);
-  FindWhatIsInTheAir(dt, gravity_W, resolved, holding, bodies);
+  FindWhatIsInTheAir(resolved, bodies);
   // A solver's rounding is no push, but enough for the suite to take a body for caught.
   for (const Contact& contact : resolved)
     for (const int i : {contact.body_a, contact.body_b})
@@ -89,21 +85,37 @@ MotionPlan FlightTime::PlanMotion(double dt, const Vector3& gravity_W, const Con
   return {dt, durations_, flies_, in_the_air_, before_};
 }
 
+// By the static impulses of this step.
+void FlightTime::FindPushes(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
+                            std::span<const Vector3> holding, std::span<const Body> bodies) {
+  rounding_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) rounding_[i] = RoundingOf(gravity_W, dt, bodies[i]);
+  flies_.assign(bodies.size(), exact_);
+  pushes_.resize(resolved.size());
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    const double impulse = holding[c].norm();
+    pushes_[c] = 0;
+    for (const int i : {resolved[c].body_a, resolved[c].body_b}) {
+      if (!(impulse > rounding_[i])) continue;
+      flies_[i] = 0;
+      pushes_[c] |= bodies[i].Moves();
+    }
+  }
+}
+
 // Supported is what contacts that push join to something immovable. Two that push each other in the air are both in it.
-void FlightTime::FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
-                                    std::span<const Vector3> holding, std::span<const Body> bodies) {
+void FlightTime::FindWhatIsInTheAir(std::span<const Contact> resolved, std::span<const Body> bodies) {
   in_the_air_.assign(bodies.size(), exact_);
   if (!exact_) return;
   roots_.resize(bodies.size());
   islands::DisjointSets joined(roots_);
-  const auto pushes = [&](size_t c) { return PushesEither(resolved[c], holding[c], gravity_W, dt, bodies); };
   for (size_t c = 0; c < resolved.size(); ++c) {
     const int a = resolved[c].body_a, b = resolved[c].body_b;
-    if (bodies[a].Moves() && bodies[b].Moves() && pushes(c)) joined.Union(a, b);
+    if (bodies[a].Moves() && bodies[b].Moves() && pushes_[c]) joined.Union(a, b);
   }
   for (size_t c = 0; c < resolved.size(); ++c) {
     const int a = resolved[c].body_a, b = resolved[c].body_b;
-    if (bodies[a].Moves() == bodies[b].Moves() || !pushes(c)) continue;
+    if (bodies[a].Moves() == bodies[b].Moves() || !pushes_[c]) continue;
     in_the_air_[joined.Find(bodies[a].Moves() ? a : b)] = 0;
   }
   // All members first: who bounces is in the air alone, also where the others are known by its number.

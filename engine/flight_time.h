@@ -69,8 +69,9 @@ class FlightTime {
     Vector3 impulse_W;  // [N s] on body_b
   };
   bool Meets(const Contact& contact) const;
-  void FindWhatIsInTheAir(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
-                          std::span<const Vector3> holding, std::span<const Body> bodies);
+  void FindPushes(double dt, const Vector3& gravity_W, std::span<const Contact> resolved,
+                  std::span<const Vector3> holding, std::span<const Body> bodies);
+  void FindWhatIsInTheAir(std::span<const Contact> resolved, std::span<const Body> bodies);
 
   bool exact_;
   BouncedMotion bounced_;
@@ -79,6 +80,8 @@ class FlightTime {
   std::vector<double> durations_;         // [s] per body
   std::vector<Load> loads_;               // what the user wants of bodies whose forces stand in for a longer step
   std::vector<std::uint8_t> rebounded_;   // per body: a contact rebounds in this step
+  std::vector<double> rounding_;          // [N s] per body: what pushes exceed
+  std::vector<std::uint8_t> pushes_;      // per resolved contact: one of its bodies that move is pushed
   std::vector<std::uint8_t> flies_;       // per body: no contact pushes it in this step
   std::vector<std::uint8_t> in_the_air_;  // per body: no contact supports it, or it bounces within the step
   std::vector<int> roots_;                // scratch: bodies that push each other

@@ -53,13 +53,13 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
   }
 }
 
-bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body) {
-  return impulse.norm() > kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
+double RoundingOf(const Vector3& gravity_W, double dt, const Body& body) {
+  return kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
 }
 
 bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
                   std::span<const Body> bodies) {
-  const auto pushed = [&](int i) { return bodies[i].Moves() && Pushes(impulse, gravity_W, dt, bodies[i]); };
+  const auto pushed = [&](int i) { return bodies[i].Moves() && impulse.norm() > RoundingOf(gravity_W, dt, bodies[i]); };
   return pushed(contact.body_a) || pushed(contact.body_b);
 }
 

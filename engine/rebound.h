@@ -30,9 +30,9 @@ namespace islet {
 void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const Contact> last_contacts,
                  std::span<const Vector3> last_holding, std::span<Contact> contacts);
 
-// A static impulse that is more than a solver's rounding.
-bool Pushes(const Vector3& impulse, const Vector3& gravity_W, double dt, const Body& body);
-// The same for the contact's bodies that move: either of them.
+// [N s] what a static impulse exceeds that pushes the body: a solver's rounding.
+double RoundingOf(const Vector3& gravity_W, double dt, const Body& body);
+// Whether the impulse pushes one of the contact's bodies that move.
 bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
                   std::span<const Body> bodies);
 

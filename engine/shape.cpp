@@ -158,10 +158,10 @@ Shape Shape::ConvexHull(std::span<const Vector3> points) {
   return Shape(std::move(data));
 }
 
-ShapeKind Shape::kind() const { return data_->kind; }
+Shape::Shape(std::shared_ptr<const Data> data) : data_(std::move(data)), kind_(data_->kind), size_(data_->size) {}
+
 double Shape::radius() const { return data_->radius; }
 const Vector3& Shape::half_extents() const { return data_->half_extents; }
-double Shape::size() const { return data_->size; }
 const Vector3& Shape::hull_offset() const { return data_->hull_offset; }
 const Polytope& Shape::polytope() const { return data_->polytope; }
 double Shape::Volume() const { return data_->volume; }

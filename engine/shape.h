@@ -41,13 +41,13 @@ class Shape {
   // origin to the centre of mass and tells by how much, in hull_offset().
   static Shape ConvexHull(std::span<const Vector3> points);
 
-  ShapeKind kind() const;
-  double radius() const;                // [m] farthest point from the centre of mass (half-space: infinity)
-  const Vector3& half_extents() const;  // of a box; of the others: of the bounding box in B
-  double size() const;                  // [m] smallest extent, scales contact tolerances (half-space: infinity)
-  const Vector3& hull_offset() const;   // centre of mass in the frame the hull's points were given in
-  const Polytope& polytope() const;     // box and hull; empty for the others
-  double Volume() const;                // [m^3] (half-space: infinity)
+  ShapeKind kind() const { return kind_; }
+  double radius() const;                 // [m] farthest point from the centre of mass (half-space: infinity)
+  const Vector3& half_extents() const;   // of a box; of the others: of the bounding box in B
+  double size() const { return size_; }  // [m] smallest extent, scales contact tolerances (half-space: infinity)
+  const Vector3& hull_offset() const;    // centre of mass in the frame the hull's points were given in
+  const Polytope& polytope() const;      // box and hull; empty for the others
+  double Volume() const;                 // [m^3] (half-space: infinity)
   MassProperties MassFromDensity(double density) const;  // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
   MassProperties MassFromMass(double mass) const;  // [kg] > 0
@@ -55,8 +55,10 @@ class Shape {
   struct Data;
 
  private:
-  explicit Shape(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
+  explicit Shape(std::shared_ptr<const Data> data);
   std::shared_ptr<const Data> data_;
+  ShapeKind kind_;  // of data_: every contact asks for these
+  double size_;
 };
 
 }  // namespace islet
