@@ -57,12 +57,6 @@ double RoundingOf(const Vector3& gravity_W, double dt, const Body& body) {
   return kRounding * body.mass * (gravity_W.norm() * dt + 1e-3 * body.linear_velocity_W.norm());
 }
 
-bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
-                  std::span<const Body> bodies) {
-  const auto pushed = [&](int i) { return bodies[i].Moves() && impulse.norm() > RoundingOf(gravity_W, dt, bodies[i]); };
-  return pushed(contact.body_a) || pushed(contact.body_b);
-}
-
 Twist BeforeForces(double dt, const Vector3& gravity_W, const Body& body) {
   if (!body.Moves()) return TwistOf(body);
   const Twist forces = ChangeByForces(dt, gravity_W, body);
@@ -78,8 +72,12 @@ void BouncedMotion::Restore(double dt, const Vector3& gravity_W, std::span<const
                             std::span<const Contact> contacts, std::span<const Vector3> holding,
                             std::vector<Twist>* before) {
   const double trembling = kTrembling * gravity_W.norm() * dt;
+  const auto pushed = [&](int i, double impulse) {
+    return bodies[i].Moves() && impulse > RoundingOf(gravity_W, dt, bodies[i]);
+  };
   const auto held = [&](size_t c) {
-    return contacts[c].touches && PushesEither(contacts[c], holding[c], gravity_W, dt, bodies);
+    const double impulse = holding[c].norm();
+    return contacts[c].touches && (pushed(contacts[c].body_a, impulse) || pushed(contacts[c].body_b, impulse));
   };
   any_ = false;
   for (size_t c = 0; c < contacts.size(); ++c) {

@@ -32,10 +32,6 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
 
 // [N s] what a static impulse exceeds that pushes the body: a solver's rounding.
 double RoundingOf(const Vector3& gravity_W, double dt, const Body& body);
-// Whether the impulse pushes one of the contact's bodies that move.
-bool PushesEither(const Contact& contact, const Vector3& impulse, const Vector3& gravity_W, double dt,
-                  std::span<const Body> bodies);
-
 // [m/s] normal velocity of the contact before gravity and external force acted on its bodies for dt.
 double SpeedBeforeForces(const Contact& contact, const Vector3& gravity_W, double dt, std::span<const Body> bodies);
 

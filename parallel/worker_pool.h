@@ -33,10 +33,14 @@ class WorkerPool {
   // exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
 
-  // f(i) for i = 0 .. count-1, per_task of them in one task.
+  // f(i) for i = 0 .. count-1, per_task of them in one task; what fits into one runs in the calling thread.
   template <typename F>
   void ForEachOf(std::size_t count, int per_task, const F& f) {
     const std::size_t size = static_cast<std::size_t>(per_task);
+    if (count <= size) {
+      for (std::size_t i = 0; i < count; ++i) f(i);
+      return;
+    }
     const auto work = [&](int task, int) {
       const std::size_t begin = static_cast<std::size_t>(task) * size, end = std::min(count, begin + size);
       for (std::size_t i = begin; i < end; ++i) f(i);

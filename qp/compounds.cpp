@@ -22,8 +22,8 @@ constexpr int kBonds = 3;            // contacts that let two bodies neither sli
 constexpr double kBlame = 1.5;       // of the shortest length of a step that a cone allowed
 constexpr double kRigid = 1e-9;      // relative: how well a Jacobian is that of a point on a rigid body
 
-// To begin with: half of few bodies, a third of more. In stacks of ten dropped from 30 heights four clusters served in 29 of 90
-// attempts, three in 51 of 81; attempts in vain took 2.7 % of the time when five could begin, now 1.3 %, and all as long as before.
+// To begin with: two, or about a third of the bodies. In stacks of ten dropped from 30 heights four clusters served in 29 of 90
+// attempts, three in 51 of 81; with half of the bodies allowed attempts in vain took 2.7 % of the time, now 1.3 %.
 size_t FewClusters(int bodies) { return std::max(2, (bodies + 1) / 3); }
 
 Matrix3 Cross(const Vector3& r) {
@@ -50,13 +50,13 @@ bool Compounds::Find(const Problem& problem, std::span<const Vector3> start, con
   if (bodies < 2) return false;
   FindBonds(problem, start, velocities, velocity_scale);
   if (2 * bonds_.size() < static_cast<size_t>(bodies * kBonds)) return false;
-  return Reduce(problem, start) && centres_.size() <= FewClusters(bodies);
+  return Reduce(problem, start, FewClusters(bodies));
 }
 
-bool Compounds::Reduce(const Problem& problem, std::span<const Vector3> start) {
+bool Compounds::Reduce(const Problem& problem, std::span<const Vector3> start, size_t most) {
   if (!Join(problem)) return false;
   NumberClusters(problem);
-  if (2 * centres_.size() > parent_.size() || centres_.size() > kMostClusters) return false;
+  if (centres_.size() > std::min({most, kMostClusters, parent_.size() / 2})) return false;
   ReduceBodies(problem);
   ReduceContacts(problem, start);
   return true;
@@ -78,7 +78,7 @@ bool Compounds::Split(const Problem& problem, std::span<const Vector3> start) {
   }
   bonds_.resize(kept);
   const size_t before = centres_.size();
-  return Reduce(problem, start) && centres_.size() > before;
+  return Reduce(problem, start, kMostClusters) && centres_.size() > before;
 }
 
 void Compounds::FindBonds(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,

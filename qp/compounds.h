@@ -26,7 +26,7 @@ namespace islet::qp {
 class Compounds {
  public:
   // start: impulses of the frame before. velocities: those that they lead to. velocity_scale: v_ref.
-  // Returns whether few enough bodies remain in reduced(): two, or a third of them.
+  // Returns whether few enough bodies remain in reduced(): at most half, and no more than two or about a third.
   bool Find(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,
             double velocity_scale);
 
@@ -40,7 +40,7 @@ class Compounds {
               std::vector<double>* velocities);
 
   // After an Expand that was false: lets go of the pairs that the impulses inside would have left their cones at first. False
-  // where too many clusters remain or nothing came loose; else all is as after Find.
+  // where more than half as many clusters remain or nothing came loose; else all is as after Find.
   bool Split(const Problem& problem, std::span<const Vector3> start);
 
   // Whether the clusters meet at so many contacts that the reduced impulses are one answer of many.
@@ -54,7 +54,7 @@ class Compounds {
   void FindBonds(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,
                  double velocity_scale);
   int Root(int body);
-  bool Reduce(const Problem& problem, std::span<const Vector3> start);
+  bool Reduce(const Problem& problem, std::span<const Vector3> start, size_t most);
   bool Join(const Problem& problem);
   void NumberClusters(const Problem& problem);
   void ReduceBodies(const Problem& problem);

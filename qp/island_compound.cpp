@@ -12,11 +12,14 @@ constexpr int kSplits = 2;  // of clusters that do not hold; of what two do not 
 
 }  // namespace
 
+bool IslandSolver::MayCompound(const Settings& settings) {
+  return settings.ladder.Has(Rung::kCompound) && settings.model == Model::kCoulomb &&
+         settings.cone == Cone::kCircular && settings.tier == Tier::kCertified;
+}
+
 bool IslandSolver::SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                  Solution* solution) {
-  if (start.size() != problem.contacts.size() || settings.model != Model::kCoulomb ||
-      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified)
-    return false;
+  if (start.size() != problem.contacts.size() || !MayCompound(settings)) return false;
   const double begin = Seconds(), in_vain = seconds_in_vain_;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   TakeOver(problem, start);

@@ -114,7 +114,7 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
     solution->rung = Rung::kHeld;
   } else if (settings.ladder.Has(Rung::kCorners) && SolveCorners(problem, settings, start, solution)) {
     solution->rung = Rung::kCorners;
-  } else if (settings.ladder.Has(Rung::kCompound) && SolveCompound(problem, settings, start, solution)) {
+  } else if (SolveCompound(problem, settings, start, solution)) {
     solution->rung = Rung::kCompound;
   } else if (settings.ladder.Has(Rung::kPlanar) && SolvePlanar(problem, settings, start, solution)) {
     solution->rung = Rung::kPlanar;
@@ -223,8 +223,8 @@ void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) c
 
 // Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be
 // asked for thousands of frames. A tower under constant impulses is unstable and leans by twice as much a frame: one linear step
-// takes that back, or a few sweeps where something slides; there the models differ, and only the exact law is served. What slides
-// on a tower is left to compounds, which take half the time of those sweeps.
+// takes that back, or a few sweeps where something is about to slide; there the models differ, and only the exact law is served.
+// On towers that is left to compounds, which take half the time of those sweeps.
 bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                              Solution* solution) {
   if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
@@ -236,20 +236,21 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
   const bool sweeps = !sticks && map > kSweptShare * goal, steps = sticks && map > kStickShare * goal;
-  if (sweeps && settings.ladder.Has(Rung::kCompound) && IsTower(problem)) return false;
+  if (sweeps && map > goal && MayCompound(settings) && IsTower(problem)) return false;
   const double begin = Seconds();
   if (steps) sticking_step_.Take(problem, scales_, 0.1 * kStickShare * goal, &swept_impulses_, &swept_velocities_);
   if (sweeps) SweepHeld(problem, goal, map);
-  if (HoldsExactly(problem, settings, solution)) return true;
+  const double reached = steps || sweeps ? MapOfSwept(problem).max : map;
+  if (reached <= goal && HoldsExactly(problem, settings, solution)) return true;
   ++escalations_;
   seconds_in_vain_ += Seconds() - begin;
   return false;
 }
 
-// Whether the swept impulses meet the law to what is held: that of exact Coulomb, the other models' where nothing slides.
+// Whether the swept impulses, whose map is small enough, have a small gap, too, and in other models than exact Coulomb's no slip.
 bool IslandSolver::HoldsExactly(const Problem& problem, const Settings& settings, Solution* solution) {
   const double goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
-  if (MapOfSwept(problem).max > goal || !TakeSwept(problem, settings, kHeldShare, solution)) return false;
+  if (!TakeSwept(problem, settings, kHeldShare, solution)) return false;
   if (settings.model == Model::kCoulomb) return true;
   const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
   std::fill(solution->slips.begin(), solution->slips.end(), 0.0);

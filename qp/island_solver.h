@@ -57,6 +57,7 @@ class IslandSolver {
   static double Seconds();  // of a clock that only goes on
   static bool AllZero(std::span<const Vector3> impulses);
   static bool IsTower(const Problem& problem);
+  static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
   void SolveOneContact(const Problem& problem, Solution* solution) const;

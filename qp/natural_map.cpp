@@ -30,12 +30,12 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,
                       const std::vector<Vector3>& impulses, const std::vector<double>& rho) {
   struct Sums {
-    double squares = 0, largest = 0;
+    double squares, largest;
   };
   std::array<Sums, kMostRanges> sums;
   const int count = problem.num_contacts(), range = std::max(kRange, (count + kMostRanges - 1) / kMostRanges);
   parallel::ForkRanges(count, range, [&](int from, int to) {
-    Sums part;
+    Sums part{0, 0};
     for (int c = from; c < to; ++c) {
       const ContactTerm& contact = problem.contacts[c];
       Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
@@ -46,11 +46,13 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
     }
     sums[from / range] = part;
   });
-  Sums all;
-  for (const Sums& part : sums) {
-    all.squares += part.squares;
-    all.largest = std::max(all.largest, part.largest);
+  Sums all{0, 0};
+  for (int k = 0; k * range < count; ++k) {
+    all.squares += sums[k].squares;
+    all.largest = std::max(all.largest, sums[k].largest);
   }
+  // What is not a number shows in the sum, but not in the largest.
+  if (!std::isfinite(all.squares)) all.largest = all.squares;
   return {std::sqrt(all.largest), std::sqrt(all.squares / std::max(1, count))};
 }
 

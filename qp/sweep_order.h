@@ -29,7 +29,7 @@ class SweepOrder {
     int first_batch, num_batches;
   };
   int num_batches() const { return num_batches_; }
-  const std::vector<Section>& sections() const { return sections_; }
+  const std::vector<Section>& sections() const { return sections_; }  // the first may have no batches
   // Sections phase_start()[p] up to phase_start()[p + 1] belong to phase p.
   const std::vector<int>& phase_start() const { return phase_start_; }
   // The contact in each lane of each batch, or -1.

@@ -102,17 +102,22 @@ TEST(SweepOrder, KeepsTheOrderOfContactsThatTouch) {
   }
 }
 
-// A star: all contacts are those of one body with others, so that of many parts only one has contacts of its own.
+// A star: all contacts are those of one body with others, so that of many parts only one has contacts of its own. And a pair.
 TEST(SweepOrder, PartsWithoutContactsOfTheirOwn) {
   Problem problem;
   problem.bodies.resize(40);
   for (int c = 1; c < 40; ++c) problem.contacts.push_back({.body_a = 0, .body_b = c});
-  for (const int parts : {2, 3, 5, 8}) {
-    SCOPED_TRACE(parts);
-    SweepOrder order;
-    order.Build(problem, parts);
-    CheckOrder(order, problem);
-    CheckPlaces(order, problem);
+  Problem pair;  // all contacts between the two parts
+  pair.bodies.resize(2);
+  for (int c = 0; c < 8; ++c) pair.contacts.push_back({.body_a = 0, .body_b = 1});
+  for (const Problem& cut : {problem, pair}) {
+    for (const int parts : {2, 3, 5, 8}) {
+      SCOPED_TRACE(parts);
+      SweepOrder order;
+      order.Build(cut, parts);
+      CheckOrder(order, cut);
+      CheckPlaces(order, cut);
+    }
   }
 }
 
