@@ -3,8 +3,8 @@
 // the problem and the impulses that it starts from alone.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <span>
 
 namespace islet::qp {
 
@@ -28,7 +28,11 @@ inline constexpr int kNumProblemRungs = 10, kNumRungs = 13;
 inline constexpr const char* kRungNames[kNumRungs] = {
     "nothing", "merged", "closed_form",    "held",        "corners",    "compound", "planar",
     "normal",  "sweeps", "interior_point", "free_motion", "kept_pairs", "reach"};
-inline constexpr std::span<const char* const> kProblemRungNames{kRungNames, kNumProblemRungs};
+inline constexpr auto kProblemRungNames = [] {
+  std::array<const char*, kNumProblemRungs> names{};
+  for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];
+  return names;
+}();
 
 // Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {
