@@ -18,6 +18,13 @@ constexpr double kRestShare = 1e-4;
 // An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
 // ball has that stands 1e-8 rad off the top of another.
 constexpr double kSteadyShare = 1e-9;
+// A contact is a point and brakes no turn about its normal; real ones have a patch. A body whose loaded contacts stay where they
+// are, while it turns no faster than friction on patches of this share of its radius would stop within freeze_seconds, rests. A
+// faster turn is no balance either (kStoredTolerance).
+constexpr double kPatch = 1e-4;
+constexpr double kSpot = 1e-3;    // of the fastest point's: velocity of a contact that stays where it is
+constexpr double kTorsion = 0.5;  // of the turn: about the normals of the contacts whose patches count
+constexpr double kLoaded = 1e-6;  // of m g dt: normal impulse that is more than a solver's rounding
 // Of g dt: a kinematic body that moves faster carries what touches it; up to the other one so slowly that what it carries would
 // pass for resting.
 constexpr double kMoverShare = 1e-8;
@@ -243,6 +250,38 @@ void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
   }
 }
 
+// A cube that hangs between two corners, its centre on the line through them, would turn about that line for ever, by forces that
+// are rounding. One of a thousand does in most hourglasses.
+void CertifiedFreezing::FindSpins(const SuiteFrame& frame, const Settings& settings) {
+  patch_.assign(frame.bodies.size(), 0.0);
+  spins_.assign(frame.bodies.size(), 1);
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    for (const int i : {contact.body_a, contact.body_b}) {
+      const Body& body = frame.bodies[i];
+      if (!body.Moves() || frame.holding[c][0] <= kLoaded * body.mass * frame.rest_speed) continue;
+      const double speed = body.VelocityAt(contact.point_W).norm();
+      if (speed > kSpot * FastestPoint(TwistOf(body), body.radius)) spins_[i] = 0;
+      const Vector3& turn = body.angular_velocity_W;
+      if (std::abs(turn.dot(contact.normal_W)) >= kTorsion * turn.norm())
+        patch_[i] += kPatch * body.radius * contact.friction * frame.holding[c][0];
+    }
+  }
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    const Body& body = frame.bodies[i];
+    if (!body.Moves() || patch_[i] == 0) spins_[i] = 0;
+    if (!spins_[i]) continue;
+    spins_[i] = (body.InertiaW() * last_gain_[i].angular_W).norm() <= patch_[i] &&
+                frame.dt * body.AngularMomentumW().norm() <= settings.freeze_seconds * patch_[i];
+    if (spins_[i]) steady_[i] = 0;
+  }
+}
+
+double CertifiedFreezing::SpeedOf(const SuiteFrame& frame, size_t number) const {
+  const Body& body = frame.bodies[number];
+  return spins_[number] ? 0 : FastestPoint(TwistOf(body), body.radius);
+}
+
 // A pile that still trembles hands its bodies other loads in every frame. What freezes in there is a wall for one frame, wakes
 // in the next, and disturbs the others on both occasions: cubeglass came to rest after 335 frames, and after 245 without
 // freezing.
@@ -278,7 +317,7 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
   }
   const auto rests = [&](size_t i) {
     return touched_[i] && !steady_[i] && still_seconds_[i] >= settings.freeze_seconds &&
-           FastestPoint(TwistOf(frame.bodies[i]), frame.bodies[i].radius) <= kRestShare * frame.rest_speed;
+           SpeedOf(frame, i) <= kRestShare * frame.rest_speed;
   };
   restless_.assign(n, 0);
   members_.assign(n, 0);
@@ -304,6 +343,7 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
 bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                const Settings& settings) {
   TrackGain(frame);
+  FindSpins(frame, settings);
   TrackLoads(frame, settings);
   FindRestingIslands(frame, settings);
   bool any = false;
@@ -315,8 +355,7 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
     if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < wait)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
-    body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit &&
-                  !StaysBehind(frame, static_cast<int>(i), /*at_end=*/false, settings);
+    body.frozen = SpeedOf(frame, i) <= limit && !StaysBehind(frame, static_cast<int>(i), /*at_end=*/false, settings);
     any = any || body.frozen;
   }
   return any;

@@ -506,6 +506,28 @@ TEST(CertifiedFreezing, BallOnTheSlightestSlopeRolls) {
   }
 }
 
+// Points brake no spin: what friction on a patch of a ten-thousandth of the radius would hold is no acceleration, and what it
+// would stop in no time is no motion. What rolls is both, as is what spins faster or under a larger torque.
+TEST(CertifiedFreezing, TheSlightestSpinOnTheSpotRests) {
+  const auto run = [](const Vector3& spin, const Vector3& torque, double inertia) {
+    World world(OneThread());
+    world.Add(Floor());
+    BodyDefinition ball = Ball({0, 0, 0.5});
+    ball.inertia_B = inertia * Matrix3::Identity();
+    ball.linear_velocity_W = {0.5 * spin.y(), 0, 0};
+    ball.angular_velocity_W = spin;
+    world.SetForce(world.Add(ball), Vector3::Zero(), torque);
+    StepTimes(&world, 300, 1.0 / 30);
+    return world.body(1).frozen;
+  };
+  EXPECT_TRUE(run({0, 0, 1e-4}, {0, 0, 0}, 1e-3));
+  EXPECT_FALSE(run({0, 0, 1e-2}, {0, 0, 0}, 1e-3));
+  EXPECT_FALSE(run({0, 1e-4, 0}, {0, 0, 0}, 1e-3));
+  EXPECT_TRUE(run({0, 0, 0}, {0, 0, 2e-8}, 0.1));
+  EXPECT_FALSE(run({0, 0, 0}, {0, 0, 2e-3}, 0.1));
+  EXPECT_FALSE(run({0, 0, 0}, {0, 2e-8, 0}, 0.1));
+}
+
 TEST(CertifiedFreezing, GravityThatTurnsByAHairRollsABall) {
   World world(OneThread());
   world.Add(Floor());
