@@ -21,6 +21,7 @@ constexpr double kCloseShare = 0.05;
 // the overlap tolerance only: who pays for it has a velocity that depends on the numbers of the bodies (1e-3 m/s in a heap).
 constexpr double kElastic = 0.8;
 
+constexpr int kEarlyPasses = 4;      // later ones keep what they found (earlier_overlaps.h)
 constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
@@ -133,18 +134,20 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   shifts_.assign(bodies.size(), {});
   shifted_pairs_.clear();
   shifted_contacts_.clear();
+  earlier_.Clear();
   MotionOutcome outcome;
   outcome.reached = swept_only_ = false;
   const bool asks_all = !settings_.ladder.Has(qp::Rung::kFreeMotion);
   for (outcome.passes = 0;; ++outcome.passes) {
-    PlanFlights(outcome.passes, tolerances, bodies, *contacts);
-    const bool corrected = !outcome.reached && Correct(asks_all && outcome.passes == 0, tolerances, bodies, *contacts);
+    const std::vector<Contact>& near = outcome.passes <= kEarlyPasses ? *contacts : earlier_.With(*contacts, bodies);
+    PlanFlights(outcome.passes, tolerances, bodies, near);
+    const bool corrected = !outcome.reached && Correct(asks_all && outcome.passes == 0, tolerances, bodies, near);
     if (outcome.passes > 0 && !corrected && !flights_move_) break;
     GroundFlights(outcome.passes >= kFlightPasses, bodies);
-    if (corrected) RememberSpins(bodies, *contacts);
+    if (corrected) RememberSpins(bodies, near);
     Apply(bodies);
     if (corrected) RestoreSpins(bodies);
-    if (corrected) RememberCorrections(*contacts);
+    if (corrected) RememberCorrections(near);
     travel_.resize(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
       travel_[i] = bodies[i].Moves() || bodies[i].kind == BodyKind::kKinematic
@@ -154,6 +157,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     detect(travel_, contacts);
     planned_.assign(bodies.size(), {});
     Judge(tolerances, *contacts, &outcome);
+    if (outcome.passes >= kEarlyPasses) earlier_.Keep(*contacts, tolerances, bodies);
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }

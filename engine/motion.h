@@ -21,6 +21,7 @@
 
 #include "engine/contact_suite.h"
 #include "engine/correction.h"
+#include "engine/earlier_overlaps.h"
 #include "engine/flight.h"
 #include "engine/island_spin.h"
 #include "engine/lift.h"
@@ -109,6 +110,7 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
+  EarlierOverlaps earlier_;
   std::span<const std::uint8_t> owes_;         // of the plan, during the step
   bool flights_move_ = false;                  // in this pass
   std::vector<Displacement> planned_, flown_;  // of this pass; of flying bodies: before corrections
