@@ -18,13 +18,9 @@ constexpr double kRestShare = 1e-4;
 // An acceleration is steady if it adds more than this share of |g| dt in two frames running: above rounding, below what a
 // ball has that stands 1e-8 rad off the top of another.
 constexpr double kSteadyShare = 1e-9;
-// A contact is a point and brakes no turn about its normal; real ones have a patch. A body whose loaded contacts stay where they
-// are, while it turns no faster than friction on patches of this share of its radius would stop within freeze_seconds, rests. A
-// faster turn is no balance either (kStoredTolerance).
-constexpr double kPatch = 1e-4;
-constexpr double kSpot = 1e-3;    // of the fastest point's: velocity of a contact that stays where it is
-constexpr double kTorsion = 0.5;  // of the turn: about the normals of the contacts whose patches count
-constexpr double kLoaded = 1e-6;  // of m g dt: normal impulse that is more than a solver's rounding
+// A turn on the spot: contacts that carry more than this share of the body's weight in a step, and its centre, move by no more than
+// this share of its fastest point's speed; and this share of the turn, at least, is about the normal of one of those contacts.
+constexpr double kLoaded = 1e-6, kSpot = 1e-3, kTorsion = 0.5;
 // Of g dt: a kinematic body that moves faster carries what touches it; up to the other one so slowly that what it carries would
 // pass for resting.
 constexpr double kMoverShare = 1e-8;
@@ -250,36 +246,35 @@ void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
   }
 }
 
-// A cube that hangs between two corners, its centre on the line through them, would turn about that line for ever, by forces that
-// are rounding. One of a thousand does in most hourglasses.
-void CertifiedFreezing::FindSpins(const SuiteFrame& frame, const Settings& settings) {
-  patch_.assign(frame.bodies.size(), 0.0);
-  spins_.assign(frame.bodies.size(), 1);
+// Points brake no turn about their normal. A cube that hangs between two corners, its centre on the line through them, turns about
+// that line by forces that are rounding, and kept the hourglass awake for ever: what is balanced but for such a turn does not
+// accelerate. What rolls or tips moves its centre.
+void CertifiedFreezing::ForgiveSpins(const SuiteFrame& frame) {
+  pressed_.assign(frame.bodies.size(), 0.0);
+  on_spot_.assign(frame.bodies.size(), 1);
+  twists_.assign(frame.bodies.size(), 0);
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
     const Contact& contact = frame.contacts.contacts[c];
     for (const int i : {contact.body_a, contact.body_b}) {
       const Body& body = frame.bodies[i];
-      if (!body.Moves() || frame.holding[c][0] <= kLoaded * body.mass * frame.rest_speed) continue;
-      const double speed = body.VelocityAt(contact.point_W).norm();
-      if (speed > kSpot * FastestPoint(TwistOf(body), body.radius)) spins_[i] = 0;
-      const Vector3& turn = body.angular_velocity_W;
-      if (std::abs(turn.dot(contact.normal_W)) >= kTorsion * turn.norm())
-        patch_[i] += kPatch * body.radius * contact.friction * frame.holding[c][0];
+      if (!steady_[i] || frame.holding[c][0] <= kLoaded * body.mass * frame.rest_speed) continue;
+      const Vector3& turn = last_gain_[i].angular_W;
+      pressed_[i] += frame.holding[c].norm();
+      on_spot_[i] &= body.VelocityAt(contact.point_W).norm() <= kSpot * FastestPoint(TwistOf(body), body.radius);
+      twists_[i] |= std::abs(turn.dot(contact.normal_W)) >= kTorsion * turn.norm();
     }
   }
+  const auto centred = [](const Twist& twist, double radius) {
+    return twist.linear_W.norm() <= kSpot * FastestPoint(twist, radius);
+  };
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    if (!steady_[i] || !on_spot_[i] || !twists_[i]) continue;
     const Body& body = frame.bodies[i];
-    if (!body.Moves() || patch_[i] == 0) spins_[i] = 0;
-    if (!spins_[i]) continue;
-    spins_[i] = (body.InertiaW() * last_gain_[i].angular_W).norm() <= patch_[i] &&
-                frame.dt * body.AngularMomentumW().norm() <= settings.freeze_seconds * patch_[i];
-    if (spins_[i]) steady_[i] = 0;
+    const double torque = (body.InertiaW() * last_gain_[i].angular_W).norm() / body.radius;  // [N s]
+    if (centred(TwistOf(body), body.radius) && centred(last_gain_[i], body.radius) &&
+        torque <= kStoredTolerance * pressed_[i])
+      steady_[i] = 0;
   }
-}
-
-double CertifiedFreezing::SpeedOf(const SuiteFrame& frame, size_t number) const {
-  const Body& body = frame.bodies[number];
-  return spins_[number] ? 0 : FastestPoint(TwistOf(body), body.radius);
 }
 
 // A pile that still trembles hands its bodies other loads in every frame. What freezes in there is a wall for one frame, wakes
@@ -317,7 +312,7 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
   }
   const auto rests = [&](size_t i) {
     return touched_[i] && !steady_[i] && still_seconds_[i] >= settings.freeze_seconds &&
-           SpeedOf(frame, i) <= kRestShare * frame.rest_speed;
+           FastestPoint(TwistOf(frame.bodies[i]), frame.bodies[i].radius) <= kRestShare * frame.rest_speed;
   };
   restless_.assign(n, 0);
   members_.assign(n, 0);
@@ -343,7 +338,7 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
 bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                const Settings& settings) {
   TrackGain(frame);
-  FindSpins(frame, settings);
+  ForgiveSpins(frame);
   TrackLoads(frame, settings);
   FindRestingIslands(frame, settings);
   bool any = false;
@@ -355,7 +350,8 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
     if (!body.Moves() || !touched_[i] || steady_[i] || (restless_[i] && calm < wait)) continue;
     const double share = was_frozen[i] ? kMovingTolerance : kRestShare;
     const double limit = share * std::max(frame.rest_speed, 1e-3 * StillSpeed(body, settings));
-    body.frozen = SpeedOf(frame, i) <= limit && !StaysBehind(frame, static_cast<int>(i), /*at_end=*/false, settings);
+    body.frozen = FastestPoint(TwistOf(body), body.radius) <= limit &&
+                  !StaysBehind(frame, static_cast<int>(i), /*at_end=*/false, settings);
     any = any || body.frozen;
   }
   return any;

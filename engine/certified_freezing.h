@@ -5,8 +5,8 @@
 //            island all do (loads that no motion changes are as good in one distribution as in another); or that has stood
 //            still for ten times as long, with contacts that pressed alike; which the static-contact solution of this very
 //            frame leaves at rest, and which does not accelerate: however slow, what gains velocity in the same direction
-//            frame by frame stands on an edge or a top, and will fall. A turn on the spot, which contacts that are points never
-//            brake, is none if the friction of small patches would stop it within that time
+//            frame by frame stands on an edge or a top, and will fall. (But for a turn on the spot, which points never brake, by
+//            less than what counts as balanced)
 //   checks   every frame, every frozen body: gravity and external force, times dt, plus the impulses of its contacts
 //            (stored ones where nothing moves, this frame's where something does) must sum to zero and lie in their
 //            cones. A support that is gone, a load that changed, gravity that turned, friction that was lowered, a wall
@@ -81,8 +81,7 @@ class CertifiedFreezing {
   void SumLoads(const SuiteFrame& frame);
   void AddContact(const SuiteFrame& frame, size_t contact);
   void TrackGain(const SuiteFrame& frame);
-  void FindSpins(const SuiteFrame& frame, const Settings& settings);
-  double SpeedOf(const SuiteFrame& frame, size_t body) const;  // [m/s] of its farthest point; 0 if patches would stop it
+  void ForgiveSpins(const SuiteFrame& frame);
   void FindRestingIslands(const SuiteFrame& frame, const Settings& settings);
   void TrackLoads(const SuiteFrame& frame, const Settings& settings);
   static double Imbalance(const Body& body, const Load& load);
@@ -95,8 +94,7 @@ class CertifiedFreezing {
   std::vector<double> undisturbed_seconds_;     // the same, from the last Disturb on
   std::vector<Twist> last_twist_, last_gain_;   // at the end of the last frame, and by how much it had changed
   std::vector<std::uint8_t> steady_;            // gains velocity in the same direction as a frame ago
-  std::vector<std::uint8_t> spins_;             // so slowly on the spot that it counts as resting
-  std::vector<double> patch_;                   // [N s m] that friction of its contacts' patches could take from its spin
+  std::vector<std::uint8_t> on_spot_, twists_;  // scratch of ForgiveSpins
   std::vector<double> calm_seconds_;            // how long the impulses at its contacts have been steady
   std::vector<double> change_, pressed_;        // [N s] of this frame: by how much they did, and how large they are
   std::vector<std::uint8_t> on_mover_;          // per body: a kinematic one may carry it

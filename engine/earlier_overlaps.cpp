@@ -16,6 +16,17 @@ bool Earlier(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
 }
 
+// Found again, and open; or found from the other side.
+bool IsOver(const Contact& kept, std::span<const Contact> contacts) {
+  const auto earlier_pair = [](const Contact& x, const Contact& y) {
+    return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
+  };
+  const auto [first, last] = std::equal_range(contacts.begin(), contacts.end(), kept, earlier_pair);
+  return std::any_of(first, last, [&](const Contact& c) {
+    return (c.feature == kept.feature && c.gap >= 0) || c.normal_W.dot(kept.normal_W) < 0;
+  });
+}
+
 }  // namespace
 
 void EarlierOverlaps::Keep(std::span<const Contact> contacts, std::span<const double> tolerances,
@@ -24,17 +35,19 @@ void EarlierOverlaps::Keep(std::span<const Contact> contacts, std::span<const do
     if (-c.gap <= std::min(tolerances[c.body_a], tolerances[c.body_b])) continue;
     const Vector3 half = 0.5 * c.gap * c.normal_W;  // the point lies midway
     const Kept now{c, ToBody(bodies[c.body_a], c.point_W - half), ToBody(bodies[c.body_b], c.point_W + half)};
-    const auto same = [&](const Kept& kept) { return !Earlier(kept.contact, c) && !Earlier(c, kept.contact); };
-    const auto before = std::find_if(kept_.begin(), kept_.end(), same);
-    if (before == kept_.end()) {
-      kept_.push_back(now);
+    const auto at = std::lower_bound(kept_.begin(), kept_.end(), c, [](const Kept& kept, const Contact& contact) {
+      return Earlier(kept.contact, contact);
+    });
+    if (at != kept_.end() && !Earlier(c, at->contact)) {
+      *at = now;
     } else {
-      *before = now;
+      kept_.insert(at, now);
     }
   }
 }
 
 const std::vector<Contact>& EarlierOverlaps::With(std::span<const Contact> contacts, std::span<const Body> bodies) {
+  std::erase_if(kept_, [&](const Kept& kept) { return IsOver(kept.contact, contacts); });
   with_.assign(contacts.begin(), contacts.end());
   for (const Kept& kept : kept_) {
     if (std::binary_search(contacts.begin(), contacts.end(), kept.contact, Earlier)) continue;
@@ -42,7 +55,7 @@ const std::vector<Contact>& EarlierOverlaps::With(std::span<const Contact> conta
     const Vector3 on_b = ToWorld(bodies[kept.contact.body_b], kept.on_b_B);
     with_.push_back(kept.contact);
     with_.back().point_W = 0.5 * (on_a + on_b);
-    with_.back().gap = kept.contact.normal_W.dot(on_b - on_a);
+    with_.back().gap = std::max(kept.contact.gap, kept.contact.normal_W.dot(on_b - on_a));
   }
   return with_;
 }

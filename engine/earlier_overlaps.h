@@ -1,8 +1,9 @@
-// Overlaps that one pass of the motion found and corrected, for the passes after it. Where two edges of a pair lie all but parallel
+// Overlaps that were found after one pass of the motion, for all passes that follow. Where two edges of a pair lie all but parallel
 // the detection names now this one and now that one: each pass opened one and closed the other, until the passes were used up.
 //
 //   keep   contacts that overlap, by the points of the two bodies that met
-//   with   the contacts at hand, then those kept, as they are now: gap along the normal of then between the same two points
+//   with   the contacts at hand, then those kept, as they are now: gap along the normal of then between the same two points, no
+//          deeper than it was found. What is found again and open, or from the other side, is kept no longer
 //   threads: one caller; allocates only while problems grow
 #pragma once
 

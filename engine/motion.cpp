@@ -21,8 +21,7 @@ constexpr double kCloseShare = 0.05;
 // the overlap tolerance only: who pays for it has a velocity that depends on the numbers of the bodies (1e-3 m/s in a heap).
 constexpr double kElastic = 0.8;
 
-constexpr int kEarlyPasses = 4;      // later ones keep what they found (earlier_overlaps.h)
-constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others
+constexpr int kFlightPasses = 8;     // later ones correct flying bodies like others, and keep what they found
 constexpr int kPolishingPasses = 4;  // for moments of impacts closer than the overlap tolerance
 
 constexpr int kPerTask = 256;  // bodies or contacts
@@ -139,7 +138,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   outcome.reached = swept_only_ = false;
   const bool asks_all = !settings_.ladder.Has(qp::Rung::kFreeMotion);
   for (outcome.passes = 0;; ++outcome.passes) {
-    const std::vector<Contact>& near = outcome.passes <= kEarlyPasses ? *contacts : earlier_.With(*contacts, bodies);
+    const std::vector<Contact>& near = outcome.passes <= kFlightPasses ? *contacts : earlier_.With(*contacts, bodies);
     PlanFlights(outcome.passes, tolerances, bodies, near);
     const bool corrected = !outcome.reached && Correct(asks_all && outcome.passes == 0, tolerances, bodies, near);
     if (outcome.passes > 0 && !corrected && !flights_move_) break;
@@ -157,7 +156,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     detect(travel_, contacts);
     planned_.assign(bodies.size(), {});
     Judge(tolerances, *contacts, &outcome);
-    if (outcome.passes >= kEarlyPasses) earlier_.Keep(*contacts, tolerances, bodies);
+    if (outcome.passes >= kFlightPasses) earlier_.Keep(*contacts, tolerances, bodies);
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }

@@ -35,6 +35,8 @@ TEST(EarlierOverlaps, FollowThePointsThatMet) {
   ASSERT_EQ(with.size(), 1u);
   EXPECT_NEAR(with[0].gap, -0.03, 1e-15);  // along the normal of then
   EXPECT_NEAR((with[0].point_W - Vector3(0.505, 0.1, 0)).norm(), 0, 1e-15);
+  bodies[1].position_W.x() -= 0.2;
+  EXPECT_NEAR(earlier.With({}, bodies)[0].gap, -0.1, 1e-15);  // no deeper than it was
 
   // A turn of body 1 about its centre takes its point at (-0.55, 0, 0) from there by 0.55 (1 - cos).
   bodies = Bodies();
@@ -55,6 +57,12 @@ TEST(EarlierOverlaps, OnlyThoseThatOverlapAndAreNotFoundAnyMore) {
   ASSERT_EQ(with.size(), 2u);
   EXPECT_EQ(with[0].gap, 0.2);
   EXPECT_EQ(with[1].body_b, 2);
+  EXPECT_EQ(earlier.With({}, bodies).size(), 1u);  // opened, and so forgotten
+  Contact behind = other;
+  behind.normal_W = -Vector3::UnitX(), behind.feature = 9;
+  EXPECT_EQ(earlier.With(std::vector<Contact>{behind}, bodies).size(), 1u);
+  EXPECT_TRUE(earlier.With({}, bodies).empty());
+  earlier.Keep(std::vector<Contact>{kDeep}, kTolerances, bodies);
   earlier.Clear();
   EXPECT_TRUE(earlier.With({}, bodies).empty());
 }
