@@ -250,7 +250,7 @@ void CertifiedFreezing::TrackGain(const SuiteFrame& frame) {
 // that line by forces that are rounding, and kept the hourglass awake for ever: what is balanced but for such a turn does not
 // accelerate. What rolls or tips moves its centre.
 void CertifiedFreezing::ForgiveSpins(const SuiteFrame& frame) {
-  pressed_.assign(frame.bodies.size(), 0.0);
+  if (std::find(steady_.begin(), steady_.end(), 1) == steady_.end()) return;
   on_spot_.assign(frame.bodies.size(), 1);
   twists_.assign(frame.bodies.size(), 0);
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
@@ -259,7 +259,6 @@ void CertifiedFreezing::ForgiveSpins(const SuiteFrame& frame) {
       const Body& body = frame.bodies[i];
       if (!steady_[i] || frame.holding[c][0] <= kLoaded * body.mass * frame.rest_speed) continue;
       const Vector3& turn = last_gain_[i].angular_W;
-      pressed_[i] += frame.holding[c].norm();
       on_spot_[i] &= body.VelocityAt(contact.point_W).norm() <= kSpot * FastestPoint(TwistOf(body), body.radius);
       twists_[i] |= std::abs(turn.dot(contact.normal_W)) >= kTorsion * turn.norm();
     }
@@ -338,8 +337,8 @@ void CertifiedFreezing::FindRestingIslands(const SuiteFrame& frame, const Settin
 bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                const Settings& settings) {
   TrackGain(frame);
-  ForgiveSpins(frame);
   TrackLoads(frame, settings);
+  ForgiveSpins(frame);
   FindRestingIslands(frame, settings);
   bool any = false;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <tuple>
 
 #include "engine/body.h"
 #include "engine/linear_algebra.h"
@@ -50,6 +51,14 @@ inline bool IsSlight(const Contact& contact, double approach, const Vector3& gra
   return approach <= fall &&
          rebound <= (1 - contact.restitution) *
                         std::max(kRebound * std::abs(gravity_W.dot(contact.normal_W)) * dt, kTrembling * fall);
+}
+
+// The order in which contacts are kept: by pair, then by feature.
+inline bool EarlierPair(const Contact& x, const Contact& y) {
+  return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
+}
+inline bool Earlier(const Contact& x, const Contact& y) {
+  return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
 }
 
 // How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).

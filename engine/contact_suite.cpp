@@ -4,7 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 
 #include "engine/contact_suite_impl.h"
 
@@ -33,12 +32,6 @@ bool SameContact(const Contact& x, const Contact& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
 }
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
-bool EarlierPair(const Contact& x, const Contact& y) {
-  return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-}
-bool Earlier(const Contact& x, const Contact& y) {
-  return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
-}
 
 }  // namespace
 

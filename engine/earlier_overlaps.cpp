@@ -1,7 +1,6 @@
 #include "engine/earlier_overlaps.h"
 
 #include <algorithm>
-#include <tuple>
 
 namespace islet {
 namespace {
@@ -12,16 +11,9 @@ Vector3 ToBody(const Body& body, const Vector3& point_W) {
 
 Vector3 ToWorld(const Body& body, const Vector3& point_B) { return body.position_W + body.rotation_WB * point_B; }
 
-bool Earlier(const Contact& x, const Contact& y) {
-  return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
-}
-
 // Found again, and open; or found from the other side.
 bool IsOver(const Contact& kept, std::span<const Contact> contacts) {
-  const auto earlier_pair = [](const Contact& x, const Contact& y) {
-    return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-  };
-  const auto [first, last] = std::equal_range(contacts.begin(), contacts.end(), kept, earlier_pair);
+  const auto [first, last] = std::equal_range(contacts.begin(), contacts.end(), kept, EarlierPair);
   return std::any_of(first, last, [&](const Contact& c) {
     return (c.feature == kept.feature && c.gap >= 0) || c.normal_W.dot(kept.normal_W) < 0;
   });

@@ -1,7 +1,6 @@
 #include "engine/rebound.h"
 
 #include <algorithm>
-#include <tuple>
 
 #include "engine/suite_frame.h"
 
@@ -12,8 +11,6 @@ constexpr double kRounding = 1e-5;   // of the weight times dt: what a solver le
 constexpr double kTrembling = 1e-5;  // of what gravity adds in the step: slower is at rest
 
 constexpr double kNone = 1e-9;  // of the same: bodies that move as one approach by rounding errors
-
-auto Key(const Contact& c) { return std::tie(c.body_a, c.body_b, c.feature); }
 
 // [m/s] of the contact if its bodies had these velocities.
 double NormalSpeed(const Contact& contact, const Twist& a, const Twist& b, std::span<const Body> bodies) {
@@ -44,8 +41,8 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
     const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
     contact.rebounds = contact.touches && contact.restitution > 0 && approach > kNone * free_fall;
     contact.fading = 0;
-    while (p < last_contacts.size() && Key(last_contacts[p]) < Key(contact)) ++p;
-    if (p == last_contacts.size() || Key(last_contacts[p]) != Key(contact)) continue;
+    while (p < last_contacts.size() && Earlier(last_contacts[p], contact)) ++p;
+    if (p == last_contacts.size() || Earlier(contact, last_contacts[p])) continue;
     if (!contact.rebounds || !(last_holding[p][0] > 0)) continue;
     // What a blow from elsewhere adds to the approach rebounds by Newton's law.
     const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];

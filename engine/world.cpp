@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 #include "engine/body_definition.h"
@@ -217,9 +216,8 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
     return;
   }
   near_contacts.clear();
-  std::merge(
-      still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
-      [](const Contact& x, const Contact& y) { return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b); });
+  std::merge(still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
+             EarlierPair);
 }
 
 // Every body ends near the path that the last detection swept for it.
