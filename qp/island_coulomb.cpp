@@ -27,17 +27,19 @@ constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 // Rounds of small islands whose slips come from the rounds before alone.
-constexpr int kLeastMixed = 4;     // bodies: among fewer, sweeps carry every load and cost less than another round
-constexpr int kSweepsBefore = 30;  // which are enough in most loose heaps
+constexpr int kLeastMixed = 4;    // bodies: among fewer, sweeps carry every load and cost less than another round
+constexpr int kSweepsAfter = 30;  // a round that gained little
 constexpr int kMixedRounds = 10;
 constexpr double kMixedGain = 0.7;    // of the natural map, for another one; it may be missed once
 constexpr double kMixedShare = 0.03;  // of the natural map: what the next round's answer may miss of its own problem
 constexpr double kMixedAim = 1e-6;    // and at most so much [gap]
 
-// Small islands from the impulses of the frame before.
-constexpr int kWarmBlocks = 8, kWarmSweeps = 25;
+// Sweeps of small islands, from the impulses of the frame before or from the answer without slips.
+constexpr int kWarmBlocks = 16, kWarmSweeps = 25;
 constexpr double kWarmMap = 1e-2;    // of v_ref: from farther away sweeps take as long as all else
 constexpr double kTowerShare = 0.6;  // of the contacts, in faces
+constexpr int kWarmParts =
+    2;  // bodies on faces, at most, in parts of a tower: of 35 tries on three and four all were in vain
 constexpr double kWarmGain = 0.9;    // of the natural map, for another block
 constexpr double kWarmShare = 1e-2;  // of the tolerance, which all else undercuts there by more
 
@@ -58,11 +60,11 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
 
 }  // namespace
 
-// Five bodies and more that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
-// cubejam and three dropped stacks 202 of 258 tries on such towers ended in vain, 210 of 378 on those of three and four bodies;
+// Bodies that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
+// cubejam and three dropped stacks 202 of 258 tries on five bodies and more ended in vain, 210 of 378 on three and four;
 // where faces have fewer of the contacts, 568 of 1,530 and 107 of 1,020. A face: neighbours in the order of the contacts; all
 // walls count as one body.
-bool IslandSolver::IsTower(const Problem& problem) {
+bool IslandSolver::LiesOnFaces(const Problem& problem) {
   const std::vector<ContactTerm>& contacts = problem.contacts;
   size_t in_faces = 0;
   for (size_t first = 0, end; first < contacts.size(); first = end) {
@@ -71,7 +73,7 @@ bool IslandSolver::IsTower(const Problem& problem) {
       ++end;
     if (end - first >= 3) in_faces += end - first;
   }
-  return problem.num_bodies() > 4 && static_cast<double>(in_faces) > kTowerShare * static_cast<double>(contacts.size());
+  return static_cast<double>(in_faces) > kTowerShare * static_cast<double>(contacts.size());
 }
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
@@ -172,6 +174,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   double best = INFINITY;
   bool accurate = small || settings.patience < std::numeric_limits<int>::max();
   int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), sweeps_from = 1;
+  const bool heap = !in_plane_ && !LiesOnFaces(problem);  // where sweeps get far
   MixedRounds mixed{.goes_on = small && circular && problem.num_bodies() >= kLeastMixed};
   if (mixed.goes_on) mixing_.Begin(slips_.size());
   for (int round = 1;; ++round) {
@@ -201,9 +204,15 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     }
     // Mixed slips get there as near as sweeps must: a round more costs little.
     const bool enough = mixed.goes_on && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
-    if ((circular && enough) || round >= cap || iterations_ >= settings.patience) break;
+    if ((circular && enough) || round >= cap) break;
+    if (iterations_ >= settings.patience) {
+      if (circular && !fails) SettlesAtOnce(problem, settings, heap, worst, solution);
+      break;
+    }
     if (mixed.goes_on) {
-      if (!mixed.begun && SettlesAtOnce(problem, settings, solution)) break;
+      const bool tries = heap ? !mixed.begun : mixed.begun && map > kMixedGain * mixed.before;
+      if (!fails && tries && SettlesAtOnce(problem, settings, heap, worst, solution)) break;
+      if (!mixed.begun) first_.impulses = trial_.impulses, first_.velocities = trial_.velocities;
       mixed.begun = true;  // later than in the first round where that had no answer
       if (MixSlips(problem, settings, round, map, &mixed, &inner.aim)) continue;
       cap += round;  // those of the sweeps are all to come, from the first answer
@@ -221,10 +230,13 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     if (settled && accurate) break;
     accurate = small || settled;  // a rough round places the slips, but is no answer
   }
-  if (circular && Sprawls(problem, settings, *solution)) {
+  const bool sprawls = circular && Sprawls(problem, settings, *solution);
+  if (in_plane_) {
+    sprawls_ = sprawls;
+  } else if (sprawls) {
     StartFrom(problem, {});
     Search(problem, settings);
-    sprawls_ = !AcceptSweeps(problem, settings, in_plane_ ? kAcceptShare / kPlanarShare : kAcceptShare, solution);
+    AcceptSweeps(problem, settings, kAcceptShare, solution);
     if (!settings.ladder.Has(Rung::kSweeps)) solution->rung = Rung::kInteriorPoint;  // whose answer was mended
   }
   solution->coulomb_reached =
@@ -235,21 +247,34 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
 // given up as soon as they would take too long at the pace that they show, and not begun on towers.
 bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                Solution* solution) {
-  if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_ || AllZero(start) || IsTower(problem))
+  const int most = settings.patience < std::numeric_limits<int>::max() ? kWarmParts : kTower;
+  if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_ || AllZero(start) ||
+      (problem.num_bodies() > most && LiesOnFaces(problem)))
     return false;
-  const double begin = Seconds(), goal = kWarmShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const bool useful = StartFrom(problem, start);
-  double before = MapOfSwept(problem).max;
-  bool goes_on = useful && before <= kWarmMap * settings.velocity_scale;
-  for (int left = kWarmBlocks; goes_on && left > 0; --left) {
-    gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
-    if (AcceptSweeps(problem, settings, kWarmShare, solution)) return true;
-    const double now = MapOfSwept(problem).max;
-    goes_on = now < kWarmGain * before && AtThisPace(before, now, left - 1) < goal;
-    before = now;
+  const double begin = Seconds();
+  if (StartFrom(problem, start)) {
+    const double map = MapOfSwept(problem).max;
+    if (map <= kWarmMap * settings.velocity_scale &&
+        SweepsGetThere(problem, settings, kWarmShare, Pace::kMomentum, map, solution))
+      return true;
   }
   ++escalations_;
   seconds_in_vain_ += Seconds() - begin;
+  return false;
+}
+
+// Blocks of sweeps from impulses of that natural map [velocity] to a share of the tolerance; given up as soon as they would take
+// too long at the pace that they show.
+bool IslandSolver::SweepsGetThere(const Problem& problem, const Settings& settings, double share, Pace pace, double map,
+                                  Solution* solution) {
+  const double goal = share * settings.coulomb_tolerance * settings.velocity_scale;
+  for (int left = kWarmBlocks; left > 0; --left) {
+    gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, pace);
+    if (AcceptSweeps(problem, settings, share, solution)) return true;
+    const double now = MapOfSwept(problem).max;
+    if (now >= kWarmGain * map || AtThisPace(map, now, left - 1) >= goal) return false;
+    map = now;
+  }
   return false;
 }
 
@@ -258,13 +283,24 @@ bool IslandSolver::SweepsSuffice(const Problem& problem, const Settings& setting
   return settings.ladder.Has(Rung::kSweeps) && AcceptSweeps(problem, settings, kAcceptShare, solution);
 }
 
-// In most loose heaps a few plain sweeps from the answer without slips find the one with them.
-bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& settings, Solution* solution) {
-  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  gauss_seidel_.Sweep(problem, kSweepsBefore, 0.1 * goal, &swept_impulses_, &swept_velocities_);
-  if (SweepsSuffice(problem, settings, solution)) return true;
-  swept_impulses_ = first_.impulses = trial_.impulses;
-  swept_velocities_ = first_.velocities = trial_.velocities;
+// In most loose heaps sweeps from the answer without slips find the one with them, in a tenth of the time of the rounds. They are
+// plain: those with momentum get there more often, but where depends on the order of the contacts. On faces sweeps seldom do, but
+// go on where the interior point's own accuracy keeps it. map: [velocity] of trial_'s answer, at any contact. Where
+// they fail, all is as before.
+bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& settings, bool heap, double map,
+                                 Solution* solution) {
+  if (!settings.ladder.Has(Rung::kSweeps)) return false;
+  const double begin = Seconds();
+  if (heap) {
+    if (SweepsGetThere(problem, settings, kAcceptShare, Pace::kPlain, map, solution)) return true;
+  } else {
+    const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+    gauss_seidel_.Sweep(problem, kSweepsAfter, 0.1 * goal, &swept_impulses_, &swept_velocities_);
+    if (SweepsSuffice(problem, settings, solution)) return true;
+  }
+  swept_impulses_ = trial_.impulses;
+  swept_velocities_ = trial_.velocities;
+  seconds_in_vain_ += Seconds() - begin;
   return false;
 }
 

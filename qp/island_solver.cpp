@@ -236,7 +236,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
   const bool sweeps = !sticks && map > kSweptShare * goal, steps = sticks && map > kStickShare * goal;
-  if (sweeps && map > goal && MayCompound(settings) && IsTower(problem)) return false;
+  if (sweeps && map > goal && MayCompound(settings) && problem.num_bodies() > kTower && LiesOnFaces(problem)) return false;
   const double begin = Seconds();
   if (steps) sticking_step_.Take(problem, scales_, 0.1 * kStickShare * goal, &swept_impulses_, &swept_velocities_);
   if (sweeps) SweepHeld(problem, goal, map);

@@ -49,6 +49,7 @@ class IslandSolver {
   static constexpr int kSmallIsland = 12;  // bodies: up to them iterations cost microseconds
   // Of the gap, there. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
+  static constexpr int kTower = 4;             // bodies on faces; among more of them sweeps take long
   static constexpr int kSweeps = 100;          // a block
   static constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
   // Of the tolerance: what an answer in the plane may leave out of it, and what is asked for in the plane of small islands.
@@ -56,7 +57,7 @@ class IslandSolver {
 
   static double Seconds();  // of a clock that only goes on
   static bool AllZero(std::span<const Vector3> impulses);
-  static bool IsTower(const Problem& problem);
+  static bool LiesOnFaces(const Problem& problem);
   static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
@@ -92,6 +93,8 @@ class IslandSolver {
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
+  bool SweepsGetThere(const Problem& problem, const Settings& settings, double share, Pace pace, double map,
+                      Solution* solution);
   bool SweepsSuffice(const Problem& problem, const Settings& settings, Solution* solution);
   bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
@@ -100,7 +103,7 @@ class IslandSolver {
     int missed = 0;            // rounds that gained too little
     double before = INFINITY;  // natural map of the round before
   };
-  bool SettlesAtOnce(const Problem& problem, const Settings& settings, Solution* solution);
+  bool SettlesAtOnce(const Problem& problem, const Settings& settings, bool heap, double map, Solution* solution);
   bool MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
                 double* aim);
 
