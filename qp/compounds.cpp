@@ -16,7 +16,7 @@ namespace {
 // took 12, 6, 4 and 7 % of the time with 0.5, 11, 3, 4 and 2 % with this, and no scene got slower. 0.02 (7, 1, 2, 2 %) refuses
 // towers on a floor that sets off.
 constexpr double kApart = 0.05;
-constexpr size_t kMostClusters = 8;  // beyond it two attempts in three are in vain
+constexpr int kMostClusters = 8;  // beyond it two attempts in three are in vain
 constexpr size_t kCrowd = 6;         // contacts per cluster
 constexpr int kBonds = 3;            // contacts that let two bodies neither slide nor turn
 constexpr double kBlame = 1.5;       // of the shortest length of a step that a cone allowed
@@ -24,7 +24,10 @@ constexpr double kRigid = 1e-9;      // relative: how well a Jacobian is that of
 
 // To begin with: two, or about a third of the bodies. In stacks of ten dropped from 30 heights four clusters served in 29 of 90
 // attempts, three in 51 of 81; with half of the bodies allowed attempts in vain took 2.7 % of the time, now 2.0 %.
-size_t FewClusters(int bodies) { return std::max(2, (bodies + 1) / 3); }
+size_t FewClusters(int bodies) { return std::min(std::max(2, (bodies + 1) / 3), kMostClusters); }
+
+// After splits: two, or fewer than half. Where five of ten bodies were left, one attempt in four served.
+size_t MostClusters(int bodies) { return std::min(std::max(2, (bodies - 1) / 2), kMostClusters); }
 
 Matrix3 Cross(const Vector3& r) {
   Matrix3 m;
@@ -56,7 +59,7 @@ bool Compounds::Find(const Problem& problem, std::span<const Vector3> start, con
 bool Compounds::Reduce(const Problem& problem, std::span<const Vector3> start, size_t most) {
   if (!Join(problem)) return false;
   NumberClusters(problem);
-  if (centres_.size() > std::min({most, kMostClusters, parent_.size() / 2})) return false;
+  if (centres_.size() > std::min(most, parent_.size() / 2)) return false;
   ReduceBodies(problem);
   ReduceContacts(problem, start);
   return true;
@@ -78,7 +81,7 @@ bool Compounds::Split(const Problem& problem, std::span<const Vector3> start) {
   }
   bonds_.resize(kept);
   const size_t before = centres_.size();
-  return Reduce(problem, start, kMostClusters) && centres_.size() > before;
+  return Reduce(problem, start, MostClusters(problem.num_bodies())) && centres_.size() > before;
 }
 
 void Compounds::FindBonds(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,

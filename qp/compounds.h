@@ -40,7 +40,7 @@ class Compounds {
               std::vector<double>* velocities);
 
   // After an Expand that was false: lets go of the pairs that the impulses inside would have left their cones at first. False
-  // where more than half as many clusters remain or nothing came loose; else all is as after Find.
+  // where half as many clusters remain or more (and more than two), or nothing came loose; else all is as after Find.
   bool Split(const Problem& problem, std::span<const Vector3> start);
 
   // Whether the clusters meet at so many contacts that the reduced impulses are one answer of many.
