@@ -17,10 +17,10 @@ namespace {
 // towers on a floor that sets off.
 constexpr double kApart = 0.05;
 constexpr int kMostClusters = 8;  // beyond it two attempts in three are in vain
-constexpr size_t kCrowd = 6;         // contacts per cluster
-constexpr int kBonds = 3;            // contacts that let two bodies neither slide nor turn
-constexpr double kBlame = 1.5;       // of the shortest length of a step that a cone allowed
-constexpr double kRigid = 1e-9;      // relative: how well a Jacobian is that of a point on a rigid body
+constexpr size_t kCrowd = 6;      // contacts per cluster
+constexpr int kBonds = 3;         // contacts that let two bodies neither slide nor turn
+constexpr double kBlame = 1.5;    // of the shortest length of a step that a cone allowed
+constexpr double kRigid = 1e-9;   // relative: how well a Jacobian is that of a point on a rigid body
 
 // To begin with: two, or about a third of the bodies. In stacks of ten dropped from 30 heights four clusters served in 29 of 90
 // attempts, three in 51 of 81; with half of the bodies allowed attempts in vain took 2.7 % of the time, now 2.0 %.
