@@ -13,7 +13,7 @@ namespace {
 constexpr int kWakeRounds =
     2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
 
-constexpr int kPerTask = 512;        // contacts
+constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
@@ -112,9 +112,13 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.bodies = bodies;
   frame.frames.resize(contacts.size());
   pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { frame.frames[c] = ContactFrame(contacts[c].normal_W); });
+  approach_speeds.resize(contacts.size());
+  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) {
+    const Contact& contact = contacts[c];
+    approach_speeds[c] = contact.touches ? -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) : 0;
+  });
   double fastest = 0;
-  for (const Contact& c : contacts)
-    if (c.touches) fastest = std::max(fastest, -NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]));
+  for (const double approach : approach_speeds) fastest = std::max(fastest, approach);
   frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
   frame.threshold = 10 * settings.tolerance * frame.speed_floor;
   frame.contacts = {contacts, frame.frames};
@@ -176,20 +180,23 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 // within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
 // velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
 void ContactSuite::Impl::SettleCaughtBodies() {
-  caught.clear();
-  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
-    const Contact& contact = frame.contacts.contacts[c];
-    if (!(frame.holding[c][0] > 0)) continue;
+  const std::span<const Contact> contacts = frame.contacts.contacts;
+  catches.resize(contacts.size());
+  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) {
+    const Contact& contact = contacts[c];
     const auto velocity = [&](int i) -> Vector3 {
       const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
       return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
     };
-    const double speed = contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a));
-    if (contact.touches && std::abs(speed) <= frame.threshold) continue;
-    caught.push_back(contact.body_a);
-    caught.push_back(contact.body_b);
+    catches[c] =
+        frame.holding[c][0] > 0 &&
+        (!contact.touches ||
+         std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold);
+  });
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    if (!catches[c]) continue;
+    for (const int i : {contacts[c].body_a, contacts[c].body_b}) frame.before_gravity[i] = TwistOf(frame.bodies[i]);
   }
-  for (const int i : caught) frame.before_gravity[i] = TwistOf(frame.bodies[i]);
 }
 
 void ContactSuite::Impl::Finish(StepReport* report) {
@@ -208,10 +215,13 @@ void ContactSuite::Impl::Finish(StepReport* report) {
     support[frame.contacts.contacts[c].body_a] += frame.holding[c][0];
     support[frame.contacts.contacts[c].body_b] += frame.holding[c][0];
   }
-  for (const Body& body : frame.bodies) {
+  energies.resize(frame.bodies.size());
+  pool->ForEachOf(frame.bodies.size(), kPerTask, [&](size_t i) { energies[i] = frame.bodies[i].KineticEnergy(); });
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
     (body.frozen ? report->frozen : report->awake) += 1;
-    report->kinetic_energy += body.KineticEnergy();
+    report->kinetic_energy += energies[i];
   }
   if (settings.freezing == Freezing::kCertified && report->frozen > 0)
     report->frozen_imbalance = certified.WorstImbalance(frame);

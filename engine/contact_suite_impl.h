@@ -54,12 +54,14 @@ struct ContactSuite::Impl : SuiteMemory {
   ProblemObserver observer;
   std::vector<std::vector<ProblemRecord>> records;  // per island, for the observer
   int solve_round = 0;                              // of this frame
-  std::vector<int> bounce_counts, unbalanced, candidates, woken, caught;
-  std::vector<std::uint8_t> chosen;      // per island
-  std::vector<std::uint8_t> drafted;     // per body: what its island has is a draft
-  bool moves_for_sure = false;           // a candidate got more than a trembling speed
-  bool suspected = false;                // in this frame frozen bodies were solved with those that move
-  std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
+  std::vector<int> bounce_counts, unbalanced, candidates, woken;
+  std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
+  std::vector<std::uint8_t> catches;         // per contact: it holds a body that moves along its normal
+  std::vector<std::uint8_t> chosen;          // per island
+  std::vector<std::uint8_t> drafted;         // per body: what its island has is a draft
+  bool moves_for_sure = false;               // a candidate got more than a trembling speed
+  bool suspected = false;                    // in this frame frozen bodies were solved with those that move
+  std::vector<std::uint8_t> was_frozen;      // per body, at the start of the frame
   std::vector<std::uint8_t>
       lenient;  // per body: its neighbours were balanced anew in this frame, and not itself suspected
 

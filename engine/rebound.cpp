@@ -38,12 +38,14 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
                  std::span<const Vector3> last_holding, std::span<Contact> contacts) {
   size_t p = 0;
   for (Contact& contact : contacts) {
-    const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
-    contact.rebounds = contact.touches && contact.restitution > 0 && approach > kNone * free_fall;
+    contact.rebounds = false;
     contact.fading = 0;
+    if (!contact.touches || !(contact.restitution > 0)) continue;
+    const double approach = -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]);
+    contact.rebounds = approach > kNone * free_fall;
+    if (!contact.rebounds) continue;
     while (p < last_contacts.size() && Earlier(last_contacts[p], contact)) ++p;
-    if (p == last_contacts.size() || Earlier(contact, last_contacts[p])) continue;
-    if (!contact.rebounds || !(last_holding[p][0] > 0)) continue;
+    if (p == last_contacts.size() || Earlier(contact, last_contacts[p]) || !(last_holding[p][0] > 0)) continue;
     // What a blow from elsewhere adds to the approach rebounds by Newton's law.
     const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
     contact.fading = std::min(lost, contact.restitution * approach);

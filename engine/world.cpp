@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -11,7 +10,7 @@
 #include "engine/detection.h"
 #include "engine/flight_time.h"
 #include "engine/motion.h"
-#include "engine/passing.h"
+#include "engine/sphere_beds.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
@@ -32,6 +31,7 @@ struct WorldState {
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
   FlightMemory flights;
+  bool has_spheres = false;
   bool stale = true;          // near_contacts do not belong to the current poses
   size_t checked_bodies = 0;  // those before it were checked for initial overlap
   double time = 0;            // [s]
@@ -54,9 +54,8 @@ struct World::Impl : WorldState {
   FlightTime flight_time;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
-  std::vector<Contact> beds;             // those in which spheres overlap, by sphere
-  std::vector<int> bed_start;            // per body: first of its beds
-  LadderReport spared;                   // what detection was spared in this step
+  SphereBeds beds;
+  LadderReport spared;  // what detection was spared in this step
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -79,8 +78,6 @@ struct World::Impl : WorldState {
   bool Touches(const Contact& c) const;
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
-  void FindBeds();
-  bool Passes(double dt, std::span<const Vector3> linear, Contact* contact) const;
   MotionOutcome Move(const MotionPlan& plan, double* detect_seconds);
 };
 
@@ -104,6 +101,7 @@ int World::Add(const BodyDefinition& definition) {
   const int number = static_cast<int>(w.bodies.size());
   w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
   w.shapes.push_back(definition.shape);
+  w.has_spheres = w.has_spheres || definition.shape.kind() == ShapeKind::kSphere;
   w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
   w.flights.AddBody();
   w.stale = true;
@@ -272,7 +270,7 @@ bool World::Impl::IsSupported(int body, double dt) const {
 // would rebound for longer than the step.
 void World::Impl::SelectResolved(double dt) {
   resolved.clear();
-  FindBeds();
+  beds.Find(has_spheres, near_contacts, bodies, shapes);
   for (const Contact& c : near_contacts) {
     const bool touches = Touches(c);
     if (touches && flight_time.Ignores(c)) continue;
@@ -284,41 +282,10 @@ void World::Impl::SelectResolved(double dt) {
         continue;
     }
     resolved.push_back(c);
-    const bool passes = Passes(dt, {}, &resolved.back());
+    const bool passes = beds.Passes(dt, {}, &resolved.back());
     resolved.back().touches = touches && !passes;
     if (passes && touches && flight_time.InFlight(c)) resolved.pop_back();
   }
-}
-
-// Which contacts of each sphere overlap.
-void World::Impl::FindBeds() {
-  const auto lies = [&](const Contact& c, int body) {
-    return shapes[body].kind() == ShapeKind::kSphere && c.gap < 0 && bodies[body].Moves();
-  };
-  bed_start.assign(bodies.size() + 1, 0);
-  for (const Contact& c : near_contacts)
-    for (const int i : {c.body_a, c.body_b}) bed_start[i + 1] += lies(c, i);
-  std::partial_sum(bed_start.begin(), bed_start.end(), bed_start.begin());
-  beds.resize(bed_start.back());
-  for (auto c = near_contacts.rbegin(); c != near_contacts.rend(); ++c)  // from the back, so that starts end as starts
-    for (const int i : {c->body_a, c->body_b})
-      if (lies(*c, i)) beds[--bed_start[i + 1]] = *c;
-  bed_start.erase(bed_start.begin());
-  bed_start.push_back(static_cast<int>(beds.size()));
-}
-
-// linear: [m] where each body goes; empty: on at its present velocity.
-bool World::Impl::Passes(double dt, std::span<const Vector3> linear, Contact* contact) const {
-  const auto traveller = [&](int i) -> Traveller {
-    if (StandsStill(bodies[i])) return {bodies[i], shapes[i], Vector3::Zero(), Vector3::Zero()};
-    return {bodies[i], shapes[i], linear.empty() ? Vector3(dt * bodies[i].linear_velocity_W) : linear[i],
-            dt * bodies[i].angular_velocity_W};
-  };
-  const int a = contact->body_a, b = contact->body_b;
-  const int sphere = shapes[b].kind() == ShapeKind::kSphere ? b : a;
-  if (shapes[sphere].kind() != ShapeKind::kSphere) return false;
-  const std::span<const Contact> own(beds.data() + bed_start[sphere], beds.data() + bed_start[sphere + 1]);
-  return PassesBy(traveller(a), traveller(b), own, contact);
 }
 
 void World::CheckInitialOverlap() {
@@ -353,8 +320,9 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
   } else {
     detect(planned, &near_contacts);
   }
-  FindBeds();
-  for (Contact& c : near_contacts) Passes(plan.dt, planned, &c);
+  beds.Find(has_spheres, near_contacts, bodies, shapes);
+  if (has_spheres)
+    for (Contact& c : near_contacts) beds.Passes(plan.dt, planned, &c);
   return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
 }
 

@@ -23,7 +23,7 @@ constexpr double kBlame = 1.5;    // of the shortest length of a step that a con
 constexpr double kRigid = 1e-9;   // relative: how well a Jacobian is that of a point on a rigid body
 
 // To begin with: two, or about a third of the bodies. In stacks of ten dropped from 30 heights four clusters served in 29 of 90
-// attempts, three in 51 of 81; with half of the bodies allowed attempts in vain took 2.7 % of the time, now 2.0 %.
+// attempts, three in 51 of 81; with half of the bodies allowed attempts in vain took 2.7 % of the time, with this 2.0 %.
 size_t FewClusters(int bodies) { return std::min(std::max(2, (bodies + 1) / 3), kMostClusters); }
 
 // After splits: two, or fewer than half. Where five of ten bodies were left, one attempt in four served.

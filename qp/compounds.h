@@ -26,7 +26,7 @@ namespace islet::qp {
 class Compounds {
  public:
   // start: impulses of the frame before. velocities: those that they lead to. velocity_scale: v_ref.
-  // Returns whether few enough bodies remain in reduced(): at most half, and no more than two or about a third.
+  // Returns whether few enough bodies remain in reduced(): at most half and 8, and no more than two or about a third.
   bool Find(const Problem& problem, std::span<const Vector3> start, const std::vector<double>& velocities,
             double velocity_scale);
 
@@ -40,7 +40,7 @@ class Compounds {
               std::vector<double>* velocities);
 
   // After an Expand that was false: lets go of the pairs that the impulses inside would have left their cones at first. False
-  // where half as many clusters remain or more (and more than two), or nothing came loose; else all is as after Find.
+  // where as many clusters remain as half of the bodies or more (two of four will do), or more than 8, or nothing came loose; else all is as after Find.
   bool Split(const Problem& problem, std::span<const Vector3> start);
 
   // Whether the clusters meet at so many contacts that the reduced impulses are one answer of many.

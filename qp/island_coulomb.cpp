@@ -35,12 +35,12 @@ constexpr double kMixedShare = 0.03;  // of the natural map: what the next round
 constexpr double kMixedAim = 1e-6;    // and at most so much [gap]
 
 // Sweeps of small islands, from the impulses of the frame before or from the answer without slips.
-constexpr int kWarmBlocks = 16, kWarmSweeps = 25;
+constexpr int kSettleBlocks = 16, kSettleSweeps = 25;
 constexpr double kWarmMap = 1e-2;    // of v_ref: from farther away sweeps take as long as all else
 constexpr double kTowerShare = 0.6;  // of the contacts, in faces
-constexpr int kWarmParts =
-    2;  // bodies on faces, at most, in parts of a tower: of 35 tries on three and four all were in vain
-constexpr double kWarmGain = 0.9;    // of the natural map, for another block
+constexpr int kPartOfTower =
+    2;  // as kTower, where patience may end: of 35 tries on three and four parts all were in vain
+constexpr double kSettleGain = 0.9;  // of the natural map, for another block
 constexpr double kWarmShare = 1e-2;  // of the tolerance, which all else undercuts there by more
 
 double MassRatio(const Problem& problem) {
@@ -60,11 +60,12 @@ bool Sprawls(const Problem& problem, const Settings& settings, const Solution& s
 
 }  // namespace
 
-// Bodies that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
-// cubejam and three dropped stacks 202 of 258 tries on five bodies and more ended in vain, 210 of 378 on three and four;
+// More than `most` bodies that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
+// cubejam and three dropped stacks 202 of 258 tries (of 200 sweeps) on five bodies and more ended in vain, 210 of 378 on three and four;
 // where faces have fewer of the contacts, 568 of 1,530 and 107 of 1,020. A face: neighbours in the order of the contacts; all
 // walls count as one body.
-bool IslandSolver::LiesOnFaces(const Problem& problem) {
+bool IslandSolver::IsTower(const Problem& problem, int most) {
+  if (problem.num_bodies() <= most) return false;
   const std::vector<ContactTerm>& contacts = problem.contacts;
   size_t in_faces = 0;
   for (size_t first = 0, end; first < contacts.size(); first = end) {
@@ -159,8 +160,8 @@ NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings
 // need not be accurate: they only place the sweeps, which find the slips of the next. The best answer of all rounds that
 // were solved to the tolerance is returned. The first round has no slips, so that an island in which nothing slides gets the
 // one answer of the convex problem, whatever the order of its contacts, unless it starts from the frame before. On small islands
-// the next slips are mixed from those of the rounds before as long as that brings the answer nearer, which depends on no order
-// either; sweeps are for where it does not.
+// plain sweeps may end the rounds, which stay near that answer; else the next slips are mixed from those of the rounds before as
+// long as that brings the answer nearer, which depends on no order either, and sweeps with momentum are for where it does not.
 void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                 Solution* solution) {
   const bool circular = settings.cone == Cone::kCircular;
@@ -174,15 +175,15 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   double best = INFINITY;
   bool accurate = small || settings.patience < std::numeric_limits<int>::max();
   int cap = settings.coulomb_rounds * (small ? kSmallRounds : 1), sweeps_from = 1;
-  const bool heap = !in_plane_ && !LiesOnFaces(problem);  // where sweeps get far
+  const bool heap = !in_plane_ && !IsTower(problem, 0);  // where sweeps get far
   MixedRounds mixed{.goes_on = small && circular && problem.num_bodies() >= kLeastMixed};
   if (mixed.goes_on) mixing_.Begin(slips_.size());
-  for (int round = 1;; ++round) {
+  int round = 1;
+  for (;; ++round) {
     accurate = accurate || round >= cap;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
     const bool near = !small && circular && round > 1;  // to what the last sweeps found, as in SolveBigCoulomb
     RunInteriorPoint(problem, inner, slips_, &trial_, near ? swept_impulses_ : std::span<const Vector3>());
-    trial_.rounds = round;
     const bool fails = trial_.status == Status::kFailed || trial_.status == Status::kInfeasible;
     if (fails && !(mixed.goes_on && mixed.begun)) {
       if (!std::isfinite(best)) *solution = trial_;
@@ -204,13 +205,13 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     }
     // Mixed slips get there as near as sweeps must: a round more costs little.
     const bool enough = mixed.goes_on && round > 1 ? worst <= kAcceptShare * goal : best <= goal;
-    if ((circular && enough) || round >= cap) break;
-    if (iterations_ >= settings.patience) {
+    if (circular && enough) break;
+    if (round >= cap || iterations_ >= settings.patience) {
       if (circular && !fails) SettlesAtOnce(problem, settings, heap, worst, solution);
       break;
     }
     if (mixed.goes_on) {
-      const bool tries = heap ? !mixed.begun : mixed.begun && map > kMixedGain * mixed.before;
+      const bool tries = heap ? !mixed.begun : mixed.begun && GainsLittle(mixed, map);
       if (!fails && tries && SettlesAtOnce(problem, settings, heap, worst, solution)) break;
       if (!mixed.begun) first_.impulses = trial_.impulses, first_.velocities = trial_.velocities;
       mixed.begun = true;  // later than in the first round where that had no answer
@@ -230,13 +231,11 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
     if (settled && accurate) break;
     accurate = small || settled;  // a rough round places the slips, but is no answer
   }
-  const bool sprawls = circular && Sprawls(problem, settings, *solution);
-  if (in_plane_) {
-    sprawls_ = sprawls;
-  } else if (sprawls) {
+  solution->rounds = round;
+  if (circular && Sprawls(problem, settings, *solution)) {
     StartFrom(problem, {});
     Search(problem, settings);
-    AcceptSweeps(problem, settings, kAcceptShare, solution);
+    sprawls_ = !AcceptSweeps(problem, settings, in_plane_ ? kAcceptShare / kPlanarShare : kAcceptShare, solution);
     if (!settings.ladder.Has(Rung::kSweeps)) solution->rung = Rung::kInteriorPoint;  // whose answer was mended
   }
   solution->coulomb_reached =
@@ -247,9 +246,9 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
 // given up as soon as they would take too long at the pace that they show, and not begun on towers.
 bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                Solution* solution) {
-  const int most = settings.patience < std::numeric_limits<int>::max() ? kWarmParts : kTower;
+  const bool part = settings.patience < std::numeric_limits<int>::max();
   if (!settings.ladder.Has(Rung::kSweeps) || settings.expect_rest || in_plane_ || AllZero(start) ||
-      (problem.num_bodies() > most && LiesOnFaces(problem)))
+      IsTower(problem, part ? kPartOfTower : kTower))
     return false;
   const double begin = Seconds();
   if (StartFrom(problem, start)) {
@@ -268,11 +267,11 @@ bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings,
 bool IslandSolver::SweepsGetThere(const Problem& problem, const Settings& settings, double share, Pace pace, double map,
                                   Solution* solution) {
   const double goal = share * settings.coulomb_tolerance * settings.velocity_scale;
-  for (int left = kWarmBlocks; left > 0; --left) {
-    gauss_seidel_.Sweep(problem, kWarmSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, pace);
-    if (AcceptSweeps(problem, settings, share, solution)) return true;
+  for (int left = kSettleBlocks; left > 0; --left) {
+    gauss_seidel_.Sweep(problem, kSettleSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, pace);
     const double now = MapOfSwept(problem).max;
-    if (now >= kWarmGain * map || AtThisPace(map, now, left - 1) >= goal) return false;
+    if (now <= goal && TakeExact(problem, settings, share, solution)) return true;
+    if (now >= kSettleGain * map || AtThisPace(map, now, left - 1) >= goal) return false;
     map = now;
   }
   return false;
@@ -304,11 +303,13 @@ bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& setting
   return false;
 }
 
+bool IslandSolver::GainsLittle(const MixedRounds& mixed, double map) { return map > kMixedGain * mixed.before; }
+
 // Slips for the next round, and the gap to which it is solved; or false, where mixing gains too little. map: of this round's
 // answer, infinite if it has none.
 bool IslandSolver::MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
                             double* aim) {
-  mixed->missed += std::isinf(map) ? 2 : map > kMixedGain * mixed->before;
+  mixed->missed += std::isinf(map) ? 2 : GainsLittle(*mixed, map);
   mixed->before = map;
   mixed->goes_on = mixed->missed < 2 && round <= kMixedRounds;
   const double share = kMixedShare * map / settings.velocity_scale;

@@ -236,7 +236,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
   const bool sweeps = !sticks && map > kSweptShare * goal, steps = sticks && map > kStickShare * goal;
-  if (sweeps && map > goal && MayCompound(settings) && problem.num_bodies() > kTower && LiesOnFaces(problem)) return false;
+  if (sweeps && map > goal && MayCompound(settings) && IsTower(problem, kTower)) return false;
   const double begin = Seconds();
   if (steps) sticking_step_.Take(problem, scales_, 0.1 * kStickShare * goal, &swept_impulses_, &swept_velocities_);
   if (sweeps) SweepHeld(problem, goal, map);
@@ -270,10 +270,14 @@ void IslandSolver::SweepHeld(const Problem& problem, double goal, double map) {
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
 }
 
-// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance, with velocities without the
-// rounding of thousands of increments.
+// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance.
 bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  if (MapOfSwept(problem).max > share * settings.coulomb_tolerance * settings.velocity_scale) return false;
+  return MapOfSwept(problem).max <= share * settings.coulomb_tolerance * settings.velocity_scale &&
+         TakeExact(problem, settings, share, solution);
+}
+
+// Takes swept impulses with velocities without the rounding of thousands of increments, unless their gap is too large.
+bool IslandSolver::TakeExact(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   return TakeSwept(problem, settings, share, solution);
 }

@@ -57,7 +57,7 @@ class IslandSolver {
 
   static double Seconds();  // of a clock that only goes on
   static bool AllZero(std::span<const Vector3> impulses);
-  static bool LiesOnFaces(const Problem& problem);
+  static bool IsTower(const Problem& problem, int most);
   static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
@@ -96,6 +96,7 @@ class IslandSolver {
   bool SweepsGetThere(const Problem& problem, const Settings& settings, double share, Pace pace, double map,
                       Solution* solution);
   bool SweepsSuffice(const Problem& problem, const Settings& settings, Solution* solution);
+  bool TakeExact(const Problem& problem, const Settings& settings, double share, Solution* solution);
   bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
   struct MixedRounds {  // of a small island
@@ -103,6 +104,7 @@ class IslandSolver {
     int missed = 0;            // rounds that gained too little
     double before = INFINITY;  // natural map of the round before
   };
+  static bool GainsLittle(const MixedRounds& mixed, double map);
   bool SettlesAtOnce(const Problem& problem, const Settings& settings, bool heap, double map, Solution* solution);
   bool MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
                 double* aim);

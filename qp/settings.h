@@ -33,7 +33,8 @@ struct Settings {
   double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;  // of one interior-point solve
   int coulomb_rounds = 3;    // octagon, up to 12 bodies, or no sweeps: cap on re-solves with lagged slip
-  // Exact Coulomb up to 12 bodies or without sweeps: factorisations after which no further round begins.
+  // Exact Coulomb up to 12 bodies or without sweeps: factorisations after which no further round begins. Who sets it has a part of
+  // a larger problem, and does not want three bodies and more on faces swept from their start impulses.
   int patience = std::numeric_limits<int>::max();
   // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
   double coulomb_tolerance = 1e-6;

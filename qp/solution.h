@@ -33,7 +33,7 @@ struct Solution {
   double gap = 0;               // relative duality gap reached
   Rung rung = Rung::kNothing;   // that the answer came from
   int escalations = 0;          // rungs that were tried in vain before
-  double seconds_in_vain = 0;   // [s] and the time that took
+  double seconds_in_vain = 0;   // [s] and the time that took, with that of sweeps between rounds that were no answer
 };
 
 }  // namespace islet::qp

@@ -404,7 +404,7 @@ TEST(Compounds, AreNotFoundWhereTooManyRemain) {
   }
 }
 
-// What slides on each other is answered by sweeps of the parts: ten factorisations do not find the slips.
+// What slides on each other is answered by sweeps of the two parts.
 TEST(Compounds, SlideOnEachOther) {
   Random random(14);
   int compounds = 0, compared = 0;
