@@ -21,7 +21,7 @@ struct Accuracy {
 };
 constexpr Accuracy kFine{1e-9, 1e-10}, kCoarse{1e-3, 1e-6};
 constexpr int kSwept = 12;            // bodies: up to them sweeps reach what is fine
-constexpr int kFewBodies = 50;        // up to them, and in the plane, all is to be fine
+constexpr int kFewBodies = 50;        // up to them, if some lie on faces, and in the plane, all is to be fine
 constexpr double kLeastDrift = 1e-2;  // of the change
 
 // Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
@@ -47,6 +47,14 @@ void LevelMasses(qp::Problem* problem) {
     body.inertia *= factor;
     body.inverse_inertia /= factor;
   }
+}
+
+// Whether two bodies lie on a face, with three contacts at least. Their contacts are neighbours.
+bool HasFace(const qp::Problem& problem) {
+  const std::vector<qp::ContactTerm>& contacts = problem.contacts;
+  for (size_t c = 2; c < contacts.size(); ++c)
+    if (contacts[c].body_a == contacts[c - 2].body_a && contacts[c].body_b == contacts[c - 2].body_b) return true;
+  return false;
 }
 
 Twist DisplacementOf(const qp::Solution& solution, size_t member) {
@@ -140,7 +148,8 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
   *rung = qp::Rung::kSweeps;
   const double begin = Seconds();
-  const bool in_plane = &problem != &problem_, fine = in_plane || problem.num_bodies() <= kFewBodies;
+  const bool in_plane = &problem != &problem_;
+  const bool fine = in_plane || (problem.num_bodies() <= kFewBodies && HasFace(problem));
   const bool sweeps = !fine || problem.num_bodies() <= kSwept;
   if ((ladder_.Has(*rung) && sweeps) || !exact) {
     const Accuracy& reached = fine && sweeps ? kFine : kCoarse;
