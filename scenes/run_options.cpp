@@ -60,15 +60,14 @@ Ladder ParseLadder(const std::string& text) {
   if (text == "auto") return {};
   Ladder ladder = Ladder::Off();
   if (text == "off") return ladder;
-  std::string rest = text;
-  while (!rest.empty()) {
-    const size_t comma = std::min(rest.find(','), rest.size());
-    const std::string name = rest.substr(0, comma);
-    rest.erase(0, comma + 1);
+  for (size_t begin = 0, end; begin <= text.size(); begin = end + 1) {
+    end = std::min(text.find(',', begin), text.size());
+    const std::string name = text.substr(begin, end - begin);
     const auto known = std::find(std::begin(qp::kRungNames), std::end(qp::kRungNames), name);
     if (known == std::end(qp::kRungNames))
       throw std::invalid_argument(fmt::format("--ladder must be off, auto or some of {}; got {}",
-                                              fmt::join(qp::kRungNames, ","), name.empty() ? text : name));
+                                              fmt::join(qp::kRungNames, ","),
+                                              name.empty() ? fmt::format("an empty name in '{}'", text) : name));
     ladder = ladder.With(static_cast<qp::Rung>(known - std::begin(qp::kRungNames)));
   }
   return ladder;

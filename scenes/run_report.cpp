@@ -174,6 +174,9 @@ std::string RunReport::Json() const {
   json["bounce"] = NameOf(settings_.bounce_law);
   json["tolerance"] = settings_.tolerance;
   json["freeze"] = NameOf(settings_.freezing);
+  json["rungs"] = Json::array();
+  for (int r = 0; r < qp::kNumRungs; ++r)
+    if (settings_.ladder.Has(static_cast<qp::Rung>(r))) json["rungs"].push_back(qp::kRungNames[r]);
   json["seed"] = info_.seed;
   json["stopped_by"] = stopped_by_;
   json["sim_seconds"] = sim_seconds_;
