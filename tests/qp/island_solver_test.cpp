@@ -428,21 +428,28 @@ TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
   EXPECT_GT(swept, 20);
 }
 
+// A stack that holds, pushed, and solved again from the impulses of before, by sweeps and the interior point alone.
+qp::Solution PushedStack(Random* random, int boxes, int patience) {
+  Problem problem = RandomStack(random, boxes, 0.3, 0.5, 2);
+  qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
+  const qp::Solution before = Solve(problem, settings);
+  for (qp::BodyTerm& body : problem.bodies)
+    body.velocity.head<3>() += 1e-2 * settings.velocity_scale * random->Vector(1);
+  settings.patience = patience;
+  qp::IslandSolver solver;
+  qp::Solution after;
+  solver.Solve(problem, settings, &after, before.impulses);
+  return after;
+}
+
 // Sweeps are slow on faces that lie on each other: more than four boxes of a tower do not try them, four do.
 TEST(Ladder, TowersDoNotStartFromTheFrameBefore) {
   Random random(119);
   int tries = 0;
   for (const int boxes : {4, 5, 10}) {
     for (int trial = 0; trial < 10; ++trial) {
-      Problem problem = RandomStack(&random, boxes, 0.3, 0.5, 2);
-      qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-      settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
-      const qp::Solution before = Solve(problem, settings);
-      for (qp::BodyTerm& body : problem.bodies)
-        body.velocity.head<3>() += 1e-2 * settings.velocity_scale * random.Vector(1);
-      qp::IslandSolver solver;
-      qp::Solution after;
-      solver.Solve(problem, settings, &after, before.impulses);
+      const qp::Solution after = PushedStack(&random, boxes, qp::Settings().patience);
       const bool tried = after.escalations > 0 || after.rung == qp::Rung::kSweeps;
       tries += boxes == 4 && tried;
       if (boxes > 4) {
@@ -460,16 +467,7 @@ TEST(Ladder, PartsOfTowersHardlyStartFromTheFrameBefore) {
   int tries = 0;
   for (const int boxes : {2, 3, 4}) {
     for (int trial = 0; trial < 10; ++trial) {
-      Problem problem = RandomStack(&random, boxes, 0.3, 0.5, 2);
-      qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-      settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
-      const qp::Solution before = Solve(problem, settings);
-      for (qp::BodyTerm& body : problem.bodies)
-        body.velocity.head<3>() += 1e-2 * settings.velocity_scale * random.Vector(1);
-      settings.patience = 30;
-      qp::IslandSolver solver;
-      qp::Solution after;
-      solver.Solve(problem, settings, &after, before.impulses);
+      const qp::Solution after = PushedStack(&random, boxes, 30);
       const bool tried = after.escalations > 0 || (after.rung == qp::Rung::kSweeps && after.iterations == 0);
       if (boxes > 2) {
         EXPECT_FALSE(tried) << boxes;
