@@ -9,9 +9,9 @@ namespace {
 
 Vector3 NearestInCone(const Vector3& x, double mu) {
   const double tangent = std::hypot(x[1], x[2]);
+  if (x[0] + mu * tangent <= 0) return Vector3::Zero();
   if (tangent <= mu * x[0]) return x;
   const double along = (x[0] + mu * tangent) / (1 + mu * mu);  // on the edge (1, mu), the nearest point of it
-  if (along <= 0) return Vector3::Zero();
   return {along, along * mu * x[1] / tangent, along * mu * x[2] / tangent};
 }
 

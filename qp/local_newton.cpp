@@ -19,9 +19,9 @@ double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
 
 Vector3 ProjectOnCone(const Vector3& x, double mu) {
   const double tangent = Tangent(x);
+  if (x[0] + mu * tangent <= 0) return Vector3::Zero();
   if (tangent <= mu * x[0]) return x;
   const double normal = (x[0] + mu * tangent) / (1 + mu * mu);
-  if (normal <= 0) return Vector3::Zero();
   return {normal, mu * normal * x[1] / tangent, mu * normal * x[2] / tangent};
 }
 

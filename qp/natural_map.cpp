@@ -58,8 +58,8 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
 
 Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
   const double tangent = std::sqrt(x[1] * x[1] + x[2] * x[2]);
+  if (x[0] + friction * tangent <= 0) return Vector3::Zero();  // first: without friction and tangent that is all
   if (tangent <= friction * x[0]) return x;
-  if (x[0] + friction * tangent <= 0) return Vector3::Zero();
   const double normal = (x[0] + friction * tangent) / (1 + friction * friction);
   const double share = tangent > 0 ? friction * normal / tangent : 0;
   return {normal, share * x[1], share * x[2]};

@@ -256,8 +256,8 @@ Vector3 CoulombMeter::Project(const Vector3& impulse, const Vector3& normal) con
   const double mu = plan_.friction, along = normal.dot(impulse);
   const Vector3 across = impulse - along * normal;
   const double length = across.norm();
-  if (length <= mu * along) return impulse;
   if (mu * length <= -along) return Vector3::Zero();
+  if (length <= mu * along) return impulse;
   const double share = (along + mu * length) / (1 + mu * mu);
   return share * (normal + (length > 0 ? mu / length : 0) * across);
 }

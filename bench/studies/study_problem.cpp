@@ -15,9 +15,9 @@ using qp::Vector3;
 
 Vector3 OnCircle(const Vector3& x, double mu) {
   const double tangent = std::hypot(x[1], x[2]);
+  if (x[0] + mu * tangent <= 0) return Vector3::Zero();
   if (tangent <= mu * x[0]) return x;
   const double normal = (x[0] + mu * tangent) / (1 + mu * mu);
-  if (normal <= 0) return Vector3::Zero();
   return {normal, normal * mu * x[1] / tangent, normal * mu * x[2] / tangent};
 }
 

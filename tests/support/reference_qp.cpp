@@ -16,12 +16,12 @@ using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 
 LongVector3 ProjectOnCircle(const LongVector3& x, Real mu, LongMatrix3* derivative) {
   const Real t = x.tail<2>().norm();
+  if (derivative) derivative->setZero();
+  if (x[0] + mu * t <= 0) return LongVector3::Zero();
   if (t <= mu * x[0]) {
     if (derivative) derivative->setIdentity();
     return x;
   }
-  if (derivative) derivative->setZero();
-  if (x[0] + mu * t <= 0) return LongVector3::Zero();
   const Real n = (x[0] + mu * t) / (1 + mu * mu);
   const Eigen::Matrix<Real, 2, 1> d = x.tail<2>() / t;
   if (derivative) {
