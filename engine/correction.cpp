@@ -5,6 +5,7 @@
 
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
+#include "qp/body_algebra.h"
 
 namespace islet {
 namespace {
@@ -119,11 +120,15 @@ double Corrector::Share(const IslandToCorrect& island, std::span<const Body> bod
 
 // What is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
 bool Corrector::SolveProblem(double scale, bool exact) {
-  const double begin = Seconds(), in_vain = report_.seconds_in_vain;
+  const double begin = Seconds();
+  const qp::InVain before = report_.in_vain;
   qp::Rung rung = qp::Rung::kPlanar;
   bool solved;
   failed_ = false;
-  if (ladder_.Has(rung) && plane_.Reduce(problem_, scale)) {
+  if (ladder_.Has(qp::Rung::kColumn) && SolveColumn(scale)) {
+    rung = qp::Rung::kColumn;
+    solved = true;
+  } else if (ladder_.Has(rung) && plane_.Reduce(problem_, scale)) {
     qp::Rung inside;
     solved = SolveReduced(scale, exact, plane_.problem(), &flat_solution_, &inside);
     if (solved) plane_.Expand(problem_, flat_solution_, &solution_);
@@ -131,11 +136,18 @@ bool Corrector::SolveProblem(double scale, bool exact) {
     solved = SolveReduced(scale, exact, problem_, &solution_, &rung);
   }
   if (!solved) {
-    ++report_.escalations;
-    report_.seconds_in_vain = in_vain + Seconds() - begin;
+    report_.in_vain.Fail(rung, before, Seconds() - begin);
     return false;
   }
   report_.Add(rung, 1, problem_.num_contacts(), Seconds() - begin);
+  return true;
+}
+
+bool Corrector::SolveColumn(double scale) {
+  solution_.velocities.assign(6 * problem_.bodies.size(), 0.0);
+  if (!column_.Solve(problem_, scale, solution_.velocities, &solution_.impulses)) return false;
+  solution_.slips.assign(problem_.contacts.size(), 0.0);
+  qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
   return true;
 }
 
@@ -155,8 +167,7 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
     const Accuracy& reached = fine && sweeps ? kFine : kCoarse;
     if (Sweep(reached.change * scale, problem, solution)) return true;
     if (!exact) return false;
-    ++report_.escalations;
-    report_.seconds_in_vain += Seconds() - begin;
+    report_.in_vain.Add(*rung, Seconds() - begin);
   }
   qp::Settings settings;
   settings.model = qp::Model::kConvex;
@@ -164,8 +175,7 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
   settings.velocity_scale = scale;
   settings.tolerance = (fine ? kFine : kCoarse).gap;
   solver_.Solve(problem, settings, solution);
-  report_.escalations += solution->escalations;
-  report_.seconds_in_vain += solution->seconds_in_vain;
+  report_.in_vain.Include(solution->in_vain);
   *rung = solution->rung;
   const bool solved = solution->status == qp::Status::kSolved || solution->status == qp::Status::kInaccurate;
   failed_ = !solved;

@@ -11,6 +11,7 @@
 #include "engine/island_problem.h"
 #include "engine/lift.h"
 #include "engine/step_report.h"
+#include "qp/column.h"
 #include "qp/drift.h"
 #include "qp/gauss_seidel.h"
 #include "qp/island_solver.h"
@@ -49,6 +50,7 @@ class Corrector {
   LadderReport TakeReport();
 
  private:
+  bool SolveColumn(double scale);
   bool SolveProblem(double scale, bool exact);
   bool SolveReduced(double scale, bool exact, const qp::Problem& problem, qp::Solution* solution, qp::Rung* rung);
   bool Sweep(double tolerance, const qp::Problem& problem, qp::Solution* solution);
@@ -58,6 +60,7 @@ class Corrector {
   IslandGatherer gatherer_;
   qp::Problem problem_;
   qp::Solution solution_;
+  qp::Column column_;
   qp::PlanarProblem plane_;
   qp::Solution flat_solution_;
   qp::IslandSolver solver_;

@@ -128,8 +128,7 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
     solver_.Solve(problem_, solver_settings, &solution_, guess_);
     outcome->iterations += solution_.iterations;
     outcome->rung = solution_.rung;
-    outcome->escalations += solution_.escalations;
-    outcome->seconds_in_vain += solution_.seconds_in_vain;
+    outcome->in_vain.Include(solution_.in_vain);
     outcome->rounds = std::max(outcome->rounds, solution_.rounds);
     outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
   };

@@ -36,8 +36,7 @@ struct ResponseOutcome {
   double seconds = 0;                  // [s] wall
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
-  int escalations = 0;                 // rungs tried in vain
-  double seconds_in_vain = 0;          // [s] and what that took
+  qp::InVain in_vain;                  // rungs tried before
   Certificate certificate;
 };
 

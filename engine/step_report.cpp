@@ -29,8 +29,7 @@ void LadderReport::Include(const LadderReport& other) {
     rungs[r].contacts += other.rungs[r].contacts;
     rungs[r].seconds += other.rungs[r].seconds;
   }
-  escalations += other.escalations;
-  seconds_in_vain += other.seconds_in_vain;
+  in_vain.Include(other.in_vain);
 }
 
 const char* ToString(QpStatus status) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "qp/in_vain.h"
 #include "qp/ladder.h"
 
 namespace islet {
@@ -54,8 +55,7 @@ struct LadderReport {
     double seconds = 0;  // [s] wall, summed over islands; what was tried in vain before included
   };
   std::array<Rung, qp::kNumRungs> rungs;  // by qp::Rung
-  int escalations = 0;                    // rungs that were tried in vain
-  double seconds_in_vain = 0;             // [s] and what that took
+  qp::InVain in_vain;                     // and what was tried before
   void Add(qp::Rung rung, std::int64_t problems, std::int64_t contacts, double seconds = 0);
   void Include(const LadderReport& other);
 };

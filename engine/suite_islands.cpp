@@ -20,8 +20,7 @@ void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summ
   summary->drafts += outcome.draft;
   if (outcome.draft || outcome.contacts == 0) return;
   ladder->Add(outcome.rung, 1, outcome.contacts, outcome.seconds);
-  ladder->escalations += outcome.escalations;
-  ladder->seconds_in_vain += outcome.seconds_in_vain;
+  ladder->in_vain.Include(outcome.in_vain);
   if (outcome.status == QpStatus::kNone) return;
   ++summary->solved;
   summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;

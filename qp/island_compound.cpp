@@ -20,7 +20,8 @@ bool IslandSolver::MayCompound(const Settings& settings) {
 bool IslandSolver::SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                  Solution* solution) {
   if (start.size() != problem.contacts.size() || !MayCompound(settings)) return false;
-  const double begin = Seconds(), in_vain = seconds_in_vain_;
+  const double begin = Seconds();
+  const InVain before = in_vain_;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   TakeOver(problem, start);
   if (!compounds_.Find(problem, swept_impulses_, swept_velocities_, settings.velocity_scale)) return false;
@@ -33,8 +34,7 @@ bool IslandSolver::SolveCompound(const Problem& problem, const Settings& setting
   const bool accepted = expands && AcceptSweeps(problem, settings, kAcceptShare, solution);
   iterations_ += compounds_.factorisations();
   if (accepted) return true;
-  ++escalations_;
-  seconds_in_vain_ = in_vain + Seconds() - begin;
+  in_vain_.Fail(Rung::kCompound, before, Seconds() - begin);
   return false;
 }
 
@@ -50,8 +50,7 @@ bool IslandSolver::SolveReduced(const Settings& settings) {
   if (compounds_.crowded()) inner.tier = Tier::kSwept;
   inner_->Solve(reduced, inner, &trial_, compounds_.reduced_start());
   iterations_ += trial_.iterations;
-  escalations_ += trial_.escalations;
-  seconds_in_vain_ += trial_.seconds_in_vain;
+  in_vain_.Include(trial_.in_vain);
   ImpulseScales(reduced, &reduced_scales_);
   return CoulombMap(reduced, trial_.velocities, trial_.impulses, reduced_scales_).max <=
          kAcceptShare * settings.coulomb_tolerance * settings.velocity_scale;

@@ -257,8 +257,7 @@ bool IslandSolver::SettlesWarm(const Problem& problem, const Settings& settings,
         SweepsGetThere(problem, settings, kWarmShare, Pace::kMomentum, map, solution))
       return true;
   }
-  ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  in_vain_.Add(Rung::kSweeps, Seconds() - begin);
   return false;
 }
 
@@ -299,7 +298,7 @@ bool IslandSolver::SettlesAtOnce(const Problem& problem, const Settings& setting
   }
   swept_impulses_ = trial_.impulses;
   swept_velocities_ = trial_.velocities;
-  seconds_in_vain_ += Seconds() - begin;
+  in_vain_.Add(Rung::kSweeps, Seconds() - begin, 0);
   return false;
 }
 

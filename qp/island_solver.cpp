@@ -77,8 +77,8 @@ bool IslandSolver::AllZero(std::span<const Vector3> impulses) {
 
 void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solution* solution,
                          std::span<const Vector3> start) {
-  iterations_ = escalations_ = 0;
-  seconds_in_vain_ = 0;
+  iterations_ = 0;
+  in_vain_ = {};
   Prepare(problem, solution);
   if (problem.contacts.empty()) {
     solution->rung = Rung::kNothing;
@@ -91,8 +91,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     Climb(problem, settings, start, solution);
   }
   solution->iterations = iterations_;
-  solution->escalations = escalations_;
-  solution->seconds_in_vain = seconds_in_vain_;
+  solution->in_vain = in_vain_;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
 
@@ -101,16 +100,17 @@ bool IslandSolver::SolveOneBody(const Problem& problem, const Settings& settings
   if (!OneBody::Fits(problem)) return false;
   const double begin = Seconds();
   if (one_body_.Solve(problem, settings, solution)) return true;
-  ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  in_vain_.Add(Rung::kClosedForm, Seconds() - begin);
   return false;
 }
 
-// What no formula answers, from the rung of what still holds upwards.
+// What no formula answers, from columns upwards.
 void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                          Solution* solution) {
   ImpulseScales(problem, &scales_);
-  if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
+  if (settings.ladder.Has(Rung::kColumn) && SolveColumn(problem, settings, solution)) {
+    solution->rung = Rung::kColumn;
+  } else if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
   } else if (settings.ladder.Has(Rung::kCorners) && SolveCorners(problem, settings, start, solution)) {
     solution->rung = Rung::kCorners;
@@ -123,25 +123,38 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   }
 }
 
+// A formula, too, but for many bodies: judged like what still holds.
+bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings, Solution* solution) {
+  if (AnyCompliance(problem) || !IsConvex(problem, settings) ||
+      !column_.Solve(problem, settings.velocity_scale, solution->velocities, &swept_impulses_))
+    return false;
+  const double begin = Seconds();
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+  const double goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
+  if (MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution)) return true;
+  Prepare(problem, solution);
+  in_vain_.Add(Rung::kColumn, Seconds() - begin);
+  return false;
+}
+
 // Where the corners of all faces hold to the law, what lies inside them does, too.
 bool IslandSolver::SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                 Solution* solution) {
   if (!IsConvex(problem, settings) || !reduction_.Reduce(problem)) return false;
   const double begin = Seconds();
+  const InVain before = in_vain_;
   if (!inner_) inner_ = std::make_unique<IslandSolver>();
   Settings inner = settings;
   inner.ladder = settings.ladder.Without(Rung::kCorners);
   reduction_.Select(start, &reduced_start_);
   inner_->Solve(reduction_.problem(), inner, &trial_, reduced_start_);
   iterations_ += trial_.iterations;
-  escalations_ += trial_.escalations;
+  in_vain_.Include(trial_.in_vain);
   if (trial_.status == Status::kSolved) {
-    seconds_in_vain_ += trial_.seconds_in_vain;
     reduction_.Expand(trial_, solution);
     return true;
   }
-  ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  in_vain_.Fail(Rung::kCorners, before, Seconds() - begin);
   return false;
 }
 
@@ -151,7 +164,8 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   if (settings.cone != Cone::kCircular || AnyCompliance(problem) || !IsConvex(problem, settings) ||
       !planar_.Reduce(problem, settings.velocity_scale))
     return false;
-  const double begin = Seconds(), in_vain = seconds_in_vain_;
+  const double begin = Seconds();
+  const InVain before = in_vain_;
   planar_.MergeImpulses(start, &planar_start_);
   whole_scales_.swap(scales_);
   planar_.MergeScales(whole_scales_, &scales_);
@@ -175,8 +189,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
     return true;
   }
   Prepare(problem, solution);
-  ++escalations_;
-  seconds_in_vain_ = in_vain + Seconds() - begin;
+  in_vain_.Fail(Rung::kPlanar, before, Seconds() - begin);
   return false;
 }
 
@@ -242,8 +255,7 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   if (sweeps) SweepHeld(problem, goal, map);
   const double reached = steps || sweeps ? MapOfSwept(problem).max : map;
   if (reached <= goal && HoldsExactly(problem, settings, solution)) return true;
-  ++escalations_;
-  seconds_in_vain_ += Seconds() - begin;
+  in_vain_.Add(Rung::kHeld, Seconds() - begin);
   return false;
 }
 
@@ -342,8 +354,7 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
   if (!solved) {
     solution->gap = 0;
     solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
-    ++escalations_;
-    seconds_in_vain_ += Seconds() - begin;
+    in_vain_.Add(Rung::kNormal, Seconds() - begin);
     return false;
   }
   VelocitiesAfter(problem, solution->impulses, &solution->velocities);

@@ -2,6 +2,7 @@
 //   no contact            velocities stay
 //   one contact           closed form (exact Coulomb; without friction, every model)
 //   one body              held by walls: closed form where its contacts all reach their targets or do not press
+//   column                bodies on each other that move along one line: one unknown a body, in linear time
 //   impulses that hold    those of the frame before, where they meet the law as they are
 //   points inside a face  left out, the others by what follows
 //   bodies in one motion  carried as one body, by what follows
@@ -21,10 +22,12 @@
 #include <span>
 #include <vector>
 
+#include "qp/column.h"
 #include "qp/compounds.h"
 #include "qp/contact_reduction.h"
 #include "qp/drift.h"
 #include "qp/gauss_seidel.h"
+#include "qp/in_vain.h"
 #include "qp/interior_point.h"
 #include "qp/natural_map.h"
 #include "qp/normal_interior_point.h"
@@ -65,6 +68,7 @@ class IslandSolver {
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution);
+  bool SolveColumn(const Problem& problem, const Settings& settings, Solution* solution);
   bool SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
@@ -113,6 +117,7 @@ class IslandSolver {
   NormalNewton normal_newton_;
   NormalInteriorPoint normal_interior_point_;
   OneBody one_body_;
+  Column column_;
   GaussSeidel gauss_seidel_;
   StickingStep sticking_step_;
   Compounds compounds_;
@@ -120,8 +125,8 @@ class IslandSolver {
   std::vector<Vector3> reduced_start_;
   std::unique_ptr<IslandSolver> inner_;  // of compounds and corners
   std::vector<double> reduced_scales_;
-  int iterations_ = 0, escalations_ = 0;  // of this solve
-  double seconds_in_vain_ = 0;            // [s]
+  int iterations_ = 0;  // of this solve
+  InVain in_vain_;      // the same
   Solution trial_;
   PlanarProblem planar_;
   PlanarInteriorPoint planar_interior_point_;

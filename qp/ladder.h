@@ -12,6 +12,7 @@ enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
   kMerged,         // collisions as slow as the weight of a step: left to the static problem
   kClosedForm,     // one contact, or one body that walls hold: a formula
+  kColumn,         // bodies on each other that move along one line: one unknown a body
   kHeld,           // the impulses of the frame before still hold
   kCorners,        // contacts inside the hull of a face's others are left out
   kCompound,       // bodies that move as one are carried as one
@@ -24,10 +25,10 @@ enum class Rung : std::uint8_t {
   kKeptPairs,   // contacts of two bodies that have not moved since they were found
   kReach,       // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 10, kNumRungs = 13;
+inline constexpr int kNumProblemRungs = 11, kNumRungs = 14;
 inline constexpr const char* kRungNames[kNumRungs] = {
-    "nothing", "merged", "closed_form",    "held",        "corners",    "compound", "planar",
-    "normal",  "sweeps", "interior_point", "free_motion", "kept_pairs", "reach"};
+    "nothing", "merged", "closed_form", "column",         "held",        "corners",    "compound",
+    "planar",  "normal", "sweeps",      "interior_point", "free_motion", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];

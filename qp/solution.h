@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "qp/in_vain.h"
 #include "qp/ladder.h"
 #include "qp/problem.h"
 
@@ -32,8 +33,7 @@ struct Solution {
   int rounds = 0;               // interior-point solves for exact Coulomb
   double gap = 0;               // relative duality gap reached
   Rung rung = Rung::kNothing;   // that the answer came from
-  int escalations = 0;          // rungs that were tried in vain before
-  double seconds_in_vain = 0;   // [s] and the time that took, with that of sweeps between rounds that were no answer
+  InVain in_vain;               // rungs tried before, and sweeps between rounds that were no answer
 };
 
 }  // namespace islet::qp

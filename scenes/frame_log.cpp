@@ -10,10 +10,15 @@ FrameLog::FrameLog()
     : text_(
           "frame,contacts,active_contacts,islands,largest_island_contacts,collision_qp_seconds,static_qp_seconds,"
           "iterations,awake,kinetic_energy,penetration_max,woken,frozen,step_seconds") {
-  for (const char* rung : qp::kProblemRungNames) fmt::format_to(std::back_inserter(text_), ",{}", rung);
-  text_ += ",escalations";
-  for (const char* rung : qp::kRungNames) fmt::format_to(std::back_inserter(text_), ",motion_{}", rung);
-  text_ += ",motion_escalations\n";
+  AddNames("", qp::kNumProblemRungs);
+  AddNames("motion_", qp::kNumRungs);
+  text_ += '\n';
+}
+
+void FrameLog::AddNames(const char* prefix, int rungs) {
+  const auto out = std::back_inserter(text_);
+  for (int r = 0; r < rungs; ++r) fmt::format_to(out, ",{}{}", prefix, qp::kRungNames[r]);
+  for (const char* rung : qp::kProblemRungNames) fmt::format_to(out, ",{}{}_escalations", prefix, rung);
 }
 
 void FrameLog::Add(const StepReport& r, double step_seconds) {
@@ -28,7 +33,8 @@ void FrameLog::Add(const StepReport& r, double step_seconds) {
 
 void FrameLog::AddRungs(const LadderReport& ladder, int rungs) {
   for (int r = 0; r < rungs; ++r) fmt::format_to(std::back_inserter(text_), ",{}", ladder.rungs[r].problems);
-  fmt::format_to(std::back_inserter(text_), ",{}", ladder.escalations);
+  for (int r = 0; r < qp::kNumProblemRungs; ++r)
+    fmt::format_to(std::back_inserter(text_), ",{}", ladder.in_vain.times(qp::Rung(r)));
 }
 
 }  // namespace islet

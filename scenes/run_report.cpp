@@ -71,11 +71,15 @@ Json LadderJson(const LadderReport& ladder, int rungs, double all_seconds) {
   Json json;
   for (int r = 0; r < rungs; ++r) {
     const LadderReport::Rung& rung = ladder.rungs[r];
-    json[qp::kRungNames[r]] = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
+    Json& entry = json[qp::kRungNames[r]];
+    entry = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
+    if (r >= qp::kNumProblemRungs) continue;
+    entry["escalations"] = ladder.in_vain.times(qp::Rung(r));
+    entry["seconds_in_vain"] = ladder.in_vain.seconds(qp::Rung(r));
   }
-  json["escalations"] = ladder.escalations;
-  json["seconds_in_vain"] = ladder.seconds_in_vain;
-  json["share_in_vain"] = ladder.seconds_in_vain / std::max(all_seconds, 1e-300);
+  json["escalations"] = ladder.in_vain.times();
+  json["seconds_in_vain"] = ladder.in_vain.seconds();
+  json["share_in_vain"] = ladder.in_vain.seconds() / std::max(all_seconds, 1e-300);
   return json;
 }
 

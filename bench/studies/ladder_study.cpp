@@ -275,8 +275,8 @@ class Study {
       rungs << run.motion_ladder.rungs[static_cast<int>(rung)].problems << ',';
     csv_.Row(scene.name, scene.frames, scene.lead, kind.name, kind.tolerance, repeats, run.Cpu(), run.Wall(), run.qp,
              run.map_mean, run.map_max, run.deviation, run.energy, run.penetration, run.contacts, run.frozen,
-             run.failed, run.inaccurate, run.capped, run.ladder.escalations + run.motion_ladder.escalations,
-             run.ladder.seconds_in_vain + run.motion_ladder.seconds_in_vain, rungs.str() + Hex(run.hash));
+             run.failed, run.inaccurate, run.capped, run.ladder.in_vain.times() + run.motion_ladder.in_vain.times(),
+             run.ladder.in_vain.seconds() + run.motion_ladder.in_vain.seconds(), rungs.str() + Hex(run.hash));
     std::ostringstream line;
     line << "  ladder: " << scene.name << ' ' << kind.name << ' ' << kind.tolerance << ": " << run.Cpu() << " s, "
          << static_cast<int>(clock_.Cpu()) << " of at most about " << options_.budget << " s";

@@ -54,6 +54,21 @@ TEST(Drafts, EveryAnswerThatIsReportedIsCertified) {
   EXPECT_GT(woken, 10);
 }
 
+// Drafts are sweeps, too.
+TEST(Drafts, NoneWithoutSweeps) {
+  Settings settings;
+  settings.ladder = settings.ladder.Without(qp::Rung::kSweeps);
+  World world = FrozenLayer(settings);
+  int woken = 0;
+  for (int frame = 0; frame < 90; ++frame) {
+    const StepReport report = world.Step(kStep);
+    woken += report.woken;
+    EXPECT_EQ(report.collision_qp.drafts + report.static_qp.drafts, 0) << frame;
+    EXPECT_EQ(report.ladder.rungs[static_cast<int>(qp::Rung::kSweeps)].problems, 0) << frame;
+  }
+  EXPECT_GT(woken, 10);
+}
+
 // A worker that has drafted an island may be the one that balances frozen bodies next: to the tolerance, like any other.
 TEST(Drafts, SameBitsOnAnyNumberOfThreads) {
   std::vector<World> worlds;

@@ -162,26 +162,5 @@ TEST(Ladder, OffEveryStepHasAPositionProblemForTheInteriorPoint) {
   for (int i = 1; i <= 3; ++i) EXPECT_NEAR(off.body(i).position_W.z(), 0.5, 2.5e-4);
 }
 
-// Drafts are sweeps, too.
-TEST(Ladder, NothingIsDraftedWithoutSweeps) {
-  for (const bool sweeps : {true, false}) {
-    Settings settings;
-    settings.threads = 1;
-    if (!sweeps) settings.ladder = settings.ladder.Without(qp::Rung::kSweeps);
-    World world = Heap(settings);
-    int drafts = 0, frozen = 0;
-    for (int frame = 0; frame < 200; ++frame) {
-      const StepReport report = world.Step(kStep);
-      drafts += report.collision_qp.drafts + report.static_qp.drafts;
-      frozen = std::max(frozen, report.frozen);
-      if (!sweeps) {
-        EXPECT_EQ(Problems(report.ladder, qp::Rung::kSweeps), 0) << frame;
-      }
-    }
-    EXPECT_EQ(drafts > 0, sweeps);
-    EXPECT_GT(frozen, 3);
-  }
-}
-
 }  // namespace
 }  // namespace islet

@@ -18,6 +18,7 @@ constexpr double kStep = 1.0 / 60;
 
 Settings Awake(bool planar) {
   Settings settings = testing::Awake();
+  settings.ladder = settings.ladder.Without(qp::Rung::kColumn);
   if (!planar) settings.ladder = settings.ladder.Without(qp::Rung::kPlanar);
   return settings;
 }

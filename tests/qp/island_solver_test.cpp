@@ -450,11 +450,11 @@ TEST(Ladder, TowersDoNotStartFromTheFrameBefore) {
   for (const int boxes : {4, 5, 10}) {
     for (int trial = 0; trial < 10; ++trial) {
       const qp::Solution after = PushedStack(&random, boxes, qp::Settings().patience);
-      const bool tried = after.escalations > 0 || after.rung == qp::Rung::kSweeps;
+      const bool tried = after.in_vain.times() > 0 || after.rung == qp::Rung::kSweeps;
       tries += boxes == 4 && tried;
       if (boxes > 4) {
         EXPECT_FALSE(tried && after.iterations == 0) << boxes;
-        EXPECT_EQ(after.escalations, 0) << boxes;
+        EXPECT_EQ(after.in_vain.times(), 0) << boxes;
       }
     }
   }
@@ -468,7 +468,7 @@ TEST(Ladder, PartsOfTowersHardlyStartFromTheFrameBefore) {
   for (const int boxes : {2, 3, 4}) {
     for (int trial = 0; trial < 10; ++trial) {
       const qp::Solution after = PushedStack(&random, boxes, 30);
-      const bool tried = after.escalations > 0 || (after.rung == qp::Rung::kSweeps && after.iterations == 0);
+      const bool tried = after.in_vain.times() > 0 || (after.rung == qp::Rung::kSweeps && after.iterations == 0);
       if (boxes > 2) {
         EXPECT_FALSE(tried) << boxes;
       } else {

@@ -1,0 +1,260 @@
+#include "qp/column.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "qp/island_solver.h"
+#include "tests/support/no_alloc.h"
+#include "tests/support/random_problems.h"
+
+namespace islet::testing {
+namespace {
+
+using qp::Model;
+using qp::Rung;
+
+qp::Settings MakeSettings(const Problem& problem, Model model) {
+  qp::Settings settings;
+  settings.model = model;
+  settings.velocity_scale = VelocityScale(problem);
+  return settings;
+}
+
+qp::Solution Solve(const Problem& problem, const qp::Settings& settings) {
+  qp::IslandSolver solver;
+  qp::Solution solution;
+  solver.Solve(problem, settings, &solution);
+  return solution;
+}
+
+enum class Ends { kWallBelow, kWallAbove, kNone };
+
+struct RandomColumn {
+  Problem problem;
+  Vector3 up;
+};
+
+// Bodies over each other that fall or rise, whose contacts are corners of regular polygons about the line, or one point on it, in any
+// order and seen from either side. Without walls all drift aside together. The whole is turned.
+RandomColumn MakeColumn(Random* random, int bodies, double friction, bool bounces, Ends ends) {
+  const Matrix3 turned = random->Rotation();
+  const Vector3 up = turned.col(2), aside = (ends == Ends::kNone ? 0.3 : 0.0) * turned.col(0);
+  ProblemBuilder builder;
+  for (int i = 0; i < bodies; ++i) {
+    const double mass = std::pow(10, random->Uniform(-1, 1));
+    Vector6 v;
+    v << random->Uniform(-1, 1) * up + aside, Vector3::Zero();
+    builder.AddBody((i + 0.5) * up, mass, mass * random->PositiveDefinite(0.05, 0.3), v);
+  }
+  const int first = ends == Ends::kWallBelow ? 0 : 1, last = ends == Ends::kWallAbove ? bodies : bodies - 1;
+  for (int i = first; i <= last; ++i) {
+    const int below = i - 1, above = i < bodies ? i : -1, corners = std::max(1, random->Integer(-1, 6));
+    const double phase = random->Uniform(0, 6), radius = corners == 1 ? 0 : random->Uniform(0.1, 0.5);
+    const double belt = random->Uniform(-0.1, 0.1);
+    for (int k = 0; k < corners; ++k) {
+      const double angle = phase + 2 * M_PI * k / corners;
+      const Vector3 at = turned * Vector3(radius * std::cos(angle), radius * std::sin(angle), i);
+      const int c = random->Integer(0, 1) == 0 ? builder.AddContact(below, above, at, up, friction)
+                                               : builder.AddContact(above, below, at, -up, friction);
+      if (below < 0 || above < 0) builder.problem.contacts[c].drift[0] = belt;
+    }
+  }
+  if (bounces) SetBounces(0.5, &builder.problem);
+  std::shuffle(builder.problem.contacts.begin(), builder.problem.contacts.end(), random->engine());
+  return {builder.problem, up};
+}
+
+// All falls equally fast on a wall that stands still, so that all contacts press.
+RandomColumn MakeRestingColumn(Random* random, int bodies, double friction) {
+  RandomColumn column = MakeColumn(random, bodies, friction, false, Ends::kWallBelow);
+  for (qp::BodyTerm& body : column.problem.bodies) body.velocity.head<3>() = -0.3 * column.up;
+  for (ContactTerm& contact : column.problem.contacts) contact.drift.setZero();
+  return column;
+}
+
+// Three cubes of one side, of masses 1, 2 and 3, from the ground up.
+Problem ThreeCubes(double v0, double v1, double v2) {
+  ProblemBuilder builder;
+  const double speeds[] = {v0, v1, v2};
+  for (int i = 0; i < 3; ++i) builder.AddBox({0, 0, i + 0.5}, {0.5, 0.5, 0.5}, i + 1, {0, 0, speeds[i]});
+  for (int i = 0; i < 3; ++i) builder.AddFace(i - 1, i, Vector3(0, 0, i), 0.5, 0.5, 0.5);
+  return builder.problem;
+}
+
+// By hand: what rests carries the weight above it; what flies up leaves; what meets in the air goes on with the momentum of all.
+TEST(Column, HandComputed) {
+  struct {
+    double free[3], velocities[3], impulses[3];
+  } const cases[] = {{{-0.3, -0.3, -0.3}, {0, 0, 0}, {1.8, 1.5, 0.9}},
+                     {{-0.3, 0.1, 0.2}, {0, 0.1, 0.2}, {0.3, 0, 0}},
+                     {{1, 0, 0.2}, {4.0 / 15, 4.0 / 15, 4.0 / 15}, {0, 11.0 / 15, 0.2}},
+                     {{-1, 2, -1}, {0, 0.2, 0.2}, {1, 0, 3.6}},
+                     {{-1, 1, -1}, {0, 0, 0}, {2, 1, 3}}};
+  for (const auto& [free, velocities, impulses] : cases) {
+    const Problem problem = ThreeCubes(free[0], free[1], free[2]);
+    const qp::Solution solution = Solve(problem, MakeSettings(problem, Model::kCoulomb));
+    EXPECT_EQ(solution.rung, Rung::kColumn);
+    EXPECT_EQ(solution.iterations, 0);
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_NEAR(solution.velocities[6 * i + 2], velocities[i], 1e-15);
+      for (int k = 0; k < 4; ++k) EXPECT_NEAR(solution.impulses[4 * i + k][0], impulses[i] / 4, 1e-15);
+    }
+  }
+}
+
+TEST(Column, AgreesWithTheInteriorPoint) {
+  Random random(701);
+  for (const Model model : {Model::kConvex, Model::kCoulomb, Model::kKinetic}) {
+    for (const qp::Cone cone : {qp::Cone::kCircular, qp::Cone::kOctagon}) {
+      for (int trial = 0; trial < 60; ++trial) {
+        SCOPED_TRACE(::testing::Message() << static_cast<int>(model) << ' ' << trial);
+        const bool bounces = trial % 2 == 1 && model != Model::kKinetic;
+        const Problem problem =
+            MakeColumn(&random, random.Integer(2, 12), trial % 5 == 0 ? 0 : 0.5, bounces, Ends(trial % 3)).problem;
+        qp::Settings settings = MakeSettings(problem, model);
+        settings.cone = cone;
+        settings.tolerance = 1e-13;
+        const qp::Solution ours = Solve(problem, settings);
+        settings.ladder = qp::Ladder::Off();
+        const qp::Solution full = Solve(problem, settings);
+        if (problem.num_contacts() > 1) {
+          EXPECT_EQ(ours.rung, Rung::kColumn);
+        }
+        EXPECT_EQ(ours.status, qp::Status::kSolved);
+        EXPECT_LT(ours.gap, 1e-9);
+        EXPECT_LT(VelocityDistance(problem, ours.velocities, full.velocities), 1e-6 * settings.velocity_scale);
+        EXPECT_LT(MomentumResidual(problem, ours.velocities, ours.impulses), 1e-12 * settings.velocity_scale);
+        EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, 1e-11 * settings.velocity_scale);
+      }
+    }
+  }
+}
+
+// Each of these makes it something else: the rungs above answer, as if there were no columns.
+TEST(Column, JustOutsideItsKind) {
+  Random random(702);
+  const auto each = [&](const auto& breaks) {
+    for (int trial = 0; trial < 20; ++trial) {
+      SCOPED_TRACE(trial);
+      auto [problem, up] = MakeRestingColumn(&random, 6, 0.5);
+      qp::Settings settings = MakeSettings(problem, Model::kConvex);
+      ASSERT_EQ(Solve(problem, settings).rung, Rung::kColumn);
+      breaks(&problem, up);
+      const qp::Solution ours = Solve(problem, settings);
+      settings.ladder = settings.ladder.Without(Rung::kColumn);
+      const qp::Solution others = Solve(problem, settings);
+      EXPECT_NE(ours.rung, Rung::kColumn);
+      EXPECT_EQ(ours.velocities, others.velocities);
+    }
+  };
+  const auto sides = [](ContactTerm* contact, const auto& visit) {
+    if (contact->body_a >= 0) visit(contact->body_a, &contact->jacobian_a);
+    if (contact->body_b >= 0) visit(contact->body_b, &contact->jacobian_b);
+  };
+  each([&](Problem* problem, const Vector3& up) {  // a normal that is tilted
+    sides(&problem->contacts[1], [&](int, qp::Jacobian* j) {
+      j->row(0).head<3>() += (j->row(0).head<3>().dot(up) * 1e-6 * up.unitOrthogonal()).transpose();
+    });
+  });
+  each([&](Problem* problem, const Vector3& up) {  // a body off the line
+    for (ContactTerm& contact : problem->contacts)
+      sides(&contact, [&](int body, qp::Jacobian* j) {
+        for (int r = 0; body == 3 && r < 3; ++r)
+          j->row(r).tail<3>() += 1e-6 * up.unitOrthogonal().cross(Vector3(j->row(r).head<3>())).transpose();
+      });
+  });
+  each(
+      [](Problem* problem, const Vector3& up) { problem->bodies[2].velocity.head<3>() += 1e-6 * up.unitOrthogonal(); });
+  each([](Problem* problem, const Vector3&) {  // ground that slides
+    for (ContactTerm& contact : problem->contacts)
+      if (contact.body_a < 0 || contact.body_b < 0) contact.drift[1] = 1e-6;
+  });
+  const auto touch = [](Problem* problem, int below, int above, const Vector3& up) {
+    ProblemBuilder builder;
+    for (size_t i = 0; i < problem->bodies.size(); ++i)
+      builder.positions.push_back((static_cast<double>(i) + 0.5) * up);
+    builder.problem = *problem;
+    builder.AddContact(below, above, (std::max(below, above) + 0.5) * up, up, 0.5);
+    *problem = builder.problem;
+  };
+  each([&](Problem* problem, const Vector3& up) { touch(problem, 5, -1, up); });  // a ceiling
+  each([&](Problem* problem, const Vector3& up) { touch(problem, 2, 4, up); });   // a body on two others
+  each([&](Problem* problem, const Vector3& up) {                                 // two bodies on one
+    problem->bodies.push_back(problem->bodies.back());
+    touch(problem, 2, 6, up);
+  });
+  each([&](Problem* problem, const Vector3& up) {  // two columns
+    problem->bodies.push_back(problem->bodies.back());
+    touch(problem, -1, 6, up);
+  });
+}
+
+// Without friction nothing brakes a slide, and where nothing presses nothing turns.
+TEST(Column, WhatDoesNotMatterDoesNotCount) {
+  Problem sliding = ThreeCubes(-0.3, -0.3, -0.3);
+  sliding.bodies[1].velocity[0] = 2;
+  EXPECT_NE(Solve(sliding, MakeSettings(sliding, Model::kConvex)).rung, Rung::kColumn);
+  for (ContactTerm& contact : sliding.contacts) contact.friction = 0;
+  const qp::Solution slides = Solve(sliding, MakeSettings(sliding, Model::kConvex));
+  EXPECT_EQ(slides.rung, Rung::kColumn);
+  EXPECT_EQ(slides.velocities[6], 2);
+
+  Problem leaving = ThreeCubes(-0.3, -0.3, 0.1);
+  leaving.contacts.resize(10);  // the third cube lies on two corners
+  EXPECT_EQ(Solve(leaving, MakeSettings(leaving, Model::kConvex)).rung, Rung::kColumn);
+  leaving.bodies[2].velocity[2] = -0.3;
+  EXPECT_NE(Solve(leaving, MakeSettings(leaving, Model::kConvex)).rung, Rung::kColumn);
+}
+
+// At the border: what is off by less than the tolerance leaves the answer within it, whoever gives it.
+TEST(Column, NearlyColumnsMeetTheLaw) {
+  Random random(703);
+  int columns = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    SCOPED_TRACE(trial);
+    Problem problem = MakeColumn(&random, 6, 0.5, false, Ends(trial % 3)).problem;
+    const qp::Settings settings = MakeSettings(problem, Model::kConvex);
+    const double off = std::pow(10, random.Uniform(-13, -8));
+    for (qp::BodyTerm& body : problem.bodies) body.velocity += off * settings.velocity_scale * Vector6::Random();
+    for (ContactTerm& contact : problem.contacts)
+      for (qp::Jacobian* j : {&contact.jacobian_a, &contact.jacobian_b})
+        if (!j->isZero(0)) j->rightCols<3>() += off * Matrix3::Random();
+    const qp::Solution ours = Solve(problem, settings);
+    columns += ours.rung == Rung::kColumn;
+    EXPECT_EQ(ours.status, qp::Status::kSolved);
+    EXPECT_LT(MomentumResidual(problem, ours.velocities, ours.impulses), 1e-11 * settings.velocity_scale);
+    EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, 1e-6 * settings.velocity_scale);
+  }
+  EXPECT_GT(columns, 50);
+  EXPECT_LT(columns, 180);
+}
+
+// Centres far from the origin are on the line to less than one would like: 20,000 cubes are not.
+TEST(Column, AsHighAsOneLikes) {
+  Random random(704);
+  const Problem problem = MakeColumn(&random, 3000, 0.5, false, Ends::kWallBelow).problem;
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  const qp::Solution solution = Solve(problem, settings);
+  EXPECT_EQ(solution.rung, Rung::kColumn);
+  EXPECT_LT(qp::CoulombMap(problem, solution.velocities, solution.impulses).max, 1e-9 * settings.velocity_scale);
+}
+
+TEST(Column, AllocatesNothingWhenRepeated) {
+  Random random(705);
+  const Problem problem = MakeColumn(&random, 15, 0.4, false, Ends::kWallBelow).problem;
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  qp::IslandSolver solver;
+  qp::Solution solution;
+  solver.Solve(problem, settings, &solution);
+  ASSERT_EQ(solution.rung, Rung::kColumn);
+  const AllocationCounter counter;
+  solver.Solve(problem, settings, &solution);
+  EXPECT_EQ(counter.count(), 0);
+}
+
+}  // namespace
+}  // namespace islet::testing
