@@ -118,7 +118,7 @@ double Corrector::Share(const IslandToCorrect& island, std::span<const Body> bod
   return std::min({1.0, most / against, std::max(most, longest) / farthest});
 }
 
-// What is symmetric about a plane is solved in that plane and stays symmetric: sweeps in space would leave a tilt.
+// What stands on each other moves along its line, and what is symmetric about a plane in that: sweeps in space would leave a tilt.
 bool Corrector::SolveProblem(double scale, bool exact) {
   const double begin = Seconds();
   const qp::InVain before = report_.in_vain;
@@ -143,12 +143,14 @@ bool Corrector::SolveProblem(double scale, bool exact) {
   return true;
 }
 
+// Over thousands of bodies, or mass ratios of thousands, sums lose digits: what is not fine then goes the other ways.
 bool Corrector::SolveColumn(double scale) {
   solution_.velocities.assign(6 * problem_.bodies.size(), 0.0);
-  if (!column_.Solve(problem_, scale, solution_.velocities, &solution_.impulses)) return false;
+  if (!column_.Solve(problem_, qp::kColumnTolerance * scale, solution_.velocities, &solution_.impulses)) return false;
   solution_.slips.assign(problem_.contacts.size(), 0.0);
   qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
-  return true;
+  qp::ImpulseScales(problem_, &scales_);
+  return qp::CoulombMap(problem_, solution_.velocities, solution_.impulses, scales_).max <= kFine.change * scale;
 }
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
@@ -171,7 +173,7 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
   }
   qp::Settings settings;
   settings.model = qp::Model::kConvex;
-  settings.ladder = ladder_;
+  settings.ladder = ladder_.Without(qp::Rung::kColumn);  // has been asked
   settings.velocity_scale = scale;
   settings.tolerance = (fine ? kFine : kCoarse).gap;
   solver_.Solve(problem, settings, solution);

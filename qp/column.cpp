@@ -8,62 +8,60 @@
 namespace islet::qp {
 namespace {
 
-// Normal of the contact with the moments it has about both bodies, as the push on `side` b or a.
-struct Push {
-  Vector3 direction;
-  Vector3 turn_a, turn_b;
-};
+constexpr double kRounding = 1e-14;
+constexpr double kFlat = 1e-9;  // of the spread of a joint's contacts along its length: what is less wide is an edge
 
-Push PushOf(const ContactTerm& contact) {
-  const bool of_b = contact.body_b >= 0;
-  const Jacobian& shown = of_b ? contact.jacobian_b : contact.jacobian_a;
-  return {(of_b ? 1 : -1) * shown.row(0).head<3>().transpose(), contact.jacobian_a.row(0).tail<3>().transpose(),
-          contact.jacobian_b.row(0).tail<3>().transpose()};
+// Of a unit impulse along the normal, on side b or, reversed, on side a.
+Vector3 DirectionOf(const ContactTerm& contact) {
+  return contact.body_b >= 0 ? Vector3(contact.jacobian_b.row(0).head<3>())
+                             : Vector3(-contact.jacobian_a.row(0).head<3>());
 }
 
-bool OnWall(const ContactTerm& contact) { return contact.body_a < 0 || contact.body_b < 0; }
+// Away from the first wall that is found.
+Vector3 Upwards(const std::vector<ContactTerm>& contacts) {
+  const auto on_wall = [](const ContactTerm& c) { return c.body_a < 0 || c.body_b < 0; };
+  const auto wall = std::find_if(contacts.begin(), contacts.end(), on_wall);
+  const ContactTerm& first = wall == contacts.end() ? contacts[0] : *wall;
+  return (first.body_b < 0 ? -1 : 1) * DirectionOf(first);
+}
+
+// x of S x = y with the least residual, of those the shortest; S is symmetric and positive semidefinite.
+Eigen::Vector2d SolveSpread(const Eigen::Matrix2d& s, const Eigen::Vector2d& y) {
+  const double trace = s.trace();
+  if (trace == 0) return Eigen::Vector2d::Zero();
+  if (s.determinant() > kFlat * trace * trace) return s.inverse() * y;
+  return s * y / (trace * trace);
+}
 
 }  // namespace
 
-bool Column::Solve(const Problem& problem, double velocity_scale, std::span<const double> velocities,
+bool Column::Solve(const Problem& problem, double tolerance, std::span<const double> velocities,
                    std::vector<Vector3>* impulses) {
-  if (problem.contacts.empty() || !FindJoints(problem, kColumnTolerance * velocity_scale, velocities.data()) ||
-      !FindChain())
-    return false;
+  tolerance_ = tolerance;
+  if (problem.contacts.empty() || !FindJoints(problem, velocities.data()) || !FindChain()) return false;
   Pool(problem);
   Load(problem);
-  if (!TurnsNothing(problem)) return false;
-  impulses->assign(problem.contacts.size(), Vector3::Zero());
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    const Joint& joint = joints_[upper_[c]];
-    if (demands_[c] >= joint.demand - kColumnTolerance * velocity_scale)
-      (*impulses)[c][0] = joint.impulse / joint.pressing;
-  }
-  return true;
+  return ShareAll(problem, impulses);
 }
 
-// Up is away from the first wall that is found. False if a contact breaks the column by itself: a normal that is not parallel,
-// another body below or above, a slide.
-bool Column::FindJoints(const Problem& problem, double tolerance, const double* velocities) {
-  const auto& contacts = problem.contacts;
-  const auto wall = std::find_if(contacts.begin(), contacts.end(), OnWall);
-  const ContactTerm& first = wall == contacts.end() ? contacts[0] : *wall;
-  up_ = (first.body_b < 0 ? -1 : 1) * PushOf(first).direction;
+// False if a contact breaks the column by itself: a normal that is not parallel, another body below or above, a slide.
+bool Column::FindJoints(const Problem& problem, const double* velocities) {
+  const Vector3 up = Upwards(problem.contacts), x = up.unitOrthogonal(), y = up.cross(x);
   joints_.assign(problem.bodies.size(), {});
-  upper_.resize(contacts.size());
-  demands_.resize(contacts.size());
+  touches_.resize(problem.contacts.size());
   for (int c = 0; c < problem.num_contacts(); ++c) {
-    const ContactTerm& contact = contacts[c];
-    const Push push = PushOf(contact);
-    const double along = push.direction.dot(up_);
-    if (!((push.direction - along * up_).norm() <= kColumnTolerance &&
-          std::abs(std::abs(along) - 1) <= kColumnTolerance))
+    const ContactTerm& contact = problem.contacts[c];
+    const Vector3 direction = DirectionOf(contact);
+    const double along = direction.dot(up);
+    if (!((direction - along * up).norm() <= kColumnTolerance && std::abs(std::abs(along) - 1) <= kColumnTolerance))
       return false;
     const Vector3 u = ContactVelocity(contact, velocities);
-    if (contact.friction > 0 && !(u.tail<2>().norm() <= tolerance)) return false;
-    const auto [below, above] =
-        along > 0 ? std::pair(contact.body_a, contact.body_b) : std::pair(contact.body_b, contact.body_a);
+    if (contact.friction > 0 && !(u.tail<2>().norm() <= tolerance_)) return false;
+    const bool of_b = along > 0;
+    const int below = of_b ? contact.body_a : contact.body_b, above = of_b ? contact.body_b : contact.body_a;
     if (above < 0) return false;
+    const Vector3 turn_a = contact.jacobian_a.row(0).tail<3>(), turn_b = contact.jacobian_b.row(0).tail<3>();
+    const Vector3 &low = of_b ? turn_a : turn_b, &high = of_b ? turn_b : turn_a;
     Joint& joint = joints_[above];
     if (joint.below == kNobody) {
       joint.below = below;
@@ -73,18 +71,11 @@ bool Column::FindJoints(const Problem& problem, double tolerance, const double* 
     } else if (joint.below != below) {
       return false;
     }
-    upper_[c] = above;
-    demands_[c] = contact.target - u[0];
-    joint.demand = std::max(joint.demand, demands_[c]);
-  }
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    Joint& joint = joints_[upper_[c]];
-    if (demands_[c] < joint.demand - tolerance) continue;
-    const Push push = PushOf(contacts[c]);
-    const bool b_above = upper_[c] == contacts[c].body_b;
-    ++joint.pressing;
-    joint.levers.head<3>() += b_above ? push.turn_a : push.turn_b;
-    joint.levers.tail<3>() += b_above ? push.turn_b : push.turn_a;
+    Touch& touch = touches_[c];
+    touch = {above, joint.last, contact.target - u[0], {{low.dot(x), low.dot(y)}, {high.dot(x), high.dot(y)}}};
+    joint.last = c;
+    if (!std::isfinite(touch.demand)) return false;
+    joint.demand = std::max(joint.demand, touch.demand);
   }
   return true;
 }
@@ -136,19 +127,48 @@ void Column::Load(const Problem& problem) {
   }
 }
 
-bool Column::TurnsNothing(const Problem& problem) const {
-  const auto turns = [&](int body, const Vector3& lever, int pressing) {
-    if (body < 0) return false;
-    const BodyTerm& term = problem.bodies[body];
-    return !(lever.norm() <= kColumnTolerance * pressing * std::sqrt(term.inertia.trace() / term.mass));
-  };
-  for (size_t i = 0; i < joints_.size(); ++i) {
-    const Joint& joint = joints_[i];
-    if (joint.impulse > 0 && (turns(joint.below, joint.levers.head<3>(), joint.pressing) ||
-                              turns(static_cast<int>(i), joint.levers.tail<3>(), joint.pressing)))
-      return false;
+// From the top down: each joint's impulse balances what turns the body above it. False if that takes a pull, or there is none.
+bool Column::ShareAll(const Problem& problem, std::vector<Vector3>* impulses) const {
+  impulses->assign(problem.contacts.size(), Vector3::Zero());
+  Vector2 turning = Vector2::Zero();  // of the body at this place, by what is above it
+  for (size_t place = chain_.size(); place-- > 0;) {
+    const BodyTerm& body = problem.bodies[chain_[place]];
+    const Joint& joint = joints_[chain_[place]];
+    Moments moments;
+    if (joint.impulse > 0 && !Share(joint, -turning, &moments, impulses)) return false;
+    const double radius = std::sqrt(body.inertia.trace() / body.mass);
+    if (!((turning + moments.above).norm() <= tolerance_ * body.mass * radius)) return false;
+    turning = moments.below;
   }
   return true;
+}
+
+// The joint's impulse, to its contacts that ask for as much as it does, with the moment `wanted` about the body above or the
+// nearest to it. False if one of them would have to pull.
+bool Column::Share(const Joint& joint, const Vector2& wanted, Moments* moments, std::vector<Vector3>* impulses) const {
+  const auto each = [&](const auto& visit) {
+    for (int c = joint.last; c >= 0; c = touches_[c].before)
+      if (touches_[c].demand >= joint.demand - tolerance_) visit(c, touches_[c]);
+  };
+  int count = 0;
+  Vector2 mean = Vector2::Zero();
+  each([&](int, const Touch& touch) { ++count, mean += touch.moments.above; });
+  mean /= count;
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  each([&](int, const Touch& touch) {
+    spread += (touch.moments.above - mean) * (touch.moments.above - mean).transpose();
+  });
+  const Vector2 slope = SolveSpread(spread, wanted / joint.impulse - mean);
+  bool pushes = true;
+  each([&](int c, const Touch& touch) {
+    const double share = 1.0 / count + slope.dot(touch.moments.above - mean),
+                 impulse = joint.impulse * std::max(0.0, share);
+    pushes = pushes && share >= -kRounding;
+    (*impulses)[c][0] = impulse;
+    moments->above += impulse * touch.moments.above;
+    moments->below += impulse * touch.moments.below;
+  });
+  return pushes;
 }
 
 }  // namespace islet::qp

@@ -13,8 +13,10 @@ namespace {
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
 constexpr int kMendingSweeps = 20;
-constexpr double kHeldShare = 1e-3;    // of the tolerance: what held before must meet, frame after frame
-constexpr double kNormalShare = 1e-2;  // of the tolerance: natural map without friction, by Newton's method
+constexpr double kHeldShare = 1e-3;     // of the tolerance: what held before must meet, frame after frame
+constexpr double kRoundingGap = 1e-11;  // what rounding may leave of a gap
+constexpr double kColumnShare = 0.1;    // of that: what slides or turns in a column
+constexpr double kNormalShare = 1e-2;   // of the tolerance: natural map without friction, by Newton's method
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
 constexpr int kNormalSweeps = 40;      // before an interior point that starts from them
@@ -104,7 +106,7 @@ bool IslandSolver::SolveOneBody(const Problem& problem, const Settings& settings
   return false;
 }
 
-// What no formula answers, from columns upwards.
+// What no formula for few contacts answers, from columns upwards.
 void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                          Solution* solution) {
   ImpulseScales(problem, &scales_);
@@ -123,15 +125,16 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   }
 }
 
-// A formula, too, but for many bodies: judged like what still holds.
+// Nearly a formula: judged like what still holds, and by the gap that was asked for.
 bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings, Solution* solution) {
-  if (AnyCompliance(problem) || !IsConvex(problem, settings) ||
-      !column_.Solve(problem, settings.velocity_scale, solution->velocities, &swept_impulses_))
-    return false;
-  const double begin = Seconds();
+  if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
+  const double begin = Seconds(), goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
+  const double slide = std::min(kColumnTolerance * settings.velocity_scale, kColumnShare * goal);
+  if (!column_.Solve(problem, slide, solution->velocities, &swept_impulses_)) return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  const double goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
-  if (MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution)) return true;
+  if (MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution) &&
+      solution->gap <= std::max(kRoundingGap, settings.tolerance))
+    return true;
   Prepare(problem, solution);
   in_vain_.Add(Rung::kColumn, Seconds() - begin);
   return false;

@@ -15,9 +15,9 @@ using Matrix3 = Eigen::Matrix3d;
 
 Vector3 ProjectOnCircular(const Vector3& x, double mu) {
   const double tangent = x.tail<2>().norm();
+  if (x[0] + mu * tangent <= 0) return Vector3::Zero();
   if (tangent <= mu * x[0]) return x;
   const double normal = (x[0] + mu * tangent) / (1 + mu * mu);
-  if (normal <= 0) return Vector3::Zero();
   Vector3 out;
   out << normal, (mu * normal / tangent) * x.tail<2>();
   return out;

@@ -2,7 +2,7 @@
 import matplotlib.pyplot as plt
 from matplotlib import ticker
 
-COLOURS = ("#bbbbbb", "#2e8b57", "#0b5fa5", "#8e5aa8", "#d1495b", "#444444", "#b8860b", "#56b4c9", "#e07b39", "#7fbf7f")
+COLOURS = ("#bbbbbb", "#2e8b57", "#0b5fa5", "#a4c639", "#8e5aa8", "#d1495b", "#444444", "#b8860b", "#56b4c9", "#e07b39", "#7fbf7f")
 ASKED = 1e-6   # the engine's own tolerance: of the bars and the table
 FLOOR = 1e-17  # [m/s]
 
@@ -66,7 +66,7 @@ def draw_rungs(found, folder, save):
         whole = pair["off"]["wall_s"]
         for ladder, below in (("off", 0.2), ("auto", -0.2)):
             row, left = pair[ladder], 0
-            parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, COLOURS)]
+            parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, COLOURS, strict=True)]
             parts.append(("position problems", row.get("position_seconds", 0), "#d8c3a5"))
             parts.append(("all else of the step", max(0, row["wall_s"] - sum(p[1] for p in parts)), "#eeeeee"))
             for name, seconds, colour in parts:

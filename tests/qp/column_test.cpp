@@ -38,9 +38,9 @@ struct RandomColumn {
   Vector3 up;
 };
 
-// Bodies over each other that fall or rise, whose contacts are corners of regular polygons about the line, or one point on it, in any
+// Bodies over each other that fall or rise, whose contacts are corners of regular polygons about the line, of `least` corners, in any
 // order and seen from either side. Without walls all drift aside together. The whole is turned.
-RandomColumn MakeColumn(Random* random, int bodies, double friction, bool bounces, Ends ends) {
+RandomColumn MakeColumn(Random* random, int bodies, double friction, bool bounces, Ends ends, int least = 1) {
   const Matrix3 turned = random->Rotation();
   const Vector3 up = turned.col(2), aside = (ends == Ends::kNone ? 0.3 : 0.0) * turned.col(0);
   ProblemBuilder builder;
@@ -52,7 +52,7 @@ RandomColumn MakeColumn(Random* random, int bodies, double friction, bool bounce
   }
   const int first = ends == Ends::kWallBelow ? 0 : 1, last = ends == Ends::kWallAbove ? bodies : bodies - 1;
   for (int i = first; i <= last; ++i) {
-    const int below = i - 1, above = i < bodies ? i : -1, corners = std::max(1, random->Integer(-1, 6));
+    const int below = i - 1, above = i < bodies ? i : -1, corners = std::max(least, random->Integer(-1, 6));
     const double phase = random->Uniform(0, 6), radius = corners == 1 ? 0 : random->Uniform(0.1, 0.5);
     const double belt = random->Uniform(-0.1, 0.1);
     for (int k = 0; k < corners; ++k) {
@@ -68,9 +68,19 @@ RandomColumn MakeColumn(Random* random, int bodies, double friction, bool bounce
   return {builder.problem, up};
 }
 
+// Moves the centre of a body against its contacts.
+void Displace(int body, const Vector3& by, Problem* problem) {
+  for (ContactTerm& contact : problem->contacts) {
+    qp::Jacobian* const j = contact.body_a == body   ? &contact.jacobian_a
+                            : contact.body_b == body ? &contact.jacobian_b
+                                                     : nullptr;
+    for (int r = 0; j && r < 3; ++r) j->row(r).tail<3>() -= by.cross(Vector3(j->row(r).head<3>())).transpose();
+  }
+}
+
 // All falls equally fast on a wall that stands still, so that all contacts press.
-RandomColumn MakeRestingColumn(Random* random, int bodies, double friction) {
-  RandomColumn column = MakeColumn(random, bodies, friction, false, Ends::kWallBelow);
+RandomColumn MakeRestingColumn(Random* random, int bodies, double friction, int least = 1) {
+  RandomColumn column = MakeColumn(random, bodies, friction, false, Ends::kWallBelow, least);
   for (qp::BodyTerm& body : column.problem.bodies) body.velocity.head<3>() = -0.3 * column.up;
   for (ContactTerm& contact : column.problem.contacts) contact.drift.setZero();
   return column;
@@ -160,13 +170,7 @@ TEST(Column, JustOutsideItsKind) {
       j->row(0).head<3>() += (j->row(0).head<3>().dot(up) * 1e-6 * up.unitOrthogonal()).transpose();
     });
   });
-  each([&](Problem* problem, const Vector3& up) {  // a body off the line
-    for (ContactTerm& contact : problem->contacts)
-      sides(&contact, [&](int body, qp::Jacobian* j) {
-        for (int r = 0; body == 3 && r < 3; ++r)
-          j->row(r).tail<3>() += 1e-6 * up.unitOrthogonal().cross(Vector3(j->row(r).head<3>())).transpose();
-      });
-  });
+  each([](Problem* problem, const Vector3& up) { Displace(3, 20 * up.unitOrthogonal(), problem); });  // one falls over
   each(
       [](Problem* problem, const Vector3& up) { problem->bodies[2].velocity.head<3>() += 1e-6 * up.unitOrthogonal(); });
   each([](Problem* problem, const Vector3&) {  // ground that slides
@@ -193,6 +197,53 @@ TEST(Column, JustOutsideItsKind) {
   });
 }
 
+// Faces of three corners and more hold what leans, as long as it need not be held down: the interior point finds nothing else.
+TEST(Column, Leaning) {
+  Random random(706);
+  int columns = 0, leaning = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    SCOPED_TRACE(trial);
+    auto [problem, up] = MakeRestingColumn(&random, 5, 0.5, 3);
+    const double lean = std::pow(10, random.Uniform(-8, 0));
+    const Vector3 aside = up.unitOrthogonal();
+    for (int i = 0; i < 5; ++i)
+      Displace(i, lean * (random.Uniform(-1, 1) * aside + random.Uniform(-1, 1) * up.cross(aside)), &problem);
+    qp::Settings settings = MakeSettings(problem, trial % 2 == 0 ? Model::kConvex : Model::kCoulomb);
+    settings.tolerance = 1e-13;
+    const qp::Solution ours = Solve(problem, settings);
+    columns += ours.rung == Rung::kColumn;
+    if (ours.rung != Rung::kColumn) continue;
+    leaning += lean > 1e-3;
+    for (const Vector3& j : ours.impulses) EXPECT_GE(j[0], 0);
+    EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, 1e-11 * settings.velocity_scale);
+    settings.ladder = qp::Ladder::Off();
+    const qp::Solution full = Solve(problem, settings);
+    EXPECT_LT(VelocityDistance(problem, ours.velocities, full.velocities), 1e-6 * settings.velocity_scale);
+  }
+  EXPECT_GT(columns, 70);
+  EXPECT_LT(columns, 99);
+  EXPECT_GT(leaning, 20);
+}
+
+// An edge holds what is over it: by hand, a quarter of the way from one end.
+TEST(Column, OnAnEdge) {
+  Problem problem = ThreeCubes(-0.3, -0.3, -0.3);
+  problem.contacts.resize(10);
+  Vector3 ends[2];  // of the third cube's edge, from its centre: the moment of a push along z is (y, -x)
+  for (int k = 0; k < 2; ++k) {
+    const auto turn = problem.contacts[8 + k].jacobian_b.row(0).tail<3>();
+    ends[k] = {-turn[1], turn[0], 0};
+  }
+  Displace(2, 0.75 * ends[0] + 0.25 * ends[1], &problem);
+  qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  const qp::Solution solution = Solve(problem, settings);
+  EXPECT_EQ(solution.rung, Rung::kColumn);
+  EXPECT_NEAR(solution.impulses[8][0], 0.9 * 0.75, 1e-15);
+  EXPECT_NEAR(solution.impulses[9][0], 0.9 * 0.25, 1e-15);
+  Displace(2, 1e-6 * Vector3::UnitZ().cross(ends[1] - ends[0]), &problem);
+  EXPECT_NE(Solve(problem, settings).rung, Rung::kColumn);
+}
+
 // Without friction nothing brakes a slide, and where nothing presses nothing turns.
 TEST(Column, WhatDoesNotMatterDoesNotCount) {
   Problem sliding = ThreeCubes(-0.3, -0.3, -0.3);
@@ -210,6 +261,11 @@ TEST(Column, WhatDoesNotMatterDoesNotCount) {
   EXPECT_NE(Solve(leaving, MakeSettings(leaving, Model::kConvex)).rung, Rung::kColumn);
 }
 
+Vector6 RandomVector6(Random* random) { return (Vector6() << random->Vector(1), random->Vector(1)).finished(); }
+Matrix3 RandomMatrix(Random* random) {
+  return (Matrix3() << random->Vector(1), random->Vector(1), random->Vector(1)).finished();
+}
+
 // At the border: what is off by less than the tolerance leaves the answer within it, whoever gives it.
 TEST(Column, NearlyColumnsMeetTheLaw) {
   Random random(703);
@@ -219,15 +275,16 @@ TEST(Column, NearlyColumnsMeetTheLaw) {
     Problem problem = MakeColumn(&random, 6, 0.5, false, Ends(trial % 3)).problem;
     const qp::Settings settings = MakeSettings(problem, Model::kConvex);
     const double off = std::pow(10, random.Uniform(-13, -8));
-    for (qp::BodyTerm& body : problem.bodies) body.velocity += off * settings.velocity_scale * Vector6::Random();
+    for (qp::BodyTerm& body : problem.bodies) body.velocity += off * settings.velocity_scale * RandomVector6(&random);
     for (ContactTerm& contact : problem.contacts)
       for (qp::Jacobian* j : {&contact.jacobian_a, &contact.jacobian_b})
-        if (!j->isZero(0)) j->rightCols<3>() += off * Matrix3::Random();
+        if (!j->isZero(0)) j->rightCols<3>() += off * RandomMatrix(&random);
     const qp::Solution ours = Solve(problem, settings);
     columns += ours.rung == Rung::kColumn;
     EXPECT_EQ(ours.status, qp::Status::kSolved);
     EXPECT_LT(MomentumResidual(problem, ours.velocities, ours.impulses), 1e-11 * settings.velocity_scale);
-    EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, 1e-6 * settings.velocity_scale);
+    const double bound = ours.rung == Rung::kColumn ? 2e-9 : 1e-6;
+    EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, bound * settings.velocity_scale);
   }
   EXPECT_GT(columns, 50);
   EXPECT_LT(columns, 180);
@@ -241,6 +298,60 @@ TEST(Column, AsHighAsOneLikes) {
   const qp::Solution solution = Solve(problem, settings);
   EXPECT_EQ(solution.rung, Rung::kColumn);
   EXPECT_LT(qp::CoulombMap(problem, solution.velocities, solution.impulses).max, 1e-9 * settings.velocity_scale);
+}
+
+// Of the contacts of a pair some ask for less, and press not; heavy bodies lie on light ones; any tier; no compliance.
+TEST(Column, UnlikeContactsAndBodies) {
+  Random random(707);
+  int columns = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    SCOPED_TRACE(trial);
+    auto [problem, up] = MakeRestingColumn(&random, 6, 0.5, 4);
+    for (qp::BodyTerm& body : problem.bodies) {
+      const double factor = std::pow(10, random.Uniform(-2, 2));
+      body.mass *= factor, body.inertia *= factor, body.inverse_inertia /= factor;
+    }
+    for (ContactTerm& contact : problem.contacts)
+      if (random.Integer(0, 5) == 0) contact.target -= 0.1;
+    qp::Settings settings = MakeSettings(problem, trial % 2 == 0 ? Model::kConvex : Model::kCoulomb);
+    settings.tier = trial % 3 == 0 ? qp::Tier::kSwept : qp::Tier::kCertified;
+    const qp::Solution ours = Solve(problem, settings);
+    if (ours.rung != Rung::kColumn) continue;
+    ++columns;
+    EXPECT_LT(ours.gap, 1e-9);
+    EXPECT_LT(qp::CoulombMap(problem, ours.velocities, ours.impulses).max, 2e-9 * settings.velocity_scale);
+    for (int c = 0; c < problem.num_contacts(); ++c) {
+      EXPECT_GE(ours.impulses[c][0], 0);
+      if (problem.contacts[c].target < 0) {
+        EXPECT_EQ(ours.impulses[c][0], 0);
+      }
+    }
+    std::shuffle(problem.contacts.begin(), problem.contacts.end(), random.engine());
+    const qp::Solution shuffled = Solve(problem, settings);
+    EXPECT_EQ(shuffled.rung, Rung::kColumn);
+    EXPECT_LT(VelocityDistance(problem, ours.velocities, shuffled.velocities), 1e-11 * settings.velocity_scale);
+    problem.contacts[0].compliance = 1e-3;
+    EXPECT_NE(Solve(problem, settings).rung, Rung::kColumn);
+  }
+  EXPECT_GT(columns, 20);
+}
+
+// A slide within the tolerance is a gap: who asks for less than that is answered by others.
+TEST(Column, TheGapThatIsAskedForCounts) {
+  Random random(708);
+  for (const double tolerance : {1e-6, 1e-14}) {
+    auto [problem, up] = MakeRestingColumn(&random, 6, 0.5, 3);
+    qp::Settings settings = MakeSettings(problem, Model::kConvex);
+    settings.tolerance = tolerance;
+    const Vector3 aside = up.unitOrthogonal();
+    for (int i = 0; i < 6; ++i)
+      problem.bodies[i].velocity.head<3>() += (i % 2 == 0 ? 4e-11 : -4e-11) * settings.velocity_scale * aside;
+    const qp::Solution solution = Solve(problem, settings);
+    EXPECT_EQ(solution.rung == Rung::kColumn, tolerance > 1e-10);
+    if (solution.rung == Rung::kColumn) {
+      EXPECT_LE(solution.gap, tolerance);
+    }
+  }
 }
 
 TEST(Column, AllocatesNothingWhenRepeated) {

@@ -165,7 +165,7 @@ double NaturalMap(const Problem& problem, const qp::Solution& solution) {
     const Vector3 x = solution.impulses[c] - rho * u;
     const double tangent = x.tail<2>().norm(), normal = std::max(0.0, (x[0] + mu * tangent) / (1 + mu * mu));
     Vector3 nearest = x;
-    if (tangent > mu * x[0]) nearest << normal, normal * mu / std::max(1e-300, tangent) * x.tail<2>();
+    if (x[0] < 0 || tangent > mu * x[0]) nearest << normal, normal * mu / std::max(1e-300, tangent) * x.tail<2>();
     sum += (solution.impulses[c] - nearest).squaredNorm() / (rho * rho);
   }
   return std::sqrt(sum / problem.num_contacts());

@@ -297,7 +297,7 @@ double ExactMap(const Problem& problem, const qp::Solution& solution) {
     const Vector3 x = solution.impulses[c] - rho * u;
     const double tangent = x.tail<2>().norm();
     Vector3 nearest = x;
-    if (tangent > mu * x[0]) {
+    if (x[0] < 0 || tangent > mu * x[0]) {
       Vector3 edge(1, 0, 0);
       if (tangent > 0) edge.tail<2>() = mu / tangent * x.tail<2>();
       edge.normalize();
@@ -343,7 +343,8 @@ TEST(Ladder, AgreesWithTheFullMethod) {
 TEST(Ladder, ImpulsesThatStillHoldAreKept) {
   Random random(106);
   const Problem problem = RestingStack(&random);
-  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  settings.ladder = settings.ladder.Without(qp::Rung::kColumn);
   qp::IslandSolver solver;
   qp::Solution first, second;
   solver.Solve(problem, settings, &first);

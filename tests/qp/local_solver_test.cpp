@@ -78,7 +78,7 @@ double WorstMap(const LocalProblem& problem, const LocalSolution& solution, bool
     const Vector3 x = j - rho * u;
     const double t = x.tail<2>().norm(), n = std::max(0.0, (x[0] + mu * t) / (1 + mu * mu));
     Vector3 nearest = x;
-    if (t > mu * x[0]) nearest << n, x.tail<2>() * (t > 0 ? mu * n / t : 0);
+    if (x[0] < 0 || t > mu * x[0]) nearest << n, x.tail<2>() * (t > 0 ? mu * n / t : 0);
     worst = std::max(worst, (j - nearest).norm() / rho);
   }
   return worst;

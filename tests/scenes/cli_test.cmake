@@ -143,7 +143,7 @@ foreach(key scene bodies frames dt threads model cone tolerance freeze seed sim_
     largest_island_contacts.mean largest_island_contacts.max frozen awake
     collision_qp.solved collision_qp.seconds_mean collision_qp.iterations_mean collision_qp.iterations_max
     collision_qp.failed static_qp.solved static_qp.seconds_mean static_qp.iterations_mean static_qp.iterations_max
-    static_qp.failed ladder.sweeps.problems ladder.share_in_vain motion.ladder.reach.problems
+    static_qp.failed ladder.sweeps.problems ladder.column.escalations ladder.held.seconds_in_vain ladder.share_in_vain motion.ladder.reach.problems
     motion.ladder.sweeps.seconds motion.ladder.share_in_vain certificate.momentum certificate.cone certificate.dual certificate.gap
     certificate.natural_map_max certificate.natural_map_rms certificate.coulomb_map_max certificate.coulomb_map_rms
     penetration.max penetration.mean_of_frame_max kinetic_energy_end energy_gain_max momentum_drift escaped passed
@@ -179,7 +179,7 @@ list(LENGTH rows num_rows)
 check_equal("lines of the table" "${num_rows}" 6)
 list(GET rows 0 header)
 check_match("columns" header "^frame,contacts,active_contacts,islands,largest_island_contacts,\
-collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max")
+collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max.*,column,.*,escalations,.*,column_escalations,.*,motion_escalations,")
 string(REGEX REPLACE "[^,]" "" commas "${header}")
 foreach(row IN LISTS rows)
   string(REGEX REPLACE "[^,]" "" row_commas "${row}")
