@@ -178,24 +178,40 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 
 // The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
 // within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
-// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
+// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that. What
+// bounced with them and presses on them comes along, or it would rise from them.
 void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
-  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) {
+  const auto is_caught = [&](size_t c) {
     const Contact& contact = contacts[c];
     const auto velocity = [&](int i) -> Vector3 {
       const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
       return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
     };
-    catches[c] =
-        frame.holding[c][0] > 0 &&
-        (!contact.touches ||
-         std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold);
-  });
-  for (size_t c = 0; c < contacts.size(); ++c) {
-    if (!catches[c]) continue;
-    for (const int i : {contacts[c].body_a, contacts[c].body_b}) frame.before_gravity[i] = TwistOf(frame.bodies[i]);
+    return frame.holding[c][0] > 0 &&
+           (!contact.touches ||
+            std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold);
+  };
+  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { catches[c] = is_caught(c); });
+  settled.assign(frame.bodies.size(), 0);
+  const auto settle = [&](const Contact& contact) {
+    for (const int i : {contact.body_a, contact.body_b}) {
+      frame.before_gravity[i] = TwistOf(frame.bodies[i]);
+      settled[i] = frame.bodies[i].Moves();
+    }
+  };
+  for (size_t c = 0; c < contacts.size(); ++c)
+    if (catches[c]) settle(contacts[c]);
+  const auto one_is_left = [&](int a, int b) { return settled[a] && frame.bodies[b].Moves() && !settled[b]; };
+  for (bool more = true; more;) {
+    more = false;
+    for (size_t c = 0; c < contacts.size(); ++c) {
+      const int a = contacts[c].body_a, b = contacts[c].body_b;
+      if (!(one_is_left(a, b) || one_is_left(b, a)) || !is_caught(c)) continue;
+      settle(contacts[c]);
+      more = true;
+    }
   }
 }
 

@@ -57,6 +57,7 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<int> bounce_counts, unbalanced, candidates, woken;
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;         // per contact: it holds a body that moves along its normal
+  std::vector<std::uint8_t> settled;         // per body: moves with its final velocity alone
   std::vector<std::uint8_t> chosen;          // per island
   std::vector<std::uint8_t> drafted;         // per body: what its island has is a draft
   bool moves_for_sure = false;               // a candidate got more than a trembling speed

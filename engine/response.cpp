@@ -76,17 +76,6 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   return out;
 }
 
-double KineticEnergy(const qp::Problem& problem, const std::vector<double>* velocities) {
-  double energy = 0;
-  for (size_t i = 0; i < problem.bodies.size(); ++i) {
-    const qp::BodyTerm& body = problem.bodies[i];
-    const qp::Vector6 v = velocities ? Eigen::Map<const qp::Vector6>(&(*velocities)[6 * i])
-                                     : Eigen::Map<const qp::Vector6>(body.velocity.data());
-    energy += 0.5 * body.mass * v.head<3>().squaredNorm() + 0.5 * v.tail<3>().dot(body.inertia * v.tail<3>());
-  }
-  return energy;
-}
-
 }  // namespace
 
 // Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
@@ -120,7 +109,7 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
     solver_settings.coulomb_tolerance = kDraftTolerance * speed_floor / v_ref;
   }
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
-  const double energy_before = KineticEnergy(problem_, nullptr);
+  const double energy_before = qp::KineticEnergy(problem_, nullptr);
   const bool bounces =
       std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
@@ -136,7 +125,7 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
     // On the brink of a jam the solver stalls: less bounce is better than a bad answer.
     const bool accepted = solution_.status == qp::Status::kSolved || (!bounces && Usable(solution_.status));
     return accepted &&
-           (may_gain || KineticEnergy(problem_, &solution_.velocities) <= energy_before * (1 + settings.tolerance));
+           (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <= energy_before * (1 + settings.tolerance));
   };
   solve();
   for (int attempt = 0; !good() && LowerRestitution(attempt); ++attempt) {

@@ -125,14 +125,16 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
   }
 }
 
-// Nearly a formula: judged like what still holds, and by the gap that was asked for.
+// Nearly a formula: judged like what still holds, by the gap that was asked for, and by the energy: who says which bounces are to
+// blame for too much of it is the interior point.
 bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings, Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
   const double slide = std::min(kColumnTolerance * settings.velocity_scale, kColumnShare * goal);
   if (!column_.Solve(problem, slide, solution->velocities, &swept_impulses_)) return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  if (MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution) &&
+  const bool useful = KineticEnergy(problem, swept_velocities_.data()) <= settings.energy_limit;
+  if (useful && MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution) &&
       solution->gap <= std::max(kRoundingGap, settings.tolerance))
     return true;
   Prepare(problem, solution);

@@ -52,6 +52,17 @@ Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities) {
   return u;
 }
 
+double KineticEnergy(const Problem& problem, const double* velocities) {
+  double energy = 0;
+  for (size_t i = 0; i < problem.bodies.size(); ++i) {
+    const BodyTerm& body = problem.bodies[i];
+    const Vector6 v =
+        velocities ? Eigen::Map<const Vector6>(velocities + 6 * i) : Eigen::Map<const Vector6>(body.velocity.data());
+    energy += 0.5 * body.mass * v.head<3>().squaredNorm() + 0.5 * v.tail<3>().dot(body.inertia * v.tail<3>());
+  }
+  return energy;
+}
+
 Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact) {
   Matrix3 w = Matrix3::Zero();
   const auto add = [&](int number, const Jacobian& jacobian) {

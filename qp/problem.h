@@ -51,6 +51,9 @@ struct Problem {
 // u_c for the given velocities, 6 numbers a body.
 Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities);
 
+// 1/2 v^T M v for the given velocities, 6 numbers a body, or the free ones if there are none (null).
+double KineticEnergy(const Problem& problem, const double* velocities);
+
 // W_cc = J_c M^-1 J_c^T, the contact's own block of the Delassus operator.
 Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact);
 

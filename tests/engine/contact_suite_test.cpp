@@ -131,6 +131,24 @@ TEST(ContactSuite, BallBouncesBeforeGravityActs) {
 }
 
 // The sum of all impulses is the change of momentum, in every setting.
+// Cubes that rise together, and that gravity brings back within the step: the trapezoidal rule would lift the first by what the
+// wall's impulse has no business to do, and the others off it, although each is held by the one below.
+TEST(ContactSuite, WhatRidesOnWhatIsCaughtIsCaught) {
+  Suite s(NeverFreeze());
+  s.bodies = {Wall()};
+  for (int i = 1; i <= 4; ++i) {
+    s.bodies.push_back(UnitCube({0, 0, i - 0.5}));
+    s.bodies.back().linear_velocity_W = {0, 0, i < 4 ? 0.1 : 0.3};  // free fall adds 0.16 m/s: the last one leaves
+    AddFace(i - 1, i, {0, 0, i - 1.0}, 0.5, 0, &s.contacts);
+  }
+  s.Resolve();
+  for (int i = 1; i <= 3; ++i) {
+    EXPECT_NEAR(s.bodies[i].linear_velocity_W.z(), 0, 1e-12) << i;
+    EXPECT_EQ(s.suite.velocities_before_gravity()[i].linear_W, s.bodies[i].linear_velocity_W) << i;
+  }
+  EXPECT_EQ(s.suite.velocities_before_gravity()[4].linear_W.z(), 0.3);
+}
+
 TEST(ContactSuite, ImpulsesExplainTheVelocities) {
   std::mt19937 rng(3);
   std::uniform_real_distribution<double> uniform(-1, 1);

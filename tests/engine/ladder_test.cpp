@@ -96,6 +96,36 @@ TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
   EXPECT_GT(nearly, 0.9 * all);
 }
 
+// Stacks that are dropped: blows that run up them, bounces that would bring too much energy, cubes that ride on others. `merged`
+// apart, which changes what is asked.
+TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
+  constexpr double kLongStep = 1.0 / 30;
+  Settings climbs = Awake();
+  climbs.ladder = climbs.ladder.Without(qp::Rung::kMerged);
+  for (const double restitution : {0.0, 0.2, 0.5}) {
+    for (const double drop : {0.05, 0.1, 0.3}) {
+      World off(OffTheLadder(Awake())), climbing(climbs);
+      for (World* world : {&off, &climbing}) {
+        world->Add(Floor(0.5, restitution));
+        for (int i = 0; i < 10; ++i) world->Add(Cube({0, 0, 0.5 + i + drop * (i + 1)}, 0.5, restitution));
+      }
+      std::int64_t columns = 0;
+      for (int frame = 0; frame < 40; ++frame) {
+        climbing.Restore(off.Save());
+        off.Step(kLongStep);
+        columns += Problems(climbing.Step(kLongStep).ladder, qp::Rung::kColumn);
+        for (int i = 1; i <= 10; ++i) {
+          const Body &a = off.body(i), &b = climbing.body(i);
+          ASSERT_LT((a.linear_velocity_W - b.linear_velocity_W).norm(), 1e-6)
+              << restitution << " " << drop << " " << frame;
+          ASSERT_LT((a.position_W - b.position_W).norm(), 1e-6) << restitution << " " << drop << " " << frame;
+        }
+      }
+      EXPECT_GT(columns, 10);
+    }
+  }
+}
+
 // Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they
 // are none as well.
 TEST(Ladder, CollisionsOfWhatRestsAreNone) {

@@ -354,6 +354,19 @@ TEST(Column, TheGapThatIsAskedForCounts) {
   }
 }
 
+// Bounces that bring more energy than there may be are for others to give up.
+TEST(Column, TooMuchEnergyIsNoAnswer) {
+  Problem problem = ThreeCubes(-0.3, -0.3, -0.3);
+  for (int k = 8; k < 12; ++k) problem.contacts[k].target = 1;
+  qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  EXPECT_EQ(Solve(problem, settings).rung, Rung::kColumn);
+  const double energy = KineticEnergy(problem, Solve(problem, settings).velocities);
+  settings.energy_limit = 1.01 * energy;
+  EXPECT_EQ(Solve(problem, settings).rung, Rung::kColumn);
+  settings.energy_limit = 0.99 * energy;
+  EXPECT_NE(Solve(problem, settings).rung, Rung::kColumn);
+}
+
 TEST(Column, AllocatesNothingWhenRepeated) {
   Random random(705);
   const Problem problem = MakeColumn(&random, 15, 0.4, false, Ends::kWallBelow).problem;
