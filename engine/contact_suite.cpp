@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/contact_suite_impl.h"
+#include "engine/rebound.h"
 
 namespace islet {
 namespace {
@@ -178,40 +179,60 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 
 // The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
 // within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
-// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that. What
-// bounced with them and presses on them comes along, or it would rise from them.
+// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that. A
+// solver's rounding holds nobody.
 void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
-  const auto is_caught = [&](size_t c) {
-    const Contact& contact = contacts[c];
-    const auto velocity = [&](int i) -> Vector3 {
-      const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
-      return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
-    };
-    return frame.holding[c][0] > 0 &&
-           (!contact.touches ||
-            std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold);
-  };
-  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { catches[c] = is_caught(c); });
-  settled.assign(frame.bodies.size(), 0);
-  const auto settle = [&](const Contact& contact) {
-    for (const int i : {contact.body_a, contact.body_b}) {
-      frame.before_gravity[i] = TwistOf(frame.bodies[i]);
-      settled[i] = frame.bodies[i].Moves();
-    }
-  };
+  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { catches[c] = Catches(c); });
+  settled.assign(frame.bodies.size(), kInMotion);
   for (size_t c = 0; c < contacts.size(); ++c)
-    if (catches[c]) settle(contacts[c]);
-  const auto one_is_left = [&](int a, int b) { return settled[a] && frame.bodies[b].Moves() && !settled[b]; };
-  for (bool more = true; more;) {
+    if (catches[c]) Settle(contacts[c]);
+  for (size_t c = 0; c < contacts.size(); ++c)
+    if (catches[c] && contacts[c].rebounds) settled[contacts[c].body_a] = settled[contacts[c].body_b] = kRebounds;
+  SettleRiders();
+}
+
+bool ContactSuite::Impl::Catches(size_t c) const {
+  const Contact& contact = frame.contacts.contacts[c];
+  const auto velocity = [&](int i) -> Vector3 {
+    const Twist& twist = frame.bodies[i].Moves() ? frame.before_gravity[i] : TwistOf(frame.bodies[i]);
+    return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
+  };
+  const auto pushes = [&](int i) {
+    return frame.bodies[i].Moves() && frame.holding[c][0] > RoundingOf(frame.gravity, frame.dt, frame.bodies[i]);
+  };
+  if (!(frame.holding[c][0] > 0) || !(pushes(contact.body_a) || pushes(contact.body_b))) return false;
+  return !contact.touches ||
+         std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold;
+}
+
+void ContactSuite::Impl::Settle(const Contact& contact) {
+  for (const int i : {contact.body_a, contact.body_b}) {
+    frame.before_gravity[i] = TwistOf(frame.bodies[i]);
+    if (frame.bodies[i].Moves()) settled[i] = kSettled;
+  }
+}
+
+// What bounced with a body that was caught, and presses on it, comes along, or it would rise from it. Not with one on a contact
+// that rebounds within the step: that one may be given its bounce back (rebound.h). There and back again, since towers are
+// numbered upwards or downwards.
+void ContactSuite::Impl::SettleRiders() {
+  const std::span<const Contact> contacts = frame.contacts.contacts;
+  const auto rides = [&](int rider, int on) {
+    return settled[on] == kSettled && settled[rider] == kInMotion && frame.bodies[rider].Moves();
+  };
+  bool more = true;
+  const auto visit = [&](size_t c) {
+    const Contact& contact = contacts[c];
+    if (!(rides(contact.body_a, contact.body_b) || rides(contact.body_b, contact.body_a)) || !Catches(c)) return;
+    Settle(contact);
+    more = true;
+  };
+  while (more) {
     more = false;
-    for (size_t c = 0; c < contacts.size(); ++c) {
-      const int a = contacts[c].body_a, b = contacts[c].body_b;
-      if (!(one_is_left(a, b) || one_is_left(b, a)) || !is_caught(c)) continue;
-      settle(contacts[c]);
-      more = true;
-    }
+    for (size_t c = 0; c < contacts.size(); ++c) visit(c);
+    for (size_t c = contacts.size(); more && c-- > 0;) visit(c);
   }
 }
 

@@ -54,7 +54,7 @@ class ContactSuite {
   // a frozen body carry the impulses that hold it.
   std::span<const Vector3> impulses() const;
   // Per body, after the collisions and before gravity: with the final velocities the two ends of the trapezoidal rule. Of a
-  // body that bounced off and was caught again within the step, the final ones.
+  // body that bounced off and was caught again within the step, and of what rides on it, the final ones.
   std::span<const Twist> velocities_before_gravity() const;
   // [N s] per body: normal impulses that the last static problem put on it. About m |g| dt where it is supported.
   std::span<const double> support() const;

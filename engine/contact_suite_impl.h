@@ -56,13 +56,14 @@ struct ContactSuite::Impl : SuiteMemory {
   int solve_round = 0;                              // of this frame
   std::vector<int> bounce_counts, unbalanced, candidates, woken;
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
-  std::vector<std::uint8_t> catches;         // per contact: it holds a body that moves along its normal
-  std::vector<std::uint8_t> settled;         // per body: moves with its final velocity alone
-  std::vector<std::uint8_t> chosen;          // per island
-  std::vector<std::uint8_t> drafted;         // per body: what its island has is a draft
-  bool moves_for_sure = false;               // a candidate got more than a trembling speed
-  bool suspected = false;                    // in this frame frozen bodies were solved with those that move
-  std::vector<std::uint8_t> was_frozen;      // per body, at the start of the frame
+  std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
+  enum Settled : std::uint8_t { kInMotion, kSettled, kRebounds };
+  std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
+  std::vector<std::uint8_t> chosen;      // per island
+  std::vector<std::uint8_t> drafted;     // per body: what its island has is a draft
+  bool moves_for_sure = false;           // a candidate got more than a trembling speed
+  bool suspected = false;                // in this frame frozen bodies were solved with those that move
+  std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
   std::vector<std::uint8_t>
       lenient;  // per body: its neighbours were balanced anew in this frame, and not itself suspected
 
@@ -97,6 +98,9 @@ struct ContactSuite::Impl : SuiteMemory {
   void Freeze(StepReport* report);
   void FreezeLikePaper();
   void SettleCaughtBodies();
+  bool Catches(size_t contact) const;
+  void Settle(const Contact& contact);
+  void SettleRiders();
   void Finish(StepReport* report);
   static void Include(const ResponseOutcome& outcome, QpSummary* summary, LadderReport* ladder);
 };

@@ -15,7 +15,7 @@ constexpr double kWildShare = 30;    // of the same: what it must not exceed bef
 constexpr int kMendingSweeps = 20;
 constexpr double kHeldShare = 1e-3;     // of the tolerance: what held before must meet, frame after frame
 constexpr double kRoundingGap = 1e-11;  // what rounding may leave of a gap
-constexpr double kColumnShare = 0.1;    // of that: what slides or turns in a column
+constexpr double kColumnShare = 0.1;    // of what held must meet: what slides or turns in a column
 constexpr double kNormalShare = 1e-2;   // of the tolerance: natural map without friction, by Newton's method
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
@@ -133,7 +133,8 @@ bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings,
   const double slide = std::min(kColumnTolerance * settings.velocity_scale, kColumnShare * goal);
   if (!column_.Solve(problem, slide, solution->velocities, &swept_impulses_)) return false;
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  const bool useful = KineticEnergy(problem, swept_velocities_.data()) <= settings.energy_limit;
+  const bool useful =
+      KineticEnergy(problem, swept_velocities_.data()) <= (1 + settings.tolerance) * settings.energy_limit;
   if (useful && MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution) &&
       solution->gap <= std::max(kRoundingGap, settings.tolerance))
     return true;

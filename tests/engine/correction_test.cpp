@@ -93,19 +93,18 @@ TEST(Correction, TowersAreColumns) {
   }
 }
 
-// What is not to be had to the digit is not a column's to give: the next rungs are asked, which say what they miss.
+// A thousand light and heavy cubes in turn, in the air: sums lose digits there, and what is not fine is not a column's to give.
 TEST(Correction, ColumnsThatLoseDigitsAreRefused) {
   std::vector<double> masses;
-  for (int i = 0; i < 1000; ++i) masses.push_back(i % 2 == 0 ? 1 : 1e-6);
+  for (int i = 0; i < 1000; ++i) masses.push_back(i % 2 == 0 ? 1 : 1e-9);
   Tower tower(masses, 0, 1);
-  tower.contacts.erase(tower.contacts.begin(), tower.contacts.begin() + 4);  // in the air
-  for (auto* values : {&tower.gaps}) values->erase(values->begin(), values->begin() + 4);
+  tower.contacts.erase(tower.contacts.begin(), tower.contacts.begin() + 4);
+  tower.gaps.erase(tower.gaps.begin(), tower.gaps.begin() + 4);
   tower.frames.resize(tower.contacts.size());
   tower.places.resize(tower.contacts.size());
   Corrector corrector{qp::Ladder()};
-  if (corrector.Solve(tower.Island(), true, tower.bodies) && Columns(&corrector) == 1) {
-    EXPECT_LE(tower.Left(corrector), 1e-11);
-  }
+  corrector.Solve(tower.Island(), /*exact=*/false, tower.bodies);
+  EXPECT_EQ(Columns(&corrector), 0);
 }
 
 TEST(Correction, GapsThatAreNoNumbersAreRefused) {

@@ -244,6 +244,35 @@ TEST(Column, OnAnEdge) {
   EXPECT_NE(Solve(problem, settings).rung, Rung::kColumn);
 }
 
+// By itself, without those who judge it: what slides, turns or is no number is no column, to the tolerance that was given.
+TEST(Column, KeepsItsTolerance) {
+  const double g = 0.3;
+  qp::Column column;
+  std::vector<Vector3> impulses;
+  const auto fits = [&](const Problem& problem, double tolerance) {
+    return column.Solve(problem, tolerance, FreeVelocities(problem), &impulses);
+  };
+  EXPECT_TRUE(fits(ThreeCubes(-g, -g, -g), 0));
+  Problem sliding = ThreeCubes(-g, -g, -g);
+  sliding.bodies[1].velocity[0] = 1e-6;
+  EXPECT_TRUE(fits(sliding, 2e-6));
+  EXPECT_FALSE(fits(sliding, 0.5e-6));
+  Problem turning = ThreeCubes(-g, -g, -g);
+  turning.contacts.resize(10);  // the third cube on an edge, its centre next to it
+  const Vector3 moment =
+      turning.contacts[8].jacobian_b.row(0).tail<3>() + turning.contacts[9].jacobian_b.row(0).tail<3>();
+  const Vector3 over(-0.5 * moment[1], 0.5 * moment[0], 0);
+  Displace(2, over + 1e-6 * over.normalized(), &turning);
+  const double speed = 1e-6 * g / std::sqrt(0.5);  // of its radius of gyration, sqrt(1 / 2)
+  EXPECT_TRUE(fits(turning, 1.01 * speed));
+  EXPECT_FALSE(fits(turning, 0.99 * speed));
+  for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    Problem broken = ThreeCubes(-g, -g, -g);
+    broken.contacts[6].target = bad;
+    EXPECT_FALSE(fits(broken, 1e-6)) << bad;
+  }
+}
+
 // Without friction nothing brakes a slide, and where nothing presses nothing turns.
 TEST(Column, WhatDoesNotMatterDoesNotCount) {
   Problem sliding = ThreeCubes(-0.3, -0.3, -0.3);

@@ -574,6 +574,29 @@ TEST(Ladder, FrictionlessMeansWithoutAnyFriction) {
   EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kInteriorPoint);
 }
 
+// By the exact law, too, and what that little friction changes is as little.
+TEST(Ladder, NearlyFrictionlessMeetsTheExactLaw) {
+  Random random(123);
+  for (const double friction : {1e-12, 1e-9, 1e-6}) {
+    for (int trial = 0; trial < 10; ++trial) {
+      SCOPED_TRACE(::testing::Message() << friction << " " << trial);
+      Problem problem = RandomCluster(&random, random.Integer(3, 20), 0, 0, 10);
+      const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+      const qp::Solution smooth = Solve(problem, settings);
+      for (size_t c = 0; c < problem.contacts.size(); c += 2) problem.contacts[c].friction = friction;
+      const qp::Solution rough = Solve(problem, settings);
+      EXPECT_EQ(rough.status, qp::Status::kSolved);
+      EXPECT_NE(rough.rung, qp::Rung::kNormal);
+      EXPECT_LE(ExactMap(problem, rough), settings.coulomb_tolerance * settings.velocity_scale);
+      EXPECT_LT(VelocityDistance(problem, smooth.velocities, rough.velocities),
+                1e-4 * settings.velocity_scale  // the root of the gap
+      );
+      for (int c = 0; c < problem.num_contacts(); ++c)
+        EXPECT_LE(rough.impulses[c].tail<2>().norm(), (1 + 1e-9) * problem.contacts[c].friction * rough.impulses[c][0]);
+    }
+  }
+}
+
 TEST(IslandSolver, SweptAnswersAreWhatTheySay) {
   int total = 0, reached = 0;
   for (const bool bounces : {false, true}) {

@@ -310,6 +310,32 @@ TEST(PlanarProblem, NearlyPlanarIslandsMeetTheLaw) {
   EXPECT_LT(planar, 40);
 }
 
+// The same by the exact law: whoever answers, in the plane or in space, says what is reached, and reaches it as often as in the plane
+// alone.
+TEST(PlanarProblem, NearlyPlanarIslandsMeetTheExactLaw) {
+  Random random(309);
+  int planar = 0, reached = 0, in_plane = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    SCOPED_TRACE(trial);
+    Problem problem = trial % 2 == 0 ? PushedTower(&random, 4, 0.5) : RandomPlanarIsland(&random, 8, 0.4, false);
+    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    in_plane += Solve(problem, settings).coulomb_reached;
+    const double off = std::pow(10, random.Uniform(-12, -8));
+    for (qp::BodyTerm& body : problem.bodies)
+      body.velocity.head<3>() += off * settings.velocity_scale * random.Vector(1);
+    const qp::Solution flat = Solve(problem, settings);
+    planar += flat.rung == Rung::kPlanar;
+    reached += flat.coulomb_reached;
+    EXPECT_LT(MomentumResidual(problem, flat.velocities, flat.impulses), 1e-11 * settings.velocity_scale);
+    const double map = qp::CoulombMap(problem, flat.velocities, flat.impulses).rms;
+    EXPECT_EQ(flat.coulomb_reached, map <= settings.coulomb_tolerance * settings.velocity_scale) << map;
+  }
+  EXPECT_GT(planar, 10);
+  EXPECT_LT(planar, 50);
+  EXPECT_GT(in_plane, 50);
+  EXPECT_GE(reached, in_plane - 3);
+}
+
 TEST(PlanarProblem, OrderOfContactsDoesNotMatter) {
   Random random(306);
   for (int trial = 0; trial < 40; ++trial) {
