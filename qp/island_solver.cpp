@@ -41,11 +41,11 @@ bool IsConvex(const Problem& problem, const Settings& settings) {
          std::none_of(problem.contacts.begin(), problem.contacts.end(), [](const auto& c) { return c.target > 0; });
 }
 
-// One contact: exact Coulomb on the circular cone, and without friction every model, is a formula.
+// One contact on the circular cone, and without friction on any, is a formula; the kinetic model's bounces are none.
 bool HasClosedForm(const Problem& problem, const Settings& settings) {
   if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
-  if (problem.contacts[0].friction == 0) return settings.model != Model::kKinetic || problem.contacts[0].target <= 0;
-  return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
+  const bool smooth = problem.contacts[0].friction == 0;
+  return IsConvex(problem, settings) && (smooth || settings.cone == Cone::kCircular);
 }
 
 bool AllFinite(const Solution& solution) {
@@ -84,8 +84,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   Prepare(problem, solution);
   if (problem.contacts.empty()) {
     solution->rung = Rung::kNothing;
-  } else if (settings.ladder.Has(Rung::kClosedForm) && HasClosedForm(problem, settings)) {
-    SolveOneContact(problem, solution);
+  } else if (settings.ladder.Has(Rung::kClosedForm) && SolveOneContact(problem, settings, solution)) {
     solution->rung = Rung::kClosedForm;
   } else if (settings.ladder.Has(Rung::kClosedForm) && SolveOneBody(problem, settings, solution)) {
     solution->rung = Rung::kClosedForm;
@@ -178,9 +177,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   Prepare(planar_.problem(), &planar_solution_);
   in_plane_ = true;
   sprawls_ = false;
-  if (HasClosedForm(planar_.problem(), settings)) {
-    SolveOneContact(planar_.problem(), &planar_solution_);
-  } else {
+  if (!SolveOneContact(planar_.problem(), settings, &planar_solution_)) {
     Settings inner = settings;
     if (problem.num_bodies() <= kSmallIsland) inner.coulomb_tolerance *= kPlanarShare;
     SolveWhole(planar_.problem(), inner, planar_start_, &planar_solution_);
@@ -228,16 +225,25 @@ void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& sett
   solution->rung = Rung::kInteriorPoint;
 }
 
-void IslandSolver::SolveOneContact(const Problem& problem, Solution* solution) const {
+bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution) const {
+  if (!HasClosedForm(problem, settings)) return false;
   const ContactTerm& contact = problem.contacts[0];
   Matrix3 w = DelassusBlock(problem, contact);
   if (w(2, 2) == 0) w(2, 2) = w(1, 1);  // in the plane nothing moves along the second tangent
   const OneContact law(w);
   Vector3 q = ContactVelocity(contact, solution->velocities.data());
   q[0] -= contact.target;
-  solution->impulses[0] = law.SolveCoulomb(q, contact.friction);
+  const bool coulomb = settings.model == Model::kCoulomb;
+  if (coulomb) {
+    solution->impulses[0] = law.SolveCoulomb(q, contact.friction);
+  } else if (!law.SolveConvex(q, contact.friction, &solution->impulses[0])) {
+    solution->impulses[0].setZero();
+    return false;
+  }
   ApplyImpulse(problem, contact, solution->impulses[0], solution->velocities.data());
-  solution->slips[0] = contact.friction * TangentSize(ContactVelocity(contact, solution->velocities.data()));
+  if (coulomb)
+    solution->slips[0] = contact.friction * TangentSize(ContactVelocity(contact, solution->velocities.data()));
+  return true;
 }
 
 // Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be

@@ -1,6 +1,6 @@
 // Solves one island's problem by the cheapest way that is exact for its size and model:
 //   no contact            velocities stay
-//   one contact           closed form (exact Coulomb; without friction, every model)
+//   one contact           closed form (circular cone; without friction, any)
 //   one body              held by walls: closed form where its contacts all reach their targets or do not press
 //   column                bodies on each other that move along one line: one unknown a body, in linear time
 //   impulses that hold    those of the frame before, where they meet the law as they are
@@ -64,7 +64,7 @@ class IslandSolver {
   static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
-  void SolveOneContact(const Problem& problem, Solution* solution) const;
+  bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution) const;
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution);

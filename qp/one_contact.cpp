@@ -26,6 +26,39 @@ Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction, double guess
   return Slide(q, friction, guess);
 }
 
+bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse) const {
+  *impulse = Vector3::Zero();
+  if (q[0] >= friction * std::sqrt(q[1] * q[1] + q[2] * q[2])) return true;
+  const double rounding = 1e-14 * q.norm();
+  double low = 0, above = SlipBeyond(low, q, friction, impulse), value = above;
+  if (above <= rounding) return true;  // sticks
+  double high = above, below = value = SlipBeyond(high, q, friction, impulse);
+  for (; below > 0; below = value = SlipBeyond(high, q, friction, impulse)) low = high, above = below, high *= 2;
+  int kept = 0;  // which end stayed: its value is halved then, or it would stay for ever
+  for (int i = 0; i < 100 && std::abs(value) > rounding; ++i) {
+    const double target = high - (high - low) * below / (below - above);
+    if (!(target > low && target < high)) break;
+    value = SlipBeyond(target, q, friction, impulse);
+    if (value > 0) {
+      low = target, above = value;
+      if (kept == 1) below /= 2;
+      kept = 1;
+    } else {
+      high = target, below = value;
+      if (kept == -1) above /= 2;
+      kept = -1;
+    }
+  }
+  return std::abs(value) <= 100 * rounding;
+}
+
+// mu |u_t| - target of the Coulomb answer whose normal velocity is that target; it falls as the target grows.
+double OneContact::SlipBeyond(double target, const Vector3& q, double friction, Vector3* impulse) const {
+  *impulse = SolveCoulomb(q - target * Vector3::UnitX(), friction);
+  const Vector3 u = w_ * *impulse + q;
+  return friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - target;
+}
+
 // In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn. Newton's
 // method on mu j_n / |j_t| - 1, which is nearly linear in lambda, inside a bracket whose upper end may still be infinite.
 Vector3 OneContact::Slide(const Vector3& q, double friction, double guess) const {

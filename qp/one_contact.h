@@ -1,4 +1,5 @@
-// Exact Coulomb friction at a single contact: the smallest problem there is, solved without iteration over bodies.
+// Friction at a single contact, exact Coulomb's or the convex model's: the smallest problem there is, solved without iteration over
+// bodies.
 //
 //   given W (3x3, positive definite) and q, find j with  u = W j + q,  K in j  perpendicular to  u + mu |u_t| n in K*
 //   (q already holds the bounce target: q_n is the approach minus what is required)
@@ -21,9 +22,15 @@ class OneContact {
   // [impulse] (n, t1, t2). guess: of lambda, if positive; it changes the effort, and the answer by no more than rounding.
   Vector3 SolveCoulomb(const Vector3& q, double friction, double guess = 0) const;
 
+  // Of the convex model: u in K*, perpendicular to j. That is exact Coulomb for a target of u_n that is mu |u_t| itself, found by
+  // the false position method (Illinois); there is one, or the model had two answers. False if it is missed: under Painleve's
+  // paradox exact Coulomb has several answers, between which the method may jump.
+  bool SolveConvex(const Vector3& q, double friction, Vector3* impulse) const;
+
   const Matrix3& w() const { return w_; }
 
  private:
+  double SlipBeyond(double target, const Vector3& q, double friction, Vector3* impulse) const;
   Vector3 Slide(const Vector3& q, double friction, double guess) const;
 
   Matrix3 w_ = Matrix3::Identity(), inverse_ = Matrix3::Identity();

@@ -116,6 +116,38 @@ TEST(OneContact, HasAnAnswerUnderPainleve) {
   EXPECT_GT(paradox, 500);
 }
 
+// u in K*, j in K, and perpendicular: by hand, then for all there is.
+TEST(OneContact, ConvexModel) {
+  Vector3 j;
+  const qp::OneContact unit(Matrix3::Identity());
+  ASSERT_TRUE(unit.SolveConvex({2, 3, 0}, 0.5, &j));
+  EXPECT_EQ(j, Vector3(0, 0, 0));
+  ASSERT_TRUE(unit.SolveConvex({-2, 0.3, 0.4}, 0.5, &j));
+  EXPECT_LT((j - Vector3(2, -0.3, -0.4)).norm(), 1e-13);
+  ASSERT_TRUE(
+      unit.SolveConvex({-2, 3, 4}, 0.75, &j));  // the nearest point of the cone to (2, -3, -4): its edge is (4, 3) / 5
+  EXPECT_LT((j - (2 * 0.8 + 5 * 0.6) * Vector3(0.8, -0.36, -0.48)).norm(), 1e-13);
+  Random random(65);
+  int slides = 0, missed = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const Matrix3 w = trial % 2 ? random.PositiveDefinite(0.2, 5) : DelassusOfRod(&random, 2);
+    const Vector3 q = random.Vector(1);
+    const double mu = random.Uniform(0, 1.2);
+    if (!qp::OneContact(w).SolveConvex(q, mu, &j)) {
+      ++missed;
+      continue;
+    }
+    const Vector3 u = w * j + q;
+    const double accuracy = 1e-13 * Condition(w) * q.norm();
+    EXPECT_GE(u[0] - mu * u.tail<2>().norm(), -accuracy) << trial;
+    EXPECT_LE(j.tail<2>().norm(), mu * j[0] * (1 + 1e-12)) << trial;
+    EXPECT_LE(std::abs(u.dot(j)), accuracy * j.norm()) << trial;
+    slides += j.norm() > 0 && j.tail<2>().norm() > 0.999999 * mu * j[0];
+  }
+  EXPECT_GT(slides, 1000);
+  EXPECT_LT(missed, 60);  // 32, under the paradox
+}
+
 TEST(OneContact, NeverRaisesEnergy) {
   Random random(63);
   for (int trial = 0; trial < 2000; ++trial) {
