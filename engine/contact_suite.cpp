@@ -6,7 +6,6 @@
 #include <string>
 
 #include "engine/contact_suite_impl.h"
-#include "engine/rebound.h"
 
 namespace islet {
 namespace {
@@ -16,6 +15,7 @@ constexpr int kWakeRounds =
 
 constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
+constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
 
 void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
   const auto reject = [&](const std::string& field, double value) {
@@ -179,8 +179,8 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 
 // The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
 // within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
-// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that. A
-// solver's rounding holds nobody.
+// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
+// What the interior point leaves at a contact that does not press holds nobody.
 void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
@@ -200,9 +200,9 @@ bool ContactSuite::Impl::Catches(size_t c) const {
     return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
   };
   const auto pushes = [&](int i) {
-    return frame.bodies[i].Moves() && frame.holding[c][0] > RoundingOf(frame.gravity, frame.dt, frame.bodies[i]);
+    return frame.bodies[i].Moves() && frame.holding[c][0] > kRounding * frame.bodies[i].mass * frame.rest_speed;
   };
-  if (!(frame.holding[c][0] > 0) || !(pushes(contact.body_a) || pushes(contact.body_b))) return false;
+  if (!(pushes(contact.body_a) || pushes(contact.body_b))) return false;
   return !contact.touches ||
          std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold;
 }
