@@ -38,6 +38,11 @@ inline void CopyFreeVelocities(const Problem& problem, std::vector<double>* velo
     velocities->insert(velocities->end(), body.velocity.begin(), body.velocity.end());
 }
 
+// Normal and its lever arm as side b sees them, or the other side where that is a wall.
+inline Vector6 NormalRow(const ContactTerm& contact) {
+  return contact.body_b >= 0 ? Vector6(contact.jacobian_b.row(0)) : Vector6(-contact.jacobian_a.row(0));
+}
+
 // Contact velocity that the unknowns of one field make.
 inline Vector3 FieldVelocity(const ContactTerm& contact, int stride, int field, const std::vector<double>& y) {
   Vector3 u = Vector3::Zero();

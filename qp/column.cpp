@@ -5,24 +5,20 @@
 
 #include <Eigen/Geometry>
 
+#include "qp/body_algebra.h"
+
 namespace islet::qp {
 namespace {
 
-constexpr double kRounding = 1e-14;
+constexpr double kRounding = 1e-14;  // of a joint's impulse
 constexpr double kFlat = 1e-9;  // of the spread of a joint's contacts along its length: what is less wide is an edge
-
-// Of a unit impulse along the normal, on side b or, reversed, on side a.
-Vector3 DirectionOf(const ContactTerm& contact) {
-  return contact.body_b >= 0 ? Vector3(contact.jacobian_b.row(0).head<3>())
-                             : Vector3(-contact.jacobian_a.row(0).head<3>());
-}
 
 // Away from the first wall that is found.
 Vector3 Upwards(const std::vector<ContactTerm>& contacts) {
   const auto on_wall = [](const ContactTerm& c) { return c.body_a < 0 || c.body_b < 0; };
   const auto wall = std::find_if(contacts.begin(), contacts.end(), on_wall);
   const ContactTerm& first = wall == contacts.end() ? contacts[0] : *wall;
-  return (first.body_b < 0 ? -1 : 1) * DirectionOf(first);
+  return (first.body_b < 0 ? -1 : 1) * NormalRow(first).head<3>();
 }
 
 // x of S x = y with the least residual, of those the shortest; S is symmetric and positive semidefinite.
@@ -51,7 +47,7 @@ bool Column::FindJoints(const Problem& problem, const double* velocities) {
   touches_.resize(problem.contacts.size());
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
-    const Vector3 direction = DirectionOf(contact);
+    const Vector3 direction = NormalRow(contact).head<3>();
     const double along = direction.dot(up);
     if (!((direction - along * up).norm() <= kColumnTolerance && std::abs(std::abs(along) - 1) <= kColumnTolerance))
       return false;
@@ -72,7 +68,7 @@ bool Column::FindJoints(const Problem& problem, const double* velocities) {
       return false;
     }
     Touch& touch = touches_[c];
-    touch = {above, joint.last, contact.target - u[0], {{low.dot(x), low.dot(y)}, {high.dot(x), high.dot(y)}}};
+    touch = {joint.last, contact.target - u[0], {{low.dot(x), low.dot(y)}, {high.dot(x), high.dot(y)}}};
     joint.last = c;
     if (!std::isfinite(touch.demand)) return false;
     joint.demand = std::max(joint.demand, touch.demand);

@@ -2,7 +2,6 @@
 //
 //   taken if   all normals are parallel; every body lies on at most one other (or a wall) and carries at most one; contacts with
 //              friction do not slide; and those of a pair that ask for most can share its impulse such that nothing turns
-//              at its radius of gyration
 //   exact      such impulses make nothing slide or turn, so every model has this answer; the convex ones have no other velocities
 //   method     the velocities that bodies gain along the line minimise sum of m dv^2 / 2 where each is to exceed that of the body
 //              below by what their contacts ask for. That is isotonic regression; neighbours that would violate their order are
@@ -41,7 +40,6 @@ class Column {
     double impulse = 0;
   };
   struct Touch {      // a contact
-    int upper = -1;   // the body above
     int before = -1;  // contact of the same joint
     double demand = 0;
     Moments moments;  // of a unit impulse

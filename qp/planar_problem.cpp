@@ -18,11 +18,6 @@ constexpr int kFewContacts = 6;  // of the first face, to look for a mirrored pa
 
 bool Small(double x) { return std::abs(x) <= kPlanarTolerance; }
 
-// Normal and its lever arm as side b sees them, or the other side where that is a wall.
-Vector6 NormalRow(const ContactTerm& contact) {
-  return contact.body_b >= 0 ? Vector6(contact.jacobian_b.row(0)) : Vector6(-contact.jacobian_a.row(0));
-}
-
 // Directions that the plane may be normal to.
 class Directions {
  public:

@@ -10,26 +10,13 @@
 #include "qp/island_solver.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
+#include "tests/support/solve.h"
 
 namespace islet::testing {
 namespace {
 
 using qp::Model;
 using qp::Rung;
-
-qp::Settings MakeSettings(const Problem& problem, Model model) {
-  qp::Settings settings;
-  settings.model = model;
-  settings.velocity_scale = VelocityScale(problem);
-  return settings;
-}
-
-qp::Solution Solve(const Problem& problem, const qp::Settings& settings) {
-  qp::IslandSolver solver;
-  qp::Solution solution;
-  solver.Solve(problem, settings, &solution);
-  return solution;
-}
 
 enum class Ends { kWallBelow, kWallAbove, kNone };
 

@@ -11,6 +11,7 @@
 #include "qp/one_contact.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
+#include "tests/support/solve.h"
 #include "tests/support/reference_qp.h"
 
 namespace islet::testing {
@@ -18,21 +19,6 @@ namespace {
 
 using qp::Cone;
 using qp::Model;
-
-qp::Settings MakeSettings(const Problem& problem, Model model, Cone cone = Cone::kCircular) {
-  qp::Settings settings;
-  settings.model = model;
-  settings.cone = cone;
-  settings.velocity_scale = VelocityScale(problem);
-  return settings;
-}
-
-qp::Solution Solve(const Problem& problem, const qp::Settings& settings) {
-  qp::IslandSolver solver;
-  qp::Solution solution;
-  solver.Solve(problem, settings, &solution);
-  return solution;
-}
 
 Problem SlidingCube() {
   ProblemBuilder builder;

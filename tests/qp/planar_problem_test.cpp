@@ -9,6 +9,7 @@
 #include "qp/island_solver.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
+#include "tests/support/solve.h"
 
 namespace islet::testing {
 namespace {
@@ -16,10 +17,9 @@ namespace {
 using qp::Model;
 using qp::Rung;
 
-qp::Settings MakeSettings(const Problem& problem, Model model) {
-  qp::Settings settings;
-  settings.model = model;
-  settings.velocity_scale = VelocityScale(problem);
+// Without columns, which would answer before.
+qp::Settings PlanarSettings(const Problem& problem, Model model) {
+  qp::Settings settings = MakeSettings(problem, model);
   settings.ladder = settings.ladder.Without(Rung::kColumn);
   return settings;
 }
@@ -27,13 +27,6 @@ qp::Settings MakeSettings(const Problem& problem, Model model) {
 qp::Settings WithoutPlanar(qp::Settings settings) {
   settings.ladder = qp::Ladder::Off().With(Rung::kClosedForm).With(Rung::kHeld).With(Rung::kNormal).With(Rung::kSweeps);
   return settings;
-}
-
-qp::Solution Solve(const Problem& problem, const qp::Settings& settings) {
-  qp::IslandSolver solver;
-  qp::Solution solution;
-  solver.Solve(problem, settings, &solution);
-  return solution;
 }
 
 // Turns a problem in the world, frames of the contacts and all.
@@ -118,7 +111,7 @@ TEST(PlanarProblem, AgreesWithTheWholeProblem) {
     for (int trial = 0; trial < 80; ++trial) {
       SCOPED_TRACE(std::to_string(friction) + " " + std::to_string(trial));
       const Problem problem = RandomPlanarIsland(&random, random.Integer(2, 20), friction, trial % 2 == 1);
-      qp::Settings settings = MakeSettings(problem, Model::kConvex);
+      qp::Settings settings = PlanarSettings(problem, Model::kConvex);
       settings.tolerance = 1e-13;
       const qp::Solution flat = Solve(problem, settings), whole = Solve(problem, WithoutPlanar(settings));
       if (problem.num_contacts() > 1) planar += flat.rung == Rung::kPlanar;
@@ -141,7 +134,7 @@ TEST(PlanarProblem, MeetsTheExactLawOfTheWholeProblem) {
   for (int trial = 0; trial < 120; ++trial) {
     SCOPED_TRACE(trial);
     const Problem problem = RandomPlanarIsland(&random, random.Integer(2, 24), 0.4, trial % 3 == 2);
-    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    const qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
     const qp::Solution flat = Solve(problem, settings), whole = Solve(problem, WithoutPlanar(settings));
     if (flat.rung != Rung::kPlanar) continue;
     ++planar;
@@ -166,7 +159,7 @@ TEST(PlanarProblem, SweepsEndRoundsThatGainLittle) {
   int iterations = 0, reached = 0;
   for (int trial = 0; trial < 200; ++trial) {
     const Problem problem = PushedTower(&random, 4 + trial % 7, 0.8);
-    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
     settings.coulomb_tolerance = 1e-7;
     const qp::Solution solution = Solve(problem, settings);
     iterations += solution.iterations;
@@ -181,7 +174,7 @@ TEST(PlanarProblem, SharesAnImpulseAmongTheContactsOfAGroup) {
   ProblemBuilder builder;
   builder.AddBox({0, 0, 0.05}, {0.05, 0.05, 0.05}, 1, {6, 0, -0.3});
   builder.AddFace(-1, 0, Vector3::Zero(), 0.05, 0.05, 0.2);
-  const qp::Solution solution = Solve(builder.problem, MakeSettings(builder.problem, Model::kCoulomb));
+  const qp::Solution solution = Solve(builder.problem, PlanarSettings(builder.problem, Model::kCoulomb));
   EXPECT_EQ(solution.rung, Rung::kPlanar);
   Vector3 sum = Vector3::Zero();
   for (int c = 0; c < 4; ++c) {
@@ -200,7 +193,7 @@ TEST(PlanarProblem, TowersAreSeenFromTheirFaces) {
   Random random(303);
   for (const double push : {0.0, 0.5}) {
     const Problem problem = PushedTower(&random, 8, push);
-    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    const qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
     const qp::Solution flat = Solve(problem, settings), whole = Solve(problem, WithoutPlanar(settings));
     EXPECT_EQ(flat.rung, Rung::kPlanar);
     EXPECT_LT(VelocityDistance(problem, flat.velocities, whole.velocities), 1e-6 * settings.velocity_scale);
@@ -216,12 +209,12 @@ TEST(PlanarProblem, BallsOnAnAxis) {
   for (int i = 0; i < 5; ++i)
     builder.AddBody({0, 0, i + 0.5}, 1, 0.1 * Matrix3::Identity(), (Vector6() << 0, 0, -i, 0, 0, 0).finished());
   for (int i = 0; i < 5; ++i) builder.AddContact(i - 1, i, {0, 0, 1.0 * i}, Vector3::UnitZ(), 0.5);
-  EXPECT_EQ(Solve(builder.problem, MakeSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
+  EXPECT_EQ(Solve(builder.problem, PlanarSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
   builder.problem.bodies[2].velocity.tail<3>() << 0, 1, 0;
   builder.problem.bodies[4].velocity.tail<3>() << 0, -2, 0;
-  EXPECT_EQ(Solve(builder.problem, MakeSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
+  EXPECT_EQ(Solve(builder.problem, PlanarSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
   builder.problem.bodies[4].velocity.tail<3>() << 1, 1, 0;
-  EXPECT_NE(Solve(builder.problem, MakeSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
+  EXPECT_NE(Solve(builder.problem, PlanarSettings(builder.problem, Model::kConvex)).rung, Rung::kPlanar);
 }
 
 // Each of these breaks the symmetry a little: the whole problem is solved, and that is the answer.
@@ -230,7 +223,7 @@ TEST(PlanarProblem, JustOutsideItsKind) {
   const auto each = [&](const auto& breaks) {
     for (int trial = 0; trial < 20; ++trial) {
       Problem problem = trial % 2 == 0 ? PushedTower(&random, 6, 0.5) : RandomPlanarIsland(&random, 12, 0.4, false);
-      const qp::Settings settings = MakeSettings(problem, Model::kConvex);
+      const qp::Settings settings = PlanarSettings(problem, Model::kConvex);
       ASSERT_EQ(Solve(problem, settings).rung, Rung::kPlanar);
       breaks(&problem, settings.velocity_scale);
       const qp::Solution flat = Solve(problem, settings), whole = Solve(problem, WithoutPlanar(settings));
@@ -291,7 +284,7 @@ TEST(PlanarProblem, NearlyPlanarIslandsMeetTheLaw) {
   for (int trial = 0; trial < 40; ++trial) {
     SCOPED_TRACE(trial);
     Problem problem = trial % 2 == 0 ? PushedTower(&random, 6, 0.5) : RandomPlanarIsland(&random, 12, 0.4, false);
-    const qp::Settings settings = MakeSettings(problem, Model::kConvex);
+    const qp::Settings settings = PlanarSettings(problem, Model::kConvex);
     const double off = std::pow(10, random.Uniform(-12, -8));
     for (qp::BodyTerm& body : problem.bodies)
       body.velocity.head<3>() += off * settings.velocity_scale * random.Vector(1);
@@ -318,7 +311,7 @@ TEST(PlanarProblem, NearlyPlanarIslandsMeetTheExactLaw) {
   for (int trial = 0; trial < 60; ++trial) {
     SCOPED_TRACE(trial);
     Problem problem = trial % 2 == 0 ? PushedTower(&random, 4, 0.5) : RandomPlanarIsland(&random, 8, 0.4, false);
-    const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+    const qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
     in_plane += Solve(problem, settings).coulomb_reached;
     const double off = std::pow(10, random.Uniform(-12, -8));
     for (qp::BodyTerm& body : problem.bodies)
@@ -341,7 +334,7 @@ TEST(PlanarProblem, OrderOfContactsDoesNotMatter) {
   for (int trial = 0; trial < 40; ++trial) {
     SCOPED_TRACE(trial);
     Problem problem = trial % 2 == 0 ? PushedTower(&random, 6, 0.2) : RandomPlanarIsland(&random, 10, 0.4, false);
-    qp::Settings settings = MakeSettings(problem, trial % 4 < 2 ? Model::kConvex : Model::kCoulomb);
+    qp::Settings settings = PlanarSettings(problem, trial % 4 < 2 ? Model::kConvex : Model::kCoulomb);
     const qp::Solution first = Solve(problem, settings);
     std::shuffle(problem.contacts.begin(), problem.contacts.end(), random.engine());
     const qp::Solution second = Solve(problem, settings);
@@ -355,7 +348,7 @@ TEST(PlanarProblem, OrderOfContactsDoesNotMatter) {
 TEST(PlanarProblem, RefusesCrowds) {
   for (const NamedProblem& island : RandomIslands(307, 60, 10, false)) {
     SCOPED_TRACE(island.name);
-    const qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
+    const qp::Settings settings = PlanarSettings(island.problem, Model::kCoulomb);
     const qp::Solution flat = Solve(island.problem, settings), whole = Solve(island.problem, WithoutPlanar(settings));
     if (flat.rung == Rung::kPlanar) continue;  // towers at rest
     EXPECT_EQ(flat.velocities, whole.velocities);
@@ -366,7 +359,7 @@ TEST(PlanarProblem, RefusesCrowds) {
 TEST(PlanarProblem, AllocatesNothingWhenRepeated) {
   Random random(308);
   const Problem problem = RandomPlanarIsland(&random, 15, 0.4, false);
-  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  const qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
   qp::IslandSolver solver;
   qp::Solution solution;
   for (int i = 0; i < 2; ++i) solver.Solve(problem, settings, &solution);
