@@ -27,6 +27,7 @@
 #include "engine/lift.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
+#include "engine/stops.h"
 #include "islands/partition.h"
 
 namespace islet {
@@ -89,6 +90,8 @@ class Mover {
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
+  void StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<Body> bodies,
+                 const std::vector<Contact>& contacts);
   void GroundFlights(bool all, std::span<Body> bodies);
   void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
   bool Correct(bool ask_all, std::span<const double> tolerances, std::span<const Body> bodies,
@@ -110,6 +113,7 @@ class Mover {
   Settings settings_;
   parallel::WorkerPool* pool_;
   Flights flights_;
+  Stops stops_;
   EarlierOverlaps earlier_;
   std::span<const std::uint8_t> owes_;         // of the plan, during the step
   bool flights_move_ = false;                  // in this pass

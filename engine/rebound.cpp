@@ -32,6 +32,24 @@ double NormalResponse(const Contact& contact, std::span<const Body> bodies) {
   return response;
 }
 
+bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+
+// [N s] static impulses of the last step, at contacts of the pair that rebounded in it and are gone: the largest. `place`: of the
+// first of last_contacts that is not earlier than `contact`.
+double OwedByGone(const Contact& contact, size_t place, std::span<const Contact> last_contacts,
+                  std::span<const Vector3> last_holding, std::span<const Contact> contacts) {
+  const auto gone = [&](const Contact& last) {
+    return !std::binary_search(contacts.begin(), contacts.end(), last, Earlier);
+  };
+  double owed = 0;
+  const auto include = [&](size_t p) {
+    if (last_contacts[p].rebounds && last_holding[p][0] > owed && gone(last_contacts[p])) owed = last_holding[p][0];
+  };
+  for (size_t p = place; p > 0 && SamePair(last_contacts[p - 1], contact); --p) include(p - 1);
+  for (size_t p = place; p < last_contacts.size() && SamePair(last_contacts[p], contact); ++p) include(p);
+  return owed;
+}
+
 }  // namespace
 
 void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const Contact> last_contacts,
@@ -45,9 +63,11 @@ void SetRebounds(double free_fall, std::span<const Body> bodies, std::span<const
     contact.rebounds = approach > kNone * free_fall;
     if (!contact.rebounds) continue;
     while (p < last_contacts.size() && Earlier(last_contacts[p], contact)) ++p;
-    if (p == last_contacts.size() || Earlier(contact, last_contacts[p]) || !(last_holding[p][0] > 0)) continue;
+    const bool stays = p < last_contacts.size() && !Earlier(contact, last_contacts[p]);
+    const double held = stays ? last_holding[p][0] : OwedByGone(contact, p, last_contacts, last_holding, contacts);
+    if (!(held > 0)) continue;
     // What a blow from elsewhere adds to the approach rebounds by Newton's law.
-    const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * last_holding[p][0];
+    const double lost = 0.5 * (1 - contact.restitution) * NormalResponse(contact, bodies) * held;
     contact.fading = std::min(lost, contact.restitution * approach);
   }
 }

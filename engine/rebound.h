@@ -8,6 +8,7 @@
 // in time, so
 //   u1 = u0 - (1 - e) a h / 2 = e u0 - (1 - e) (a h - 2 u0) / 2 = e u0 - (1 - e) W j / 2
 // where W j = a h - 2 u0 is what the contact's static impulse j changed: Newton's law less Contact::fading = (1 - e) W j / 2.
+// If the body has turned to another corner by then, that one pays: a cube that wobbled from corner to corner never came to rest.
 // It ends after 2 v / ((1 - e) a), which is the sum of the times of all bounces; with e = 1 it never ends.
 // Only contacts that were approached rebound: one that opens since a ball rolls over a crest does not.
 //   threads: pure functions; one BouncedMotion serves one caller at a time
