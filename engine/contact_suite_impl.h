@@ -4,6 +4,7 @@
 //   suite_freezing.cpp   step 4: the balance of frozen bodies, freezing
 #pragma once
 
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -41,10 +42,12 @@ struct ContactSuite::Impl : SuiteMemory {
     kWoken,    // those that woken bodies joined
     kCertify,  // those that have a draft
   };
+  static constexpr int kWall = -1, kNobody = -2;
   struct Worker {
     SequentialResolver sequential;
     IslandResponder responder;
-    std::vector<int> held;  // contacts of an island that its static problem may hold
+    std::vector<int> held;                       // contacts of an island that its static problem may hold
+    std::vector<std::array<int, 2>> neighbours;  // per body of an island: kNobody, kWall, or another one
   };
   std::vector<Worker> workers;
   struct Outcome {
@@ -77,7 +80,8 @@ struct ContactSuite::Impl : SuiteMemory {
   IslandView View(int island) const;
   void CutAtImmovable();
   bool Approaches(const IslandView& view) const;
-  bool CollidesSlightly(const IslandView& view) const;
+  bool IsLine(const IslandView& view, Worker* worker) const;
+  bool CollidesSlightly(const IslandView& view, Worker* worker) const;
   void StandStill();
   void Bounce(StepReport* report);
   void WakeByBounce();

@@ -5,6 +5,8 @@
 
 #include "engine/rebound.h"
 #include "engine/stopwatch.h"
+#include "qp/body_algebra.h"
+#include "qp/slip.h"
 
 namespace islet {
 namespace {
@@ -124,8 +126,8 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
   const auto good = [&] {
     // On the brink of a jam the solver stalls: less bounce is better than a bad answer.
     const bool accepted = solution_.status == qp::Status::kSolved || (!bounces && Usable(solution_.status));
-    return accepted &&
-           (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <= energy_before * (1 + settings.tolerance));
+    return accepted && (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <=
+                                        energy_before * (1 + settings.tolerance));
   };
   solve();
   for (int attempt = 0; !good() && LowerRestitution(attempt); ++attempt) {
@@ -144,11 +146,7 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
 // Velocities from the impulses, whatever the solver's own: momentum and angular momentum to rounding.
 void IslandResponder::KeepMomentum() {
   if (solution_.impulses.size() != problem_.contacts.size()) return;
-  solution_.velocities.clear();
-  for (const qp::BodyTerm& body : problem_.bodies)
-    solution_.velocities.insert(solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
-  for (size_t c = 0; c < problem_.contacts.size(); ++c)
-    qp::ApplyImpulse(problem_, problem_.contacts[c], solution_.impulses[c], solution_.velocities.data());
+  qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
 }
 
 void IslandResponder::Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
@@ -250,34 +248,82 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
                                                 const Settings& settings, double speed_floor, double rest_limit,
                                                 double dt, std::span<Body> bodies, std::span<Vector3> impulses) {
   draft_ = false;  // whatever this responder did last
-  const auto solve_anew = [&] { return ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses); };
-  if (island.contacts.empty() || settings.cone != Cone::kCircular) return solve_anew();
-  const Stopwatch watch;
-  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
-  solution_ = {};
-  for (const qp::BodyTerm& body : problem_.bodies)
-    solution_.velocities.insert(solution_.velocities.end(), body.velocity.begin(), body.velocity.end());
-  for (size_t c = 0; c < island.contacts.size(); ++c) {
-    solution_.impulses.push_back(impulses[island.contacts[c]]);
-    qp::ApplyImpulse(problem_, problem_.contacts[c], solution_.impulses[c], solution_.velocities.data());
+  ResponseOutcome outcome;
+  if (!island.contacts.empty()) {
+    const Stopwatch watch;
+    gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+    if (HoldsAsColumn(island, contacts, settings, speed_floor, rest_limit, bodies, &outcome.in_vain) ||
+        HoldsBySweeps(island, settings, rest_limit, bodies, impulses, &outcome.in_vain)) {
+      outcome.status = QpStatus::kSolved;
+      outcome.rung = solution_.rung;
+      outcome.contacts = static_cast<int>(island.contacts.size());
+      outcome.seconds = watch.seconds();
+      Finish(island, settings, speed_floor, bodies, impulses, &outcome);
+      return outcome;
+    }
   }
+  const qp::InVain in_vain = outcome.in_vain;
+  outcome = ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses);
+  outcome.in_vain.Include(in_vain);
+  return outcome;
+}
+
+// Sweeps carry loads slowly down a tower; and each joint of a column has one impulse and one moment that will do, so that to
+// answer it anew hands nothing to neighbours that it need not: where one body alone stands beside it, and nothing is open.
+bool IslandResponder::HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
+                                    double speed_floor, double rest_limit, std::span<const Body> bodies,
+                                    qp::InVain* in_vain) {
+  int beside = -1;
+  for (const int number : island.contacts) {
+    const Contact& contact = contacts.contacts[number];
+    if (!contact.touches) return false;
+    for (const int body : {contact.body_a, contact.body_b}) {
+      if (body == beside || std::binary_search(island.bodies.begin(), island.bodies.end(), body)) continue;
+      if (beside >= 0) return false;
+      beside = body;
+    }
+  }
+  const Stopwatch watch;
+  const bool solved = solver_.SolveAsColumn(problem_, SolverSettings(settings, speed_floor), &solution_);
+  in_vain->Include(solution_.in_vain);
+  const bool rests = solved && Rests(island, bodies, rest_limit);
+  if (solved && !rests) in_vain->Add(qp::Rung::kColumn, watch.seconds());
+  return rests;
+}
+
+// From the given impulses on; changes them no farther away than it has to.
+bool IslandResponder::HoldsBySweeps(const IslandView& island, const Settings& settings, double rest_limit,
+                                    std::span<const Body> bodies, std::span<const Vector3> impulses,
+                                    qp::InVain* in_vain) {
+  if (!settings.ladder.Has(qp::Rung::kHeld) || settings.cone != Cone::kCircular) return false;
+  const Stopwatch watch;
+  solution_.rung = qp::Rung::kHeld;
+  solution_.multipliers.clear();
+  solution_.impulses.resize(island.contacts.size());
+  solution_.slips.resize(island.contacts.size());
+  for (size_t c = 0; c < island.contacts.size(); ++c) solution_.impulses[c] = impulses[island.contacts[c]];
+  qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
   sweeps_.Prepare(problem_);
   sweeps_.Sweep(problem_, kHoldingSweeps, kHoldingShare * rest_limit, &solution_.impulses, &solution_.velocities);
-  for (size_t i = 0; i < island.bodies.size(); ++i) {
-    const Eigen::Map<const qp::Vector6> v(&solution_.velocities[6 * i]);
-    if (!(v.head<3>().norm() + bodies[island.bodies[i]].radius * v.tail<3>().norm() <= rest_limit)) return solve_anew();
+  if (!Rests(island, bodies, rest_limit)) {
+    in_vain->Add(qp::Rung::kHeld, watch.seconds());
+    return false;
   }
   for (size_t c = 0; c < island.contacts.size(); ++c) {
-    const Vector3 u = qp::ContactVelocity(problem_.contacts[c], solution_.velocities.data());
-    solution_.slips.push_back(problem_.contacts[c].friction * u.tail<2>().norm());
+    const qp::ContactTerm& contact = problem_.contacts[c];
+    const Vector3 u = qp::ContactVelocity(contact, solution_.velocities.data());
+    solution_.slips[c] = qp::Slip(u, contact.friction, Cone::kCircular);
   }
-  ResponseOutcome outcome;
-  outcome.status = QpStatus::kSolved;
-  outcome.rung = qp::Rung::kHeld;
-  outcome.contacts = static_cast<int>(island.contacts.size());
-  outcome.seconds = watch.seconds();
-  Finish(island, settings, speed_floor, bodies, impulses, &outcome);
-  return outcome;
+  return true;
+}
+
+// Whether the answer leaves every point of these bodies slower than limit [m/s].
+bool IslandResponder::Rests(const IslandView& island, std::span<const Body> bodies, double limit) const {
+  for (size_t i = 0; i < island.bodies.size(); ++i) {
+    const Eigen::Map<const qp::Vector6> v(&solution_.velocities[6 * i]);
+    if (!(v.head<3>().norm() + bodies[island.bodies[i]].radius * v.tail<3>().norm() <= limit)) return false;
+  }
+  return true;
 }
 
 }  // namespace islet

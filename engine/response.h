@@ -64,6 +64,11 @@ class IslandResponder {
  private:
   void Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
+  bool HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
+                     double speed_floor, double rest_limit, std::span<const Body> bodies, qp::InVain* in_vain);
+  bool HoldsBySweeps(const IslandView& island, const Settings& settings, double rest_limit,
+                     std::span<const Body> bodies, std::span<const Vector3> impulses, qp::InVain* in_vain);
+  bool Rests(const IslandView& island, std::span<const Body> bodies, double limit) const;
   void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);

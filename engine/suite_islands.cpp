@@ -7,6 +7,7 @@ namespace {
 
 constexpr size_t kDraftBodies = 32;  // smaller islands are certified at once
 constexpr size_t kMergedBodies = 5;  // smaller islands cost microseconds: nothing to save
+constexpr double kParallel = 1e-10;  // of normals along one line
 
 }  // namespace
 
@@ -44,9 +45,30 @@ bool ContactSuite::Impl::Approaches(const IslandView& view) const {
   });
 }
 
+// Bodies on each other along one line. As a column they cost microseconds twice, too, and nothing is lost.
+bool ContactSuite::Impl::IsLine(const IslandView& view, Worker* worker) const {
+  const Vector3& first = frame.contacts.contacts[view.contacts[0]].normal_W;
+  worker->neighbours.assign(view.bodies.size(), {kNobody, kNobody});
+  const auto meets = [&](int body, int other) {
+    if (!frame.bodies[body].Moves()) return true;
+    const int neighbour = frame.bodies[other].Moves() ? other : kWall;
+    const auto place = std::lower_bound(view.bodies.begin(), view.bodies.end(), body) - view.bodies.begin();
+    for (int& known : worker->neighbours[place]) {
+      if (known == kNobody) known = neighbour;
+      if (known == neighbour) return true;
+    }
+    return false;
+  };
+  return std::all_of(view.contacts.begin(), view.contacts.end(), [&](int number) {
+    const Contact& contact = frame.contacts.contacts[number];
+    return first.cross(contact.normal_W).norm() <= kParallel && meets(contact.body_a, contact.body_b) &&
+           meets(contact.body_b, contact.body_a);
+  });
+}
+
 // Something approaches, and all that does is slight. (The paper's laws of bouncing resolve every collision. Bodies that only
 // touch each other fly: nothing presses them together, and their momenta are to stay.)
-bool ContactSuite::Impl::CollidesSlightly(const IslandView& view) const {
+bool ContactSuite::Impl::CollidesSlightly(const IslandView& view, Worker* worker) const {
   if (!settings.ladder.Has(qp::Rung::kMerged) || settings.bounce_law != BounceLaw::kExact ||
       view.bodies.size() < kMergedBodies)
     return false;
@@ -62,7 +84,7 @@ bool ContactSuite::Impl::CollidesSlightly(const IslandView& view) const {
     if (!in_static || !IsSlight(contact, speed, frame.gravity, frame.dt)) return false;
     approaches = true;
   }
-  return approaches && held;
+  return approaches && held && !(settings.ladder.Has(qp::Rung::kColumn) && IsLine(view, worker));
 }
 
 // Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.
@@ -74,7 +96,7 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
   bounce_counts.assign(partition.num_islands(), 0);
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
-    if (!Approaches(view) || CollidesSlightly(view)) return;
+    if (!Approaches(view) || CollidesSlightly(view, worker)) return;
     bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings,
                                                        frame.threshold, frame.bodies, frame.bounces);
   });
@@ -155,7 +177,7 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   worker->responder.SetDraft(draft);
   if (pass != Pass::kWoken || WokenWereHit(view)) {
     for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    outcome.collision = CollidesSlightly(view)
+    outcome.collision = CollidesSlightly(view, worker)
                             ? LeaveToStatic(view)
                             : worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
                                                                   frame.threshold, frame.bodies, frame.collisions);

@@ -124,7 +124,7 @@ void Column::Load(const Problem& problem) {
 }
 
 // From the top down: each joint's impulse balances what turns the body above it. False if that takes a pull, or there is none.
-bool Column::ShareAll(const Problem& problem, std::vector<Vector3>* impulses) const {
+bool Column::ShareAll(const Problem& problem, std::vector<Vector3>* impulses) {
   impulses->assign(problem.contacts.size(), Vector3::Zero());
   Vector2 turning = Vector2::Zero();  // of the body at this place, by what is above it
   for (size_t place = chain_.size(); place-- > 0;) {
@@ -140,31 +140,37 @@ bool Column::ShareAll(const Problem& problem, std::vector<Vector3>* impulses) co
 }
 
 // The joint's impulse, to its contacts that ask for as much as it does, with the moment `wanted` about the body above or the
-// nearest to it. False if one of them would have to pull.
-bool Column::Share(const Joint& joint, const Vector2& wanted, Moments* moments, std::vector<Vector3>* impulses) const {
+// nearest to it. Who would have to pull is left out, and the others share anew. False if nobody is left.
+bool Column::Share(const Joint& joint, const Vector2& wanted, Moments* moments, std::vector<Vector3>* impulses) {
   const auto each = [&](const auto& visit) {
     for (int c = joint.last; c >= 0; c = touches_[c].before)
-      if (touches_[c].demand >= joint.demand - tolerance_) visit(c, touches_[c]);
+      if (touches_[c].presses) visit(c, &touches_[c]);
   };
-  int count = 0;
-  Vector2 mean = Vector2::Zero();
-  each([&](int, const Touch& touch) { ++count, mean += touch.moments.above; });
-  mean /= count;
-  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
-  each([&](int, const Touch& touch) {
-    spread += (touch.moments.above - mean) * (touch.moments.above - mean).transpose();
-  });
-  const Vector2 slope = SolveSpread(spread, wanted / joint.impulse - mean);
-  bool pushes = true;
-  each([&](int c, const Touch& touch) {
-    const double share = 1.0 / count + slope.dot(touch.moments.above - mean),
-                 impulse = joint.impulse * std::max(0.0, share);
-    pushes = pushes && share >= -kRounding;
-    (*impulses)[c][0] = impulse;
-    moments->above += impulse * touch.moments.above;
-    moments->below += impulse * touch.moments.below;
-  });
-  return pushes;
+  each([&](int, Touch* touch) { touch->presses = touch->demand >= joint.demand - tolerance_; });
+  for (bool pulls = true; pulls;) {
+    pulls = false;
+    *moments = {};
+    int count = 0;
+    Vector2 mean = Vector2::Zero();
+    each([&](int, Touch* touch) { ++count, mean += touch->moments.above; });
+    if (count == 0) return false;
+    mean /= count;
+    Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+    each([&](int, Touch* touch) {
+      spread += (touch->moments.above - mean) * (touch->moments.above - mean).transpose();
+    });
+    const Vector2 slope = SolveSpread(spread, wanted / joint.impulse - mean);
+    each([&](int c, Touch* touch) {
+      const double share = 1.0 / count + slope.dot(touch->moments.above - mean),
+                   impulse = joint.impulse * std::max(0.0, share);
+      touch->presses = share >= -kRounding;
+      pulls = pulls || !touch->presses;
+      (*impulses)[c][0] = impulse;
+      moments->above += impulse * touch->moments.above;
+      moments->below += impulse * touch->moments.below;
+    });
+  }
+  return true;
 }
 
 }  // namespace islet::qp

@@ -6,7 +6,7 @@
 //   method     the velocities that bodies gain along the line minimise sum of m dv^2 / 2 where each is to exceed that of the body
 //              below by what their contacts ask for. That is isotonic regression; neighbours that would violate their order are
 //              pooled [BC90]. Each pair's impulse then acts where it balances the moments of all that is above, and is shared
-//              among the contacts by the least change of equal shares
+//              among the contacts by the least change of equal shares, without those that would have to pull then
 //   threads    one caller at a time; allocates only while problems grow
 #pragma once
 
@@ -43,6 +43,7 @@ class Column {
     int before = -1;  // contact of the same joint
     double demand = 0;
     Moments moments;  // of a unit impulse
+    bool presses = true;
   };
   struct Block {  // bodies that stay together, from chain_[first] up
     int first = 0;
@@ -54,8 +55,8 @@ class Column {
   bool FindChain();
   void Pool(const Problem& problem);
   void Load(const Problem& problem);
-  bool ShareAll(const Problem& problem, std::vector<Vector3>* impulses) const;
-  bool Share(const Joint& joint, const Vector2& wanted, Moments* moments, std::vector<Vector3>* impulses) const;
+  bool ShareAll(const Problem& problem, std::vector<Vector3>* impulses);
+  bool Share(const Joint& joint, const Vector2& wanted, Moments* moments, std::vector<Vector3>* impulses);
 
   double tolerance_ = 0;         // [velocity]
   std::vector<Touch> touches_;   // per contact

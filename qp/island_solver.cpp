@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "qp/body_algebra.h"
+#include "qp/octagon_contact.h"
+#include "qp/one_contact.h"
 #include "qp/slip.h"
 
 namespace islet::qp {
@@ -41,11 +43,25 @@ bool IsConvex(const Problem& problem, const Settings& settings) {
          std::none_of(problem.contacts.begin(), problem.contacts.end(), [](const auto& c) { return c.target > 0; });
 }
 
-// One contact on the circular cone, and without friction on any, is a formula; the kinetic model's bounces are none.
-bool HasClosedForm(const Problem& problem, const Settings& settings) {
-  if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
-  const bool smooth = problem.contacts[0].friction == 0;
-  return IsConvex(problem, settings) && (smooth || settings.cone == Cone::kCircular);
+// The impulse of one contact alone, and the multiplier of the kinetic model's bounce. w: of the contact, u: its velocity without
+// impulse. False if it is missed.
+bool SolveAlone(const Matrix3& w, const Vector3& u, const ContactTerm& contact, const Settings& settings,
+                Vector3* impulse, double* multiplier) {
+  const double mu = contact.friction, target = contact.target;
+  const Vector3 q = u - target * Vector3::UnitX();
+  if (settings.cone == Cone::kOctagon && mu > 0) {
+    const OctagonContact law(w, mu);
+    if (settings.model == Model::kCoulomb) return law.SolveCoulomb(q, impulse);
+    return target > 0 && settings.model == Model::kKinetic ? law.SolveKinetic(u, target, impulse, multiplier)
+                                                           : law.SolveConvex(q, impulse);
+  }
+  const OneContact law(w);
+  if (settings.model == Model::kCoulomb) {
+    *impulse = law.SolveCoulomb(q, mu);
+    return true;
+  }
+  return target > 0 && settings.model == Model::kKinetic ? law.SolveKinetic(u, mu, target, impulse, multiplier)
+                                                         : law.SolveConvex(q, mu, impulse);
 }
 
 bool AllFinite(const Solution& solution) {
@@ -94,6 +110,18 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   solution->iterations = iterations_;
   solution->in_vain = in_vain_;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
+}
+
+bool IslandSolver::SolveAsColumn(const Problem& problem, const Settings& settings, Solution* solution) {
+  iterations_ = 0;
+  in_vain_ = {};
+  Prepare(problem, solution);
+  ImpulseScales(problem, &scales_);
+  const bool solved = settings.ladder.Has(Rung::kColumn) && SolveColumn(problem, settings, solution);
+  solution->rung = Rung::kColumn;
+  solution->iterations = 0;
+  solution->in_vain = in_vain_;
+  return solved;
 }
 
 // One body, contacts with walls that all stick or do not press.
@@ -225,24 +253,27 @@ void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& sett
   solution->rung = Rung::kInteriorPoint;
 }
 
-bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution) const {
-  if (!HasClosedForm(problem, settings)) return false;
+bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution) {
+  if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
+  const double begin = Seconds();
   const ContactTerm& contact = problem.contacts[0];
   Matrix3 w = DelassusBlock(problem, contact);
   if (w(2, 2) == 0) w(2, 2) = w(1, 1);  // in the plane nothing moves along the second tangent
-  const OneContact law(w);
-  Vector3 q = ContactVelocity(contact, solution->velocities.data());
-  q[0] -= contact.target;
-  const bool coulomb = settings.model == Model::kCoulomb;
-  if (coulomb) {
-    solution->impulses[0] = law.SolveCoulomb(q, contact.friction);
-  } else if (!law.SolveConvex(q, contact.friction, &solution->impulses[0])) {
+  const Vector3 u = ContactVelocity(contact, solution->velocities.data());
+  double multiplier = 0;
+  if (!SolveAlone(w, u, contact, settings, &solution->impulses[0], &multiplier)) {
     solution->impulses[0].setZero();
+    in_vain_.Add(Rung::kClosedForm, Seconds() - begin);
     return false;
   }
   ApplyImpulse(problem, contact, solution->impulses[0], solution->velocities.data());
-  if (coulomb)
-    solution->slips[0] = contact.friction * TangentSize(ContactVelocity(contact, solution->velocities.data()));
+  if (settings.model == Model::kCoulomb)
+    solution->slips[0] = Slip(ContactVelocity(contact, solution->velocities.data()), contact.friction, settings.cone);
+  if (!IsConvex(problem, settings)) {
+    solution->bounce_multipliers = {multiplier};
+    solution->multipliers = solution->velocities;
+    ApplyImpulse(problem, contact, {-multiplier, 0, 0}, solution->multipliers.data());
+  }
   return true;
 }
 

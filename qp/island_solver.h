@@ -47,6 +47,8 @@ class IslandSolver {
  public:
   // start: impulses to begin with, one per contact, or empty.
   void Solve(const Problem& problem, const Settings& settings, Solution* solution, std::span<const Vector3> start = {});
+  // The same, if the bodies are a column and the ladder has that rung; false, and no answer, elsewhere.
+  bool SolveAsColumn(const Problem& problem, const Settings& settings, Solution* solution);
 
  private:
   static constexpr int kSmallIsland = 12;  // bodies: up to them iterations cost microseconds
@@ -64,7 +66,7 @@ class IslandSolver {
   static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
-  bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution) const;
+  bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution);
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution);

@@ -1,10 +1,16 @@
 #include "qp/one_contact.h"
 
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/LU>
 
 namespace islet::qp {
+namespace {
+
+constexpr double kMissed = 1e-11;  // of q: what an answer may lie outside of the dual cone
+
+}  // namespace
 
 OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
@@ -57,6 +63,58 @@ double OneContact::SlipBeyond(double target, const Vector3& q, double friction, 
   *impulse = SolveCoulomb(q - target * Vector3::UnitX(), friction);
   const Vector3 u = w_ * *impulse + q;
   return friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - target;
+}
+
+bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, Vector3* impulse,
+                              double* multiplier) const {
+  *multiplier = 0;
+  if (SolveConvex(q, friction, impulse) && w_.row(0).dot(*impulse) + q[0] >= target) return true;
+  if (q[0] >= target) return false;
+  *impulse = LeastEnergy(q, friction, target);
+  const Vector3 u = w_ * *impulse + q;
+  *multiplier = impulse->dot(u) / (target - q[0]);
+  const Vector3 dual = u - *multiplier * w_.col(0);
+  const double outside = friction * std::sqrt(dual[1] * dual[1] + dual[2] * dual[2]) - dual[0];
+  return *multiplier >= 0 && outside <= kMissed * q.norm();
+}
+
+Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target) const {
+  using Vector2 = Eigen::Vector2d;
+  const double normal = w_(0, 0), change = target - q[0];
+  const Vector2 coupling = w_.block<2, 1>(1, 0), slope = q.tail<2>() - coupling * q[0] / normal;
+  const Eigen::Matrix2d stiffness = w_.block<2, 2>(1, 1) - coupling * coupling.transpose() / normal;
+  const auto with = [&](const Vector2& t) { return Vector3((change - coupling.dot(t)) / normal, t[0], t[1]); };
+  const Vector3 inside = with(-(stiffness.inverse() * slope));
+  if (inside.tail<2>().norm() <= friction * inside[0]) return inside;
+  // Else it lies on the edge of the cone, at a direction where the energy has its minimum.
+  struct Edge {
+    Vector2 t;
+    double energy, rise;  // rise: of the energy with the angle
+  };
+  const auto at = [&](double angle) -> Edge {
+    const Vector2 along(std::cos(angle), std::sin(angle)), across(-along[1], along[0]);
+    const double open = normal + friction * coupling.dot(along);
+    if (!(open > 0)) return {Vector2::Zero(), INFINITY, 0};  // reaches to infinity
+    const double length = friction * change / open;
+    const Vector2 t = length * along, turn = length * (across - friction * coupling.dot(across) / open * along);
+    return {t, t.dot(0.5 * stiffness * t + slope), turn.dot(stiffness * t + slope)};
+  };
+  constexpr int kDirections = 32, kHalvings = 60;
+  const double sector = 2 * std::numbers::pi / kDirections;
+  int best = 0;
+  for (int k = 1; k < kDirections; ++k)
+    if (at(k * sector).energy < at(best * sector).energy) best = k;
+  double low = (best - 1) * sector, high = (best + 1) * sector;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (low + high);
+    const Edge edge = at(middle);
+    const bool rises = std::isinf(edge.energy) ? middle > best * sector : edge.rise > 0;
+    (rises ? high : low) = middle;
+  }
+  // (No friction changes no energy; nothing may come out above that, whatever was missed.)
+  const Edge sampled = at(best * sector), found = at(0.5 * (low + high));
+  const Edge& least = found.energy <= sampled.energy ? found : sampled;
+  return with(least.energy < 0 ? least.t : Vector2::Zero());
 }
 
 // In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn. Newton's

@@ -4,19 +4,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "qp/body_algebra.h"
+
 namespace islet::qp {
 namespace {
 
 [[noreturn]] void Reject(const std::string& where, int number, const std::string& field, double value) {
   throw std::invalid_argument("qp::Problem: " + where + " " + std::to_string(number) + ": " + field + " = " +
                               std::to_string(value));
-}
-
-Vector6 InverseMassTimes(const BodyTerm& body, const Vector6& momentum) {
-  Vector6 velocity;
-  velocity.head<3>() = momentum.head<3>() / body.mass;
-  velocity.tail<3>() = body.inverse_inertia * momentum.tail<3>();
-  return velocity;
 }
 
 void ValidateContact(const Problem& problem, int number) {
@@ -45,7 +40,6 @@ void Problem::Validate() const {
 }
 
 Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities) {
-  using ConstVelocity = Eigen::Map<const Vector6>;
   Vector3 u = contact.drift;
   if (contact.body_a >= 0) u.noalias() += contact.jacobian_a * ConstVelocity(velocities + 6 * contact.body_a);
   if (contact.body_b >= 0) u.noalias() += contact.jacobian_b * ConstVelocity(velocities + 6 * contact.body_b);

@@ -18,7 +18,7 @@ FrameLog::FrameLog()
 void FrameLog::AddNames(const char* prefix, int rungs) {
   const auto out = std::back_inserter(text_);
   for (int r = 0; r < rungs; ++r) fmt::format_to(out, ",{}{}", prefix, qp::kRungNames[r]);
-  fmt::format_to(out, ",{}escalations", prefix);
+  fmt::format_to(out, ",{0}escalations,{0}seconds_in_vain", prefix);
   for (const char* rung : qp::kProblemRungNames) fmt::format_to(out, ",{}{}_escalations", prefix, rung);
 }
 
@@ -34,7 +34,7 @@ void FrameLog::Add(const StepReport& r, double step_seconds) {
 
 void FrameLog::AddRungs(const LadderReport& ladder, int rungs) {
   for (int r = 0; r < rungs; ++r) fmt::format_to(std::back_inserter(text_), ",{}", ladder.rungs[r].problems);
-  fmt::format_to(std::back_inserter(text_), ",{}", ladder.in_vain.times());
+  fmt::format_to(std::back_inserter(text_), ",{},{:.6g}", ladder.in_vain.times(), ladder.in_vain.seconds());
   for (int r = 0; r < qp::kNumProblemRungs; ++r)
     fmt::format_to(std::back_inserter(text_), ",{}", ladder.in_vain.times(qp::Rung(r)));
 }

@@ -3,7 +3,7 @@
 // Columns: frame (from 1), contacts, active_contacts, islands, largest_island_contacts, collision_qp_seconds [s],
 // static_qp_seconds [s], iterations (interior point, both problems), awake, kinetic_energy [J], penetration_max [m],
 // woken, frozen, step_seconds [s]; problems by rung of the ladder, escalations: how often rungs were tried in vain,
-// and which; motion_...: the same of motion and detection, and what those were spared.
+// seconds_in_vain: how long, and which; motion_...: the same of motion and detection, and what those were spared.
 #pragma once
 
 #include <string>

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -50,12 +51,16 @@ struct StudyScene {
 const StudyScene kScenes[] = {
     {"stack", "stack", {.drop = 0.3}, Freezing::kCertified, 0, 150},
     {"stack (not frozen)", "stack", {}, Freezing::kOff, 0, 100},
+    {"csstack", "csstack", {}, Freezing::kCertified, 0, 120},
     {"officetoy", "officetoy", {}, Freezing::kCertified, 0, 300},
+    {"balance", "balance", {}, Freezing::kCertified, 0, 150},
+    {"revival", "revival", {}, Freezing::kCertified, 0, 60},
     {"manystacks", "manystacks", {.drop = 0.3}, Freezing::kCertified, 0, 60},
     {"manystacks (not frozen)", "manystacks", {}, Freezing::kOff, 0, 60},
     {"sphereglass", "sphereglass", {}, Freezing::kCertified, 0, 130},
     {"cubejam (not frozen)", "cubejam", {}, Freezing::kOff, 0, 150},
     {"cubeglass", "cubeglass", {}, Freezing::kCertified, 90, 12},
+    {"cubeglass7", "cubeglass7", {}, Freezing::kCertified, 90, 8},
 };
 
 struct Kind {
@@ -295,8 +300,9 @@ int main(int argc, char** argv) {
   islet::studies::Options options;
   CLI::App app("Error against time with the ladder and without");
   app.add_option("--out", options.out, "CSV file")->required();
-  app.add_option("--scene", options.scenes, "stack, officetoy, manystacks, sphereglass, cubejam, cubeglass (all)")
-      ->check(CLI::IsMember({"stack", "officetoy", "manystacks", "sphereglass", "cubejam", "cubeglass"}));
+  std::set<std::string> scenes;
+  for (const auto& scene : islet::studies::kScenes) scenes.insert(scene.scene);
+  app.add_option("--scene", options.scenes, "all that have one of these names (all)")->check(CLI::IsMember(scenes));
   app.add_flag("--quick", options.quick, "two tolerances, no repeats");
   app.add_option("--budget", options.budget, "[s] of the processor; no new pair is begun after that");
   return islet::studies::RunStudy(&app, argc, argv, [&] { islet::studies::Study(options).RunAll(); });

@@ -126,6 +126,34 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
   }
 }
 
+// Some cubes of a stack freeze while others still land: what holds those is a column, which sweeps would be slow to find, and off the
+// ladder a problem for the interior point like all others.
+TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
+  constexpr double kLongStep = 1.0 / 30;
+  for (const Ladder& ladder : {Ladder(), Ladder().Without(qp::Rung::kColumn), Ladder::Off()}) {
+    Settings settings;
+    settings.ladder = ladder;
+    World world(settings);
+    world.Add(Floor(0.5, 0.2));
+    for (int i = 0; i < 10; ++i) world.Add(Cube({0, 0, 0.5 + i + 0.1 * (i + 1)}, 0.5, 0.2));
+    std::int64_t below_last = 0, held_in_vain = 0;
+    int woken = 0, frozen = 0;
+    for (int frame = 0; frame < 60 && frozen < 10; ++frame) {
+      const StepReport report = world.Step(kLongStep);
+      woken += report.woken;
+      below_last += ProblemsBelowTheLast(report.ladder);
+      held_in_vain += report.ladder.in_vain.times(qp::Rung::kHeld);
+      frozen = 0;
+      for (int i = 1; i <= 10; ++i) frozen += world.body(i).frozen;
+    }
+    EXPECT_EQ(frozen, 10);
+    EXPECT_GT(woken, 0);
+    const bool sweeps = ladder.Has(qp::Rung::kHeld);
+    EXPECT_EQ(below_last > 0, sweeps);
+    EXPECT_EQ(held_in_vain > 0, sweeps && !ladder.Has(qp::Rung::kColumn));
+  }
+}
+
 // Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they
 // are none as well.
 TEST(Ladder, CollisionsOfWhatRestsAreNone) {

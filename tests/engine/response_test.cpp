@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "engine/suite_frame.h"
 #include "tests/support/worlds.h"
 
 namespace islet {
@@ -236,6 +237,7 @@ TEST(ResolveHolding, IsNeverADraft) {
   std::vector<Vector3> impulses;
   for (const bool after_draft : {false, true}) {
     Island column;
+    column.settings.ladder = column.settings.ladder.Without(qp::Rung::kColumn);
     column.bodies.push_back(Wall());
     for (int i = 0; i < 20; ++i) {
       column.bodies.push_back(UnitCube({0.02 * (i % 3), 0.01 * (i % 4), i + 0.5}));
@@ -254,6 +256,46 @@ TEST(ResolveHolding, IsNeverADraft) {
     }
     impulses = column.impulses;
   }
+}
+
+// What a cube holds keeps the shares that it was given where two neighbours stand beside it, which would get other loads; where
+// one does the load is shared anew. Off the ladder, and over a gap, neither.
+TEST(ResolveHolding, SharesAnewWhereNeighboursDoNotNotice) {
+  const double load = 0.25 * kGravity * kDt;
+  const double shares[] = {1.4, 0.6, 0.6, 1.4};  // no moment, as with equal ones
+  const auto hold = [&](const char* ladder, bool second, bool open) {
+    Island island;
+    island.settings.ladder = ladder == std::string("off") ? Ladder::Off() : Ladder();
+    island.settings.model = Model::kConvex;
+    island.bodies = {Wall(), Wall(), UnitCube({0, 0, 0.5})};
+    AddFace(&island, 0, 2, Vector3::Zero(), 0, 0.5);
+    for (int c : {2, 3}) island.contacts[c].body_a = second ? 1 : 0;
+    if (open) island.contacts[3].touches = false;
+    island.AddGravity();
+    island.Begin();
+    for (int c = 0; c < 4; ++c) island.impulses[c] = {shares[c] * load, 0, 0};
+    const ResponseOutcome outcome = island.responder.ResolveHolding(
+        {island.members, island.numbers}, {island.contacts, island.frames}, island.settings, kGravity * kDt,
+        /*rest_limit=*/1e-6 * kGravity * kDt, kDt, island.bodies, island.impulses);
+    EXPECT_EQ(outcome.status, QpStatus::kSolved);
+    EXPECT_EQ(outcome.in_vain.times(), 0);
+    EXPECT_LT(FastestPoint(TwistOf(island.bodies[2]), 1), 1e-6 * kGravity * kDt);
+    std::vector<double> held;
+    for (const Vector3& j : island.impulses) held.push_back(j[0] / load);
+    return std::pair(outcome.rung, held);
+  };
+  const auto near = [](const std::vector<double>& held, const double(&wanted)[4]) {
+    for (int c = 0; c < 4; ++c) EXPECT_NEAR(held[c], wanted[c], 1e-9) << c;
+  };
+  const auto [alone, equal] = hold("auto", /*second=*/false, /*open=*/false);
+  EXPECT_EQ(alone, qp::Rung::kColumn);
+  near(equal, {1, 1, 1, 1});
+  for (const auto& [second, open] : {std::pair(true, false), {false, true}}) {
+    const auto [rung, held] = hold("auto", second, open);
+    EXPECT_EQ(rung, qp::Rung::kHeld);
+    near(held, shares);
+  }
+  EXPECT_EQ(hold("off", true, false).first, qp::Rung::kInteriorPoint);
 }
 
 // T15: a heavy cube on a light one.

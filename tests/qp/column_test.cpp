@@ -184,7 +184,7 @@ TEST(Column, JustOutsideItsKind) {
   });
 }
 
-// Faces of three corners and more hold what leans, as long as it need not be held down: the interior point finds nothing else.
+// Faces of three corners and more hold what leans over them: the interior point finds nothing else.
 TEST(Column, Leaning) {
   Random random(706);
   int columns = 0, leaning = 0;
@@ -229,6 +229,32 @@ TEST(Column, OnAnEdge) {
   EXPECT_NEAR(solution.impulses[9][0], 0.9 * 0.25, 1e-15);
   Displace(2, 1e-6 * Vector3::UnitZ().cross(ends[1] - ends[0]), &problem);
   EXPECT_NE(Solve(problem, settings).rung, Rung::kColumn);
+}
+
+// Near a corner the least change of equal shares would pull at the one across: the other three hold the cube, by hand. Beyond the
+// edge between two of them nothing does.
+TEST(Column, NearACorner) {
+  ProblemBuilder builder;
+  builder.AddBox({0, 0, 0.5}, {0.5, 0.5, 0.5}, 2, {0, 0, -0.3});
+  builder.AddFace(-1, 0, Vector3(0, 0, 0), 0.5, 0.5, 0.5);
+  Problem problem = builder.problem;
+  const auto corner = [&](int c) {  // from the centre: the moment of a push along z is (y, -x)
+    const auto turn = problem.contacts[c].jacobian_b.row(0).tail<3>();
+    return Vector3(-turn[1], turn[0], 0);
+  };
+  const Vector3 near = corner(0);
+  std::vector<double> shares;
+  for (int c = 0; c < 4; ++c) {
+    const double along = corner(c).dot(near) / near.squaredNorm();
+    shares.push_back(along > 0.5 ? 0.8 : along < -0.5 ? 0.0 : 0.1);
+  }
+  Displace(0, 0.8 * near, &problem);
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  qp::Solution solution;
+  ASSERT_TRUE(qp::IslandSolver().SolveAsColumn(problem, settings, &solution));
+  for (int c = 0; c < 4; ++c) EXPECT_NEAR(solution.impulses[c][0], 0.6 * shares[c], 1e-15);
+  Displace(0, 0.3 * near, &problem);
+  EXPECT_FALSE(qp::IslandSolver().SolveAsColumn(problem, settings, &solution));
 }
 
 // By itself, without those who judge it: what slides, turns or is no number is no column, to the tolerance that was given.

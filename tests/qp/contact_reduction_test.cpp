@@ -6,6 +6,7 @@
 #include <functional>
 
 #include <gtest/gtest.h>
+#include <Eigen/QR>
 
 #include "qp/island_solver.h"
 #include "tests/support/no_alloc.h"
@@ -79,7 +80,84 @@ TEST(ContactReduction, LeavesTheCornersOfAFace) {
   }
 }
 
-// The set of wrenches is the same: so are the velocities, and with the body's mass the total wrench.
+// All that an impulse does through a contact: both Jacobians, side by side, and the drift.
+Eigen::VectorXd Effect(const ContactTerm& contact) {
+  Eigen::VectorXd effect(39);
+  effect << Eigen::Map<const Eigen::VectorXd>(contact.jacobian_a.data(), 18),
+      Eigen::Map<const Eigen::VectorXd>(contact.jacobian_b.data(), 18), contact.drift;
+  return effect;
+}
+
+// The least of what three contacts, each with a weight that is not negative, leave of the effect of another one.
+double LeftByThree(const std::vector<ContactTerm>& kept, const ContactTerm& contact) {
+  double least = INFINITY;
+  const size_t n = kept.size();
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = i + 1; j < n; ++j) {
+      for (size_t k = j + 1; k < n; ++k) {
+        Eigen::MatrixXd effects(40, 3);  // and the weights' sum
+        effects << Effect(kept[i]), Effect(kept[j]), Effect(kept[k]), Eigen::RowVector3d::Ones();
+        Eigen::VectorXd wanted(40);
+        wanted << Effect(contact), 1;
+        const Eigen::Vector3d weights = effects.colPivHouseholderQr().solve(wanted);
+        least = std::min(least, std::max((effects * weights - wanted).norm(), -weights.minCoeff()));
+      }
+    }
+  }
+  return least;
+}
+
+// The set of wrenches is the same: what an impulse does at a contact that was left out, the same one does in parts at three that
+// were kept, and these parts lie in the cones if it does. Also between two bodies, and at a wall that moves.
+TEST(ContactReduction, KeepsTheSetOfWrenches) {
+  Random random(703);
+  int left_out = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    ProblemBuilder builder;
+    builder.AddBox({0, 0, 0.5}, {1, 1, 0.5}, 1);
+    builder.AddBox({0.2, 0.1, -0.5}, {1, 1, 0.5}, 2);
+    const int below = trial % 2 == 0 ? 1 : -1;
+    for (int k = random.Integer(5, 20); k > 0; --k)
+      builder.AddContact(below, 0, {random.Uniform(-1, 1), random.Uniform(-1, 1), 0}, {0, 0, 1}, 0.5);
+    for (ContactTerm& contact : builder.problem.contacts)
+      if (below < 0) contact.drift = {0.1, -0.2, 0.3};
+    qp::ContactReduction reduction;
+    if (!reduction.Reduce(builder.problem)) continue;
+    const std::vector<ContactTerm>& all = builder.problem.contacts;
+    std::vector<Vector3> numbers, kept;
+    for (size_t c = 0; c < all.size(); ++c) numbers.emplace_back(static_cast<double>(c), 0, 0);
+    reduction.Select(numbers, &kept);
+    ASSERT_GE(kept.size(), 3U);
+    left_out += static_cast<int>(all.size() - kept.size());
+    for (size_t c = 0; c < all.size(); ++c) EXPECT_LT(LeftByThree(reduction.problem().contacts, all[c]), 1e-13) << c;
+  }
+  EXPECT_GT(left_out, 300);
+}
+
+// A face whose normals are nearly the same, or of which a point is nearly outside: where it is left out the law holds there.
+TEST(ContactReduction, BorderlinePointsMeetTheLaw) {
+  int reduced = 0, kept = 0;
+  for (int decade = -14; decade <= -3; ++decade) {
+    for (int kind = 0; kind < 4; ++kind) {
+      ProblemBuilder builder;
+      builder.AddBox({0, 0, 0.5}, {0.5, 0.5, 0.5}, 1);
+      builder.AddFace(-1, 0, {0, 0, 0}, 0.5, 0.5, 0.5);
+      const double by = std::pow(10.0, decade);
+      const Vector3 normal = kind == 0 ? Vector3(by, 0, 1).normalized() : Vector3::UnitZ();
+      const double x = kind == 1 ? 0.5 + by : kind == 2 ? 0.5 - by : 0.3;
+      builder.AddContact(-1, 0, {x, 0.1, kind == 3 ? by : 0}, normal, 0.5);
+      builder.problem.bodies[0].velocity << 0.1, 0.2, -1, 0.3, -0.2, 0.1;
+      for (const qp::Model model : {qp::Model::kConvex, qp::Model::kCoulomb}) {
+        const qp::Solution ours = Solve(builder.problem, model, qp::Ladder::Off().With(Rung::kCorners));
+        EXPECT_LT(WorstOfTheLaw(builder.problem, ours), 3e-6) << decade << " " << kind;
+        (ours.rung == Rung::kCorners ? reduced : kept) += 1;
+      }
+    }
+  }
+  EXPECT_GT(reduced, 20);
+  EXPECT_GT(kept, 40);
+}
+
 TEST(ContactReduction, ConvexModelsHaveTheSameAnswer) {
   int reduced = 0;
   for (std::uint32_t seed = 0; seed < 100; ++seed) {

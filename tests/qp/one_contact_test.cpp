@@ -148,6 +148,54 @@ TEST(OneContact, ConvexModel) {
   EXPECT_LT(missed, 60);  // 32, under the paradox
 }
 
+// The least energy with u_n >= target, by hand: inside the cone, on its edge, and where friction lifts by more than the target.
+TEST(OneContact, KineticModelByHand) {
+  Vector3 j;
+  double multiplier;
+  const qp::OneContact unit(Matrix3::Identity());
+  ASSERT_TRUE(unit.SolveKinetic({-2, 0.3, 0.4}, 0.5, 1, &j, &multiplier));
+  EXPECT_LT((j - Vector3(3, -0.3, -0.4)).norm(), 1e-14);
+  EXPECT_NEAR(multiplier, 1, 1e-14);
+  ASSERT_TRUE(unit.SolveKinetic({-2, 3, 4}, 0.5, 3, &j, &multiplier));
+  EXPECT_LT((j - Vector3(5, -1.5, -2)).norm(), 1e-13);
+  EXPECT_NEAR(multiplier, 1.75, 1e-13);
+  ASSERT_TRUE(unit.SolveKinetic({-2, 3, 4}, 0.5, 1, &j, &multiplier));
+  EXPECT_LT((j - 3.6 * Vector3(1, -0.3, -0.4)).norm(), 1e-12);
+  EXPECT_EQ(multiplier, 0);
+  ASSERT_TRUE(unit.SolveKinetic({-2, 3, 4}, 0, 1, &j, &multiplier));
+  EXPECT_LT((j - Vector3(3, 0, 0)).norm(), 1e-14);
+}
+
+// u - multiplier W n in K*, j in K, perpendicular; u_n = target where there is a multiplier.
+TEST(OneContact, KineticModelFulfilsItsConditions) {
+  Random random(66);
+  int edges = 0, slack = 0, missed = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const Matrix3 w = trial % 2 ? random.PositiveDefinite(0.2, 5) : DelassusOfRod(&random, 1);
+    Vector3 q = random.Vector(1), j;
+    q[0] = -std::abs(q[0]);
+    const double mu = random.Uniform(0, 1.2), target = -random.Uniform(0.01, 1) * q[0];
+    double multiplier;
+    if (!qp::OneContact(w).SolveKinetic(q, mu, target, &j, &multiplier)) {
+      ++missed;
+      continue;
+    }
+    const Vector3 u = w * j + q, dual = u - multiplier * w.col(0);
+    const double accuracy = 1e-11 * Condition(w) * q.norm();
+    EXPECT_GE(multiplier, 0);
+    EXPECT_GE(u[0], target - accuracy) << trial;
+    EXPECT_LE(multiplier * (u[0] - target), accuracy * multiplier) << trial;
+    EXPECT_GE(dual[0] - mu * dual.tail<2>().norm(), -accuracy) << trial;
+    EXPECT_LE(j.tail<2>().norm(), mu * j[0] * (1 + 1e-12)) << trial;
+    EXPECT_LE(std::abs(dual.dot(j)), accuracy * j.norm()) << trial;
+    edges += multiplier > 0 && j.tail<2>().norm() > 0.999999 * mu * j[0];
+    slack += multiplier == 0;
+  }
+  EXPECT_GT(edges, 300);
+  EXPECT_GT(slack, 100);
+  EXPECT_LT(missed, 60);
+}
+
 TEST(OneContact, NeverRaisesEnergy) {
   Random random(63);
   for (int trial = 0; trial < 2000; ++trial) {

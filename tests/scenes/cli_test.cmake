@@ -179,7 +179,7 @@ list(LENGTH rows num_rows)
 check_equal("lines of the table" "${num_rows}" 6)
 list(GET rows 0 header)
 check_match("columns" header "^frame,contacts,active_contacts,islands,largest_island_contacts,\
-collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max.*,column,.*,escalations,.*,column_escalations,.*,motion_escalations,")
+collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max.*,column,.*,escalations,seconds_in_vain,.*,column_escalations,.*,motion_escalations,")
 string(REGEX REPLACE "[^,]" "" commas "${header}")
 foreach(row IN LISTS rows)
   string(REGEX REPLACE "[^,]" "" row_commas "${row}")
