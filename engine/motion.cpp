@@ -119,24 +119,18 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
   }
 }
 
-// Bodies that turn into a wall go there and no farther. The wall is reported to have given what is left of their step.
-void Mover::StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<Body> bodies,
+// Bodies that turn into a wall go there and no farther.
+void Mover::StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<const Body> bodies,
                       const std::vector<Contact>& contacts) {
-  if (!stops_.FindCandidates(contacts, tolerances, plan.flies, bodies)) return;
+  ways_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i)
+    ways_[i] = planned_[i].linear.norm() + bodies[i].radius * planned_[i].angular.norm();
+  if (!stops_.FindCandidates(contacts, tolerances, plan.flies, ways_, bodies)) return;
   PredictGaps(bodies, contacts);
-  stops_.FindMoments(contacts, gaps_, tolerances, bodies);
+  stops_.FindMoments(contacts, gaps_, tolerances);
   for (size_t i = 0; i < bodies.size(); ++i) {
-    const int number = stops_.contact(static_cast<int>(i));
-    if (number < 0) continue;
-    Body& body = bodies[i];
-    const double share = stops_.share(static_cast<int>(i));
-    planned_[i].linear *= share;
-    planned_[i].angular *= share;
-    const Vector3 change = (1 - share) * (plan.before[i].linear_W - body.linear_velocity_W);
-    body.linear_velocity_W += change;
-    body.angular_velocity_W += (1 - share) * (plan.before[i].angular_W - body.angular_velocity_W);
-    const Contact& contact = contacts[number];
-    paid_.push_back({contact, (contact.body_b == static_cast<int>(i) ? body.mass : -body.mass) * change});
+    planned_[i].linear *= stops_.share(static_cast<int>(i));
+    planned_[i].angular *= stops_.share(static_cast<int>(i));
   }
 }
 
@@ -144,7 +138,6 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
                           std::span<Body> bodies, std::vector<Contact>* contacts) {
   assert(planned_.size() == bodies.size());
   owes_ = plan.owes;
-  paid_.clear();
   StopShort(plan, tolerances, bodies, *contacts);
   flights_.Begin(plan.durations, plan.flies, plan.before, bodies);
   start_.resize(bodies.size());
@@ -183,6 +176,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
     if (outcome.passes >= settings_.motion_passes) break;
     if (outcome.reached && (!flights_.AnyStopped() || outcome.passes >= kPolishingPasses)) break;
   }
+  paid_.clear();
   if (outcome.reached) {
     PayForLifts(bodies);
   } else {

@@ -90,7 +90,7 @@ class Mover {
   void PlanFreeMotion(const MotionPlan& plan, std::span<const Body> bodies);
   void PlanFlights(int pass, std::span<const double> tolerances, std::span<const Body> bodies,
                    const std::vector<Contact>& contacts);
-  void StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<Body> bodies,
+  void StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<const Body> bodies,
                  const std::vector<Contact>& contacts);
   void GroundFlights(bool all, std::span<Body> bodies);
   void PredictGaps(std::span<const Body> bodies, const std::vector<Contact>& contacts);
@@ -125,6 +125,7 @@ class Mover {
   std::vector<Vector3> travel_;                // [m] per body
   std::vector<Pose> start_, end_;              // per body, of this step
   std::vector<double> free_way_;               // [m] per body, of this step: without corrections
+  std::vector<double> ways_;                   // [m] per body: of its farthest point as planned first, at most
   bool swept_only_ = false;                    // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, held_;       // per body
   std::vector<std::uint8_t> wanted_, corrected_, failed_, free_;  // per island

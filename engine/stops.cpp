@@ -7,6 +7,8 @@
 namespace islet {
 namespace {
 
+constexpr double kStill = 0.05;  // of a body's way: others that go no farther count as walls
+
 // [m] gaps this close to nothing are touches, and overlaps that nobody corrects.
 double Slight(const Contact& c, std::span<const double> tolerances) {
   return 0.5 * std::min(tolerances[c.body_a], tolerances[c.body_b]);
@@ -19,35 +21,37 @@ bool Bounces(const Contact& contact, std::span<const double> tolerances) {
 }  // namespace
 
 bool Stops::FindCandidates(std::span<const Contact> contacts, std::span<const double> tolerances,
-                           std::span<const std::uint8_t> flies, std::span<const Body> bodies) {
-  stops_.assign(bodies.size(), {});
+                           std::span<const std::uint8_t> flies, std::span<const double> ways,
+                           std::span<const Body> bodies) {
+  stops_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) stops_[i] = {.may = bodies[i].Moves() && !flies[i]};
   for (const Contact& contact : contacts) {
-    const bool moves_a = bodies[contact.body_a].Moves(), moves_b = bodies[contact.body_b].Moves();
-    Stop &a = stops_[contact.body_a], &b = stops_[contact.body_b];
-    if (moves_a && moves_b) {
-      a.alone = b.alone = false;
-    } else {
-      Stop& stop = moves_a ? a : b;
-      stop.alone = stop.alone && StandsStill(bodies[moves_a ? contact.body_b : contact.body_a]);
-      stop.bounces = stop.bounces || Bounces(contact, tolerances);
-    }
+    const bool bounces = Bounces(contact, tolerances);
+    const auto meets = [&](int body, int other) {
+      Stop& stop = stops_[body];
+      const bool still = bodies[other].Moves() ? ways[other] <= kStill * ways[body] : StandsStill(bodies[other]);
+      stop.may = stop.may && still;
+      stop.bounces = stop.bounces || bounces;
+    };
+    meets(contact.body_a, contact.body_b);
+    meets(contact.body_b, contact.body_a);
   }
   bool any = false;
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    stops_[i].alone = stops_[i].alone && stops_[i].bounces && bodies[i].Moves() && !flies[i];
-    any = any || stops_[i].alone;
+  for (Stop& stop : stops_) {
+    stop.may = stop.may && stop.bounces;
+    any = any || stop.may;
   }
   return any;
 }
 
 void Stops::FindMoments(std::span<const Contact> contacts, std::span<const double> gaps,
-                        std::span<const double> tolerances, std::span<const Body> bodies) {
+                        std::span<const double> tolerances) {
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
-    Stop& stop = stops_[bodies[contact.body_a].Moves() ? contact.body_a : contact.body_b];
-    if (!stop.alone || !Bounces(contact, tolerances) || gaps[c] >= -Slight(contact, tolerances)) continue;
+    if (!Bounces(contact, tolerances) || gaps[c] >= -Slight(contact, tolerances)) continue;
     const double share = contact.gap / (contact.gap - gaps[c]);
-    if (share < stop.share) stop.share = share, stop.contact = static_cast<int>(c);
+    for (const int body : {contact.body_a, contact.body_b})
+      if (stops_[body].may) stops_[body].share = std::min(stops_[body].share, share);
   }
 }
 
