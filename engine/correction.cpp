@@ -162,6 +162,7 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
   solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
   *rung = qp::Rung::kSweeps;
   const double begin = Seconds();
+  qp::Ladder left = ladder_.Without(qp::Rung::kColumn);  // has been asked
   const bool in_plane = &problem != &problem_;
   const bool fine = in_plane || (problem.num_bodies() <= kFewBodies && HasFace(problem));
   const bool sweeps = !fine || problem.num_bodies() <= kSwept;
@@ -170,10 +171,11 @@ bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& proble
     if (Sweep(reached.change * scale, problem, solution)) return true;
     if (!exact) return false;
     report_.in_vain.Add(*rung, Seconds() - begin);
+    if (problem.num_bodies() <= kSwept) left = left.Without(qp::Rung::kNormal);  // begins with sweeps there, too
   }
   qp::Settings settings;
   settings.model = qp::Model::kConvex;
-  settings.ladder = ladder_.Without(qp::Rung::kColumn);  // has been asked
+  settings.ladder = left;
   settings.velocity_scale = scale;
   settings.tolerance = (fine ? kFine : kCoarse).gap;
   solver_.Solve(problem, settings, solution);

@@ -85,10 +85,10 @@ class Session:
                    self.arguments.out / "frames.csv", "--budget", self.budgets["freezing"], "--scene", *scenes, *self.quick])
 
     def ladder(self):
-        scenes = ["stack", "officetoy", "manystacks", "cubejam"] + ([] if self.arguments.quick else ["sphereglass", "cubeglass"])
+        scenes = ["--scene", "stack", "officetoy", "manystacks", "cubejam"] if self.arguments.quick else []
         self.call(f"ladder, at most about {self.budgets['ladder']:.0f} s of the processor",
                   [self.arguments.bin / "study_ladder", "--out", self.arguments.out / "ladder.csv", "--budget", self.budgets["ladder"],
-                   "--scene", *scenes, *self.quick])
+                   *scenes, *self.quick])
 
     def run(self):
         for study in self.arguments.only:
