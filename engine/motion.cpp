@@ -122,6 +122,8 @@ void Mover::GroundFlights(bool all, std::span<Body> bodies) {
 // Bodies that turn into a wall go there and no farther.
 void Mover::StopShort(const MotionPlan& plan, std::span<const double> tolerances, std::span<const Body> bodies,
                       const std::vector<Contact>& contacts) {
+  if (settings_.bounce_law != BounceLaw::kExact)
+    return;  // by the paper's all bodies hit at the end of a step, also flying ones
   ways_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i)
     ways_[i] = planned_[i].linear.norm() + bodies[i].radius * planned_[i].angular.norm();
