@@ -49,19 +49,17 @@ bool SolveAlone(const Matrix3& w, const Vector3& u, const ContactTerm& contact, 
                 Vector3* impulse, double* multiplier) {
   const double mu = contact.friction, target = contact.target;
   const Vector3 q = u - target * Vector3::UnitX();
+  const bool coulomb = settings.model == Model::kCoulomb, bounces = settings.model == Model::kKinetic && target > 0;
   if (settings.cone == Cone::kOctagon && mu > 0) {
     const OctagonContact law(w, mu);
-    if (settings.model == Model::kCoulomb) return law.SolveCoulomb(q, impulse);
-    return target > 0 && settings.model == Model::kKinetic ? law.SolveKinetic(u, target, impulse, multiplier)
-                                                           : law.SolveConvex(q, impulse);
+    if (bounces) return law.SolveKinetic(u, target, impulse, multiplier);
+    return coulomb ? law.SolveCoulomb(q, impulse) : law.SolveConvex(q, impulse);
   }
   const OneContact law(w);
-  if (settings.model == Model::kCoulomb) {
-    *impulse = law.SolveCoulomb(q, mu);
-    return true;
-  }
-  return target > 0 && settings.model == Model::kKinetic ? law.SolveKinetic(u, mu, target, impulse, multiplier)
-                                                         : law.SolveConvex(q, mu, impulse);
+  if (bounces) return law.SolveKinetic(u, mu, target, impulse, multiplier);
+  if (!coulomb) return law.SolveConvex(q, mu, impulse);
+  *impulse = law.SolveCoulomb(q, mu);
+  return true;
 }
 
 bool AllFinite(const Solution& solution) {

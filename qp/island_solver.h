@@ -1,6 +1,6 @@
 // Solves one island's problem by the cheapest way that is exact for its size and model:
 //   no contact            velocities stay
-//   one contact           closed form (circular cone; without friction, any)
+//   one contact           closed form
 //   one body              held by walls: closed form where its contacts all reach their targets or do not press
 //   column                bodies on each other that move along one line: one unknown a body, in linear time
 //   impulses that hold    those of the frame before, where they meet the law as they are

@@ -14,15 +14,14 @@ namespace {
 
 constexpr double kMissed = 1e-11;  // relative: what rounding may leave of a condition
 
-// Of sixteenths of a turn: even ones point at facets, odd ones at edges.
-const std::array<Vector3, 16> kDirections = [] {
-  std::array<Vector3, 16> directions;
-  for (int k = 0; k < 16; ++k)
-    directions[k] = {0, std::cos(k * std::numbers::pi / 8), std::sin(k * std::numbers::pi / 8)};
-  return directions;
+// The facet between the edges k - 1 and k faces this way.
+const std::array<Vector3, 8> kFacets = [] {
+  std::array<Vector3, 8> facets;
+  for (int k = 0; k < 8; ++k) facets[k] = {0, std::cos(k * std::numbers::pi / 4), std::sin(k * std::numbers::pi / 4)};
+  return facets;
 }();
-const Vector3& ToFacet(int k) { return kDirections[2 * k % 16]; }
-const Vector3& ToEdge(int k) { return kDirections[(2 * k + 1) % 16]; }
+
+Vector3 ToEdge(int k) { return {0, kOctagonEdges[k % 8][0], kOctagonEdges[k % 8][1]}; }
 
 }  // namespace
 
@@ -52,7 +51,7 @@ OctagonContact::Matrix OctagonContact::Opens(int face) const {
 double OctagonContact::Missed(const Vector3& q, const Vector3& impulse, const Vector3& dual) const {
   double outside = 0, below = 0;
   for (int k = 0; k < 8; ++k) {
-    outside = std::max(outside, ToFacet(k).dot(impulse) - friction_ * std::cos(std::numbers::pi / 8) * impulse[0]);
+    outside = std::max(outside, kFacets[k].dot(impulse) - friction_ * std::cos(std::numbers::pi / 8) * impulse[0]);
     below = std::max(below, -Edge(k).dot(dual));
   }
   // (What is nearly zero is measured by what made it so.)

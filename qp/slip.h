@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
-#include "qp/problem.h"
-#include "qp/settings.h"
+#include "qp/cone.h"
 
 namespace islet::qp {
 
@@ -17,10 +15,7 @@ inline double TangentSize(const Vector3& u) { return std::sqrt(u[1] * u[1] + u[2
 inline double Slip(const Vector3& u, double friction, Cone cone) {
   if (cone == Cone::kCircular) return friction * TangentSize(u);
   double largest = 0;
-  for (int k = 0; k < 8; ++k) {
-    const double angle = (0.5 + k) * std::numbers::pi / 4;
-    largest = std::max(largest, -(std::cos(angle) * u[1] + std::sin(angle) * u[2]));
-  }
+  for (const auto& edge : kOctagonEdges) largest = std::max(largest, -(edge[0] * u[1] + edge[1] * u[2]));
   return friction * largest;
 }
 
