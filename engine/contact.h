@@ -42,15 +42,15 @@ inline bool OutlastsStep(const Contact& contact, double approach, double free_fa
   return 2 * contact.restitution * approach > (1 - contact.restitution) * free_fall;
 }
 
-// Whether the static problem may take this approach [m/s] along with the weight of the step: gravity [m/s^2] alone makes as much
+// [m/s] up to which the static problem may take an approach along with the weight of the step: gravity [m/s^2] alone makes as much
 // of it within dt, and the rebound is none, or what presses the contact ends all its bounces in a fraction of the step.
-inline bool IsSlight(const Contact& contact, double approach, const Vector3& gravity_W, double dt) {
+inline double SlightApproach(const Contact& contact, const Vector3& gravity_W, double dt) {
   constexpr double kRebound = 0.05;  // of the speed that gravity gives along the normal: they last 2 e u / ((1 - e) g)
   constexpr double kTrembling = 0.01;  // of that along any normal: 3 mm/s at 1/30 s
-  const double rebound = ReboundSpeed(contact, approach), fall = gravity_W.norm() * dt;
-  return approach <= fall &&
-         rebound <= (1 - contact.restitution) *
-                        std::max(kRebound * std::abs(gravity_W.dot(contact.normal_W)) * dt, kTrembling * fall);
+  const double fall = gravity_W.norm() * dt;
+  const double rebound = (1 - contact.restitution) *
+                         std::max(kRebound * std::abs(gravity_W.dot(contact.normal_W)) * dt, kTrembling * fall);
+  return contact.restitution > 0 ? std::min(fall, (rebound + contact.fading) / contact.restitution) : fall;
 }
 
 // The order in which contacts are kept: by pair, then by feature.

@@ -48,6 +48,7 @@ struct ContactSuite::Impl : SuiteMemory {
     IslandResponder responder;
     std::vector<int> held;                       // contacts of an island that its static problem may hold
     std::vector<std::array<int, 2>> neighbours;  // per body of an island: kNobody, kWall, or another one
+    std::vector<double> slight;                  // [m/s] per contact of a heap: approaches that need no bounce
   };
   std::vector<Worker> workers;
   struct Outcome {
@@ -81,11 +82,13 @@ struct ContactSuite::Impl : SuiteMemory {
   void CutAtImmovable();
   bool Approaches(const IslandView& view) const;
   bool IsLine(const IslandView& view, Worker* worker) const;
+  bool MayMerge(const IslandView& view) const;
   bool CollidesSlightly(const IslandView& view, Worker* worker) const;
   void StandStill();
   void Bounce(StepReport* report);
   void WakeByBounce();
   ResponseOutcome LeaveToStatic(const IslandView& view);
+  BounceRule RuleOf(const IslandView& view, Worker* worker) const;
   IslandView HeldView(const IslandView& view, Worker* worker);
   bool MayDraft(const IslandView& view) const;
   void ResolveIsland(int island, Pass pass, Worker* worker);

@@ -16,7 +16,10 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
 // other for ever.
 constexpr int kPolish = 30;
-constexpr double kRounding = 1e-14;       // of the fastest approach
+constexpr double kRounding = 1e-14;  // of the fastest approach
+// Where what is slight is left over, nobody needs more.
+constexpr int kHeapSweeps = 30;
+constexpr double kHeapSettled = 1e-3;
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
@@ -78,6 +81,12 @@ void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const
 double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const {
   const auto& [a, b] = sides_[c];
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
+}
+
+// In the queue: contacts that do not collide do not approach.
+double SequentialResolver::KeyOf(int c, const Contact& contact) const {
+  const double velocity = NormalVelocityOf(c, contact);
+  return leave_.empty() || velocity < -leave_[c] ? velocity : 0;
 }
 
 void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
@@ -159,7 +168,9 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
   const auto sweep = [&](int most, double tolerance) {
     return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
   };
-  if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
+  if (!leave_.empty()) {
+    sweep(kHeapSweeps, kHeapSettled);
+  } else if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
     sweep(kPolish, kRounding);
   } else {
     qp::Settings settings;
@@ -196,24 +207,24 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
 void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   for (const int side : tied_bodies_)
     for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
-      queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+      queue_.Update(touches_[t], KeyOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
-                                const ContactFrames& contacts, const Settings& settings, double threshold,
+                                const ContactFrames& contacts, BounceLaw law, const BounceRule& rule,
                                 std::span<Body> bodies, std::span<Vector3> impulses) {
   const int num_bodies = static_cast<int>(group_bodies.size());
-  const double limit = BounceLimit(settings.bounce_limit, num_bodies, static_cast<int>(group_contacts.size()));
+  const double limit = BounceLimit(rule.limit, num_bodies, static_cast<int>(group_contacts.size()));
   if (limit == 0 || group_contacts.empty()) return 0;
-  const bool exact = settings.bounce_law == BounceLaw::kExact;
-  const bool by_cost = exact && settings.bounce_limit == kAutoBounceLimit;
+  const bool exact = law == BounceLaw::kExact;
+  const bool by_cost = exact && rule.limit == kAutoBounceLimit;
   Load(group_bodies, group_contacts, contacts, bodies);
+  leave_ = rule.leave;
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c)
-    keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = KeyOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
-  for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -threshold;) {
+  for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -rule.threshold;) {
     FindTies(group_contacts, contacts.contacts);
     const int c = queue_.top(), number = group_contacts[c];
     const Contact& contact = contacts.contacts[number];
@@ -222,8 +233,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
     if (!together) {
       const auto [a, b] = sides_[c];
       tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
-      const Vector3 impulse =
-          BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], settings.bounce_law);
+      const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], law);
       impulses[number] += impulse;
       ApplyAt(c, contact, contacts.frames[number] * impulse);
     }

@@ -28,17 +28,24 @@ int BounceLimit(int setting, int num_bodies, int num_contacts);
 // ones pass it on, which only the queue can do; k of n bodies into a row of n take k (n - k) of them, heaps some more: 1 / n.
 double BounceCost(double restitution, int num_bodies);
 
+// Which contacts of a group bounce, and how often.
+struct BounceRule {
+  double threshold;               // [m/s] > 0; a contact collides if it approaches faster
+  std::span<const double> leave;  // [m/s] per contact of the group: approaches up to it stay as they are; or empty
+  int limit = kAutoBounceLimit;   // c_b, or by BounceLimit
+};
+
 class SequentialResolver {
  public:
-  // threshold: [m/s] > 0; a contact collides if it approaches faster. impulses: [N s] per contact of the world, (n, t1, t2),
-  // added to. Returns the number of bounces.
+  // impulses: [N s] per contact of the world, (n, t1, t2), added to. Returns the number of bounces.
   int Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
-              const Settings& settings, double threshold, std::span<Body> bodies, std::span<Vector3> impulses);
+              BounceLaw law, const BounceRule& rule, std::span<Body> bodies, std::span<Vector3> impulses);
 
  private:
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
+  double KeyOf(int local_contact, const Contact& contact) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
@@ -49,6 +56,7 @@ class SequentialResolver {
   std::vector<BounceBody> locals_;          // the group's bodies, then one per immovable body that it touches
   std::vector<std::pair<int, int>> sides_;  // per contact of the group: its two bodies
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
+  std::span<const double> leave_;           // of the rule
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move

@@ -26,6 +26,10 @@ constexpr double kLeastDrift = 1e-3;  // of the tolerance
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
+// Of the natural map of the slips that a big island's last problem is given: velocities [root of the gap] need to be no nearer to
+// that problem's answer than it is to the law. No more of a gap than this share of coulomb_tolerance.
+constexpr double kSlipShare = 0.7;
+constexpr double kMostGap = 0.1;
 // Rounds of small islands whose slips come from the rounds before alone.
 constexpr int kLeastMixed = 4;    // bodies: among fewer, sweeps carry every load and cost less than another round
 constexpr int kSweepsAfter = 30;  // a round that gained little
@@ -106,7 +110,11 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   }
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
-    RunInteriorPoint(problem, settings, slips_, solution, swept_impulses_);
+    Settings last = settings;
+    const double share = kSlipShare * map.rms / settings.velocity_scale;
+    last.tolerance = std::clamp(share * share, settings.tolerance,
+                                std::max(settings.tolerance, kMostGap * settings.coulomb_tolerance));
+    RunInteriorPoint(problem, last, slips_, solution, swept_impulses_);
     solution->rounds = 1;
   }
   solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
