@@ -16,10 +16,8 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
 // other for ever.
 constexpr int kPolish = 30;
-constexpr double kRounding = 1e-14;  // of the fastest approach
-// Where what is slight is left over, nobody needs more.
-constexpr int kHeapSweeps = 30;
-constexpr double kHeapSettled = 1e-3;
+constexpr double kRounding = 1e-14;       // of the fastest approach
+constexpr double kHeapSettled = 1e-6;     // the same where what is slight is left over: a thousandth of that is enough
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
@@ -95,11 +93,11 @@ void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& i
   locals_[b].ApplyImpulse(impulse_W, contact.point_W);
 }
 
-// The fastest contact and those as fast that chains of bodies between such contacts join to it.
+// The fastest contact and those as fast that chains of bodies between such contacts join to it. What is left as it is may be faster.
 void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   tied_.assign(1, queue_.top());
   tied_bodies_.clear();
-  const double slowest = (1 - kTie) * queue_.top_key();
+  const double slowest = (1 - kTie) * queue_.top_key(), fastest = (1 + kTie) * queue_.top_key();
   for (size_t k = 0; k == 0 || (k < tied_.size() && tied_.size() <= kMostTied); ++k) {
     for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
       if (!locals_[side].moves() || std::find(tied_bodies_.begin(), tied_bodies_.end(), side) != tied_bodies_.end())
@@ -107,8 +105,8 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
       tied_bodies_.push_back(side);
       for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {
         const int c = touches_[t];
-        if (NormalVelocityOf(c, contacts[group_contacts[c]]) <= slowest &&
-            std::find(tied_.begin(), tied_.end(), c) == tied_.end())
+        const double velocity = NormalVelocityOf(c, contacts[group_contacts[c]]);
+        if (velocity <= slowest && velocity >= fastest && std::find(tied_.begin(), tied_.end(), c) == tied_.end())
           tied_.push_back(c);
       }
     }
@@ -168,10 +166,9 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
   const auto sweep = [&](int most, double tolerance) {
     return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
   };
-  if (!leave_.empty()) {
-    sweep(kHeapSweeps, kHeapSettled);
-  } else if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
-    sweep(kPolish, kRounding);
+  const bool heap = !leave_.empty();
+  if (sweep(kMostSweeps, heap ? kHeapSettled : kSettled) < kMostSweeps) {
+    if (!heap) sweep(kPolish, kRounding);
   } else {
     qp::Settings settings;
     settings.tolerance = kTiedTolerance;
@@ -246,6 +243,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
     bodies[group_bodies[i]].linear_velocity_W = locals_[i].linear_velocity_W;
     bodies[group_bodies[i]].angular_velocity_W = locals_[i].angular_velocity_W;
   }
+  leave_ = {};
   return bounces;
 }
 

@@ -10,9 +10,9 @@ constexpr size_t kMergedBodies = 5;  // smaller islands cost microseconds: nothi
 constexpr double kParallel = 1e-10;  // of normals along one line
 // Blows in heaps bounce until the rest is slight, where they are few: a bounce takes 2 to 3 us, a collision problem of 5,000
 // contacts 80 ms on two cores.
-constexpr size_t kHeapBodies = 50;
-constexpr double kFewBlows = 0.05;  // of the contacts
-constexpr int kHeapBounces = 1;     // per contact
+constexpr int kHeapContacts = 150;  // of bodies that move
+constexpr double kFewBlows = 0.05;  // of them
+constexpr int kHeapBounces = 2;     // for each of them
 
 }  // namespace
 
@@ -71,46 +71,61 @@ bool ContactSuite::Impl::IsLine(const IslandView& view, Worker* worker) const {
   });
 }
 
-// Whether slight approaches of the island may go to the static problem. (The paper's laws of bouncing resolve every collision.)
+// Whether slight approaches of the island may go to the static problem. (The paper's laws of bouncing resolve every collision.
+// Bodies that only touch each other fly: nothing presses them together, and their momenta are to stay.)
 bool ContactSuite::Impl::MayMerge(const IslandView& view) const {
   return settings.ladder.Has(qp::Rung::kMerged) && settings.bounce_law == BounceLaw::kExact &&
-         view.bodies.size() >= kMergedBodies;
+         view.bodies.size() >= kMergedBodies &&
+         std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
+           const Contact& contact = frame.contacts.contacts[number];
+           return contact.touches && (!frame.bodies[contact.body_a].Moves() || !frame.bodies[contact.body_b].Moves());
+         });
 }
 
-// Something approaches, and all that does is slight. (Bodies that only touch each other fly: nothing presses them together, and
-// their momenta are to stay.)
+// Something approaches, and all that does is slight.
 bool ContactSuite::Impl::CollidesSlightly(const IslandView& view, Worker* worker) const {
   if (!MayMerge(view)) return false;
-  bool approaches = false, held = false;
+  bool approaches = false;
   for (const int number : view.contacts) {
     const Contact& contact = frame.contacts.contacts[number];
     if (!contact.touches) continue;
     const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
-    held = held || !a.Moves() || !b.Moves();
     const double speed = -NormalVelocity(contact, a, b);
     if (speed <= frame.threshold) continue;
     const bool in_static = a.Moves() || b.Moves();
     if (!in_static || speed > SlightApproach(contact, frame.gravity, frame.dt)) return false;
     approaches = true;
   }
-  return approaches && held && !(settings.ladder.Has(qp::Rung::kColumn) && IsLine(view, worker));
+  return approaches && !(settings.ladder.Has(qp::Rung::kColumn) && IsLine(view, worker));
 }
 
-// In big heaps with few blows those bounce, more often than elsewhere, until what is left is slight.
+// In big heaps with few blows those bounce, more often than elsewhere, until what is left is slight. Not where the usual limit lets
+// elastic blows go farther. A moving wall's blow on a frozen body is never left: no problem would take it along. (By the paper's
+// freezing a body that is put back to rest would keep what it got to itself.)
 BounceRule ContactSuite::Impl::RuleOf(const IslandView& view, Worker* worker) const {
   const BounceRule usual{frame.threshold, {}, settings.bounce_limit};
-  if (!MayMerge(view) || view.bodies.size() < kHeapBodies || settings.bounce_limit != kAutoBounceLimit) return usual;
+  if (settings.bounce_limit != kAutoBounceLimit || settings.freezing == Freezing::kPaper || !MayMerge(view))
+    return usual;
   worker->slight.clear();
-  size_t blows = 0;
+  int moving = 0, blows = 0;
+  double restitution = 0;
   for (const int number : view.contacts) {
     const Contact& contact = frame.contacts.contacts[number];
-    const bool in_static = frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves();
-    worker->slight.push_back(in_static ? SlightApproach(contact, frame.gravity, frame.dt) : 0);
-    blows += approach_speeds[number] > worker->slight.back();
+    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
+    const bool in_static = a.Moves() || b.Moves();
+    const bool pushed = !in_static && (a.kind == BodyKind::kKinematic || b.kind == BodyKind::kKinematic);
+    worker->slight.push_back(pushed ? 0 : SlightApproach(contact, frame.gravity, frame.dt));
+    moving += in_static;
+    blows += approach_speeds[number] > std::max(frame.threshold, worker->slight.back());
+    restitution = std::max(restitution, contact.restitution);
   }
-  const auto contacts = static_cast<int>(view.contacts.size());
-  if (static_cast<double>(blows) > kFewBlows * contacts) return usual;
-  return {frame.threshold, worker->slight, kHeapBounces * contacts};
+  const auto bodies = static_cast<int>(view.bodies.size()), contacts = static_cast<int>(view.contacts.size());
+  const int heap = kHeapBounces * moving;
+  if (moving < kHeapContacts || blows > kFewBlows * moving ||
+      BounceLimit(kAutoBounceLimit, bodies, contacts) >= heap * BounceCost(restitution, bodies) ||
+      (settings.ladder.Has(qp::Rung::kColumn) && IsLine(view, worker)))
+    return usual;
+  return {frame.threshold, worker->slight, heap};
 }
 
 // Step 1 on groups cut at fixed and kinematic bodies only, so that a bounce can travel through frozen ones.

@@ -26,8 +26,8 @@ constexpr double kLeastDrift = 1e-3;  // of the tolerance
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
-// Of the natural map of the slips that a big island's last problem is given: velocities [root of the gap] need to be no nearer to
-// that problem's answer than it is to the law. No more of a gap than this share of coulomb_tolerance.
+// Of what the natural map says that the slips of a big island's last problem miss: velocities [root of the gap] need to be no nearer
+// to that problem's answer than it is to the law. No more of a gap than this share of coulomb_tolerance.
 constexpr double kSlipShare = 0.7;
 constexpr double kMostGap = 0.1;
 // Rounds of small islands whose slips come from the rounds before alone.
@@ -51,6 +51,12 @@ double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
   const auto [least, most] = std::minmax_element(problem.bodies.begin(), problem.bodies.end(), lighter);
   return most->mass / least->mass;
+}
+
+double LargestFriction(const Problem& problem) {
+  double largest = 0;
+  for (const ContactTerm& contact : problem.contacts) largest = std::max(largest, contact.friction);
+  return largest;
 }
 
 // Between a floor and a ceiling impulses can grow without bound and do nothing; the interior point goes to where they are
@@ -111,7 +117,7 @@ void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& setti
   if (!accepted) {
     UpdateSlips(problem, Cone::kCircular);
     Settings last = settings;
-    const double share = kSlipShare * map.rms / settings.velocity_scale;
+    const double share = kSlipShare * std::min(1.0, LargestFriction(problem)) * map.rms / settings.velocity_scale;
     last.tolerance = std::clamp(share * share, settings.tolerance,
                                 std::max(settings.tolerance, kMostGap * settings.coulomb_tolerance));
     RunInteriorPoint(problem, last, slips_, solution, swept_impulses_);

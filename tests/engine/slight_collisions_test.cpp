@@ -190,34 +190,79 @@ TEST(SlightCollisions, NotBesideABlow) {
   EXPECT_GT(report.bounces, 0);
 }
 
-// A layer of cubes side by side, and one that falls on it: its blow bounces until the rest is slight, and the static problem takes
-// that along. With the paper's limit of bounces the collision problem has the rest.
-TEST(SlightCollisions, AFewBlowsOnAHeapNeedNoCollisionProblem) {
-  constexpr int kSide = 8;
-  std::vector<Body> after[2];
-  for (const bool heap : {false, true}) {
-    Settings settings = Awake(true);
-    if (!heap) settings.bounce_limit = 10;
-    World world(settings);
-    world.Add(Floor(0.5, 0.2));
+// A layer of cubes side by side, and one that falls on it: flat on one of them, or askew on four.
+constexpr int kSide = 8;
+struct Layer {
+  World world;
+  StepReport report;
+  std::vector<Body> before;
+
+  Layer(const Settings& settings, double restitution, bool flat) : world(settings) {
+    world.Add(Floor(0.5, restitution));
     for (int i = 0; i < kSide * kSide; ++i)
-      world.Add(Cube({static_cast<double>(i % kSide), static_cast<double>(i / kSide), 0.5}, 0.5, 0.2));
-    BodyDefinition falls = Cube({3.4, 3.3, 1.5}, 0.5, 0.2);
-    falls.linear_velocity_W = {0.5, 0.2, -3};
-    falls.angular_velocity_W = {0.4, 0, 0.3};
+      world.Add(Cube({static_cast<double>(i % kSide), static_cast<double>(i / kSide), 0.5}, 0.5, restitution));
+    BodyDefinition falls = Cube(flat ? Vector3(3, 3, 1.5) : Vector3(3.4, 3.3, 1.5), 0.5, restitution);
+    falls.linear_velocity_W = flat ? Vector3(0, 0, -3) : Vector3(0.5, 0.2, -3);
+    if (flat) falls.shape = Shape::Box({0.3, 0.3, 0.5});
+    if (!flat) falls.angular_velocity_W = {0.4, 0, 0.3};
     world.Add(falls);
-    const double before = Energy(world.bodies());
-    const StepReport report = world.Step(kDt);
-    EXPECT_EQ(Merged(report) > 0, heap);
-    EXPECT_EQ(report.collision_qp.solved > 0, !heap);
-    EXPECT_LE(report.certificate.gap, 1e-6);
-    EXPECT_LE(report.certificate.dual, 1e-6);
-    EXPECT_LT(Energy(world.bodies()), before);
-    after[heap].assign(world.bodies().begin(), world.bodies().end());
+    before.assign(world.bodies().begin(), world.bodies().end());
+    report = world.Step(kDt);
   }
-  // Bounces one after the other are another law than all at once: the layer under the blow must not notice much of that.
-  for (size_t i = 1; i < after[0].size(); ++i)
-    EXPECT_LT((after[0][i].linear_velocity_W - after[1][i].linear_velocity_W).norm(), 0.3) << i;
+  const Body& cube(int i) const { return world.body(i + 1); }
+};
+
+// Its blow bounces until the rest is slight, and the static problem takes that along; by the paper's limit of bounces the collision
+// problem has the rest. Momentum is kept in both, and the cubes end up much alike.
+TEST(SlightCollisions, AFewBlowsOnAHeapNeedNoCollisionProblem) {
+  Settings few = Awake(true);
+  few.bounce_limit = 30;
+  const Layer by_problem(few, 0.2, false), by_bounces(Awake(true), 0.2, false);
+  EXPECT_GT(by_problem.report.collision_qp.solved, 0);
+  EXPECT_EQ(by_bounces.report.collision_qp.solved, 0);
+  EXPECT_EQ(Merged(by_bounces.report), 1);
+  EXPECT_GT(by_bounces.report.bounces, 0);
+  for (const Layer* layer : {&by_problem, &by_bounces}) {
+    EXPECT_LE(layer->report.certificate.dual, 1e-6);
+    for (int i = 0; i <= kSide * kSide; ++i) {
+      const Vector3 weight = Vector3(0, 0, -kGravity * kDt),
+                    gained = layer->cube(i).linear_velocity_W - layer->before[i + 1].linear_velocity_W;
+      EXPECT_LT((ImpulseOn(layer->world, i + 1) + weight - gained).norm(), 1e-12) << i;
+    }
+  }
+  for (int i = 0; i < kSide * kSide; ++i)
+    EXPECT_LT((by_problem.cube(i).linear_velocity_W - by_bounces.cube(i).linear_velocity_W).norm(), 0.1 * kFall) << i;
+  const Vector3 after = by_problem.cube(kSide * kSide).linear_velocity_W;
+  EXPECT_GT((after - Vector3(0.5, 0.2, -3)).norm(), 2);  // the blow was not left out of both
+  EXPECT_LT((after - by_bounces.cube(kSide * kSide).linear_velocity_W).norm(), 0.3);
+}
+
+// Ties in heaps are solved less exactly than elsewhere, but not so that one could see it.
+TEST(SlightCollisions, WhatLandsFlatOnAHeapDoesNotSpin) {
+  const Layer layer(Awake(true), 0.5, true);
+  EXPECT_GT(layer.report.bounces, 0);
+  EXPECT_EQ(layer.report.collision_qp.solved, 0);
+  EXPECT_GT(layer.cube(kSide * kSide).linear_velocity_W.z(), 0);
+  EXPECT_LT(layer.cube(kSide * kSide).angular_velocity_W.norm(), 1e-5);
+}
+
+// Five balls into a long row on a floor push out five: elastic blows have more bounces than heaps.
+TEST(SlightCollisions, ElasticRowsPassOnBlowsHoweverLong) {
+  Settings settings = Awake(true);
+  World world(settings);
+  world.Add(Floor(0, 1));
+  constexpr int kBalls = 80, kIncoming = 5;
+  for (int i = 0; i < kBalls; ++i) {
+    BodyDefinition ball = Ball({2.0 * i, 0, 1}, 1);
+    ball.friction = 0;
+    ball.restitution = 1;
+    if (i < kIncoming) ball.linear_velocity_W.x() = 1;
+    world.Add(ball);
+  }
+  const StepReport report = world.Step(kDt);
+  EXPECT_GE(report.bounces, kIncoming * (kBalls - kIncoming));
+  for (int i = 0; i < kBalls; ++i)
+    EXPECT_NEAR(world.body(i + 1).linear_velocity_W.x(), i < kBalls - kIncoming ? 0 : 1, 1e-9) << i;
 }
 
 // A heap that falls, with and without: rest by the same time, energy only falls, every answer certified.
