@@ -1,5 +1,6 @@
 // Step 1: partial sequential collision resolution (PQ). The fastest collision first, one at a time, until all contacts
-// separate or the bounce limit is reached; what is left goes to the collision QP.                      [SM04 Sec. 5.1]
+// separate (or, in heaps, approach slightly) or the bounce limit is reached; what is left goes to the collision QP, or the
+// static one if it is slight.                                                                          [SM04 Sec. 5.1]
 //
 // Contacts that tie for the fastest and share bodies bounce at once, by a small Coulomb problem of their own: a cube that
 // lands flat does not spin, and a symmetric hit stays symmetric.

@@ -38,7 +38,7 @@ struct Settings {
   Cone cone = Cone::kCircular;
   BounceLaw bounce_law = BounceLaw::kExact;
   int bounce_limit =
-      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
+      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]; heaps: more
   Freezing freezing = Freezing::kCertified;
   int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
   double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still

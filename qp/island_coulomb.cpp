@@ -89,7 +89,7 @@ bool IslandSolver::IsTower(const Problem& problem, int most) {
 
 // Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
 // the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
-// convex problem with the slips found is solved to the tolerance, where the sweeps have not done that, so that all but those slips
+// convex problem with the slips found is solved as exactly as these are worth it, where the sweeps have not done that, so that all but those slips
 // is exact.
 void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                                    Solution* solution) {
