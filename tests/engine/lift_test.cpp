@@ -115,7 +115,7 @@ TEST(Lift, FiveTouchingBallsKeepTheirEnergy) {
   }
 }
 
-World CrowdBetweenWalls(bool cubes, int count) {
+World CrowdBetweenWalls(bool cubes, int count, unsigned seed) {
   World world(Awake());
   world.Add(Floor(0, 1));
   for (const Vector3& inward : {Vector3(1, 0, 0), Vector3(-1, 0, 0), Vector3(0, 1, 0), Vector3(0, -1, 0)}) {
@@ -124,7 +124,7 @@ World CrowdBetweenWalls(bool cubes, int count) {
     wall.position_W = -2.5 * inward;
     world.Add(wall);
   }
-  std::mt19937 rng(5);
+  std::mt19937 rng(seed);
   const auto uniform = [&rng] { return 2.0 * static_cast<double>(rng()) / 4294967295.0 - 1; };
   for (int i = 0; i < count; ++i) {
     const Vector3 place(1.2 * (i % 4 - 1.5), 1.2 * (i / 4 % 4 - 1.5), 1 + 1.3 * (i / 16));
@@ -137,21 +137,26 @@ World CrowdBetweenWalls(bool cubes, int count) {
 }
 
 // And every change of momentum is some wall's. Balls gained 7 %, cubes 52 % in four seconds at 1/30 s; 1.5 and 6.6 % at 1/60 s.
+// The crowds are chaotic, and the width of the kernels decides on their course: of 40 of balls at 1/30 s 31 gain less than 1e-5,
+// the others up to 2e-4, in part since what a contact supports is lifted for nothing.
 TEST(Lift, ElasticCrowdsBetweenWallsGainNothingToSpeakOf) {
   for (const bool cubes : {false, true}) {
-    for (const double dt : {1.0 / 30, 1.0 / 60}) {
-      World world = CrowdBetweenWalls(cubes, cubes ? 32 : 64);
-      const double start = Energy(world.bodies()), weight = (cubes ? 32 : 64) * kGravity;
-      double most = start;
-      while (world.time() < 4) {
-        const Vector3 momentum = testing::Momentum(world.bodies()) + dt * weight * Vector3(0, 0, -1);
-        EXPECT_EQ(world.Step(dt).motion_failures, 0);
-        Vector3 from_walls = Vector3::Zero();
-        for (int wall = 0; wall < 5; ++wall) from_walls -= testing::ImpulseOn(world, wall);
-        EXPECT_LT((testing::Momentum(world.bodies()) - momentum - from_walls).norm(), 1e-9 * weight) << world.time();
-        most = std::max(most, Energy(world.bodies()));
+    for (const unsigned seed : cubes ? std::vector{5u} : std::vector{5u, 8u, 13u, 17u}) {
+      for (const double dt : {1.0 / 30, 1.0 / 60}) {
+        World world = CrowdBetweenWalls(cubes, cubes ? 32 : 64, seed);
+        const double start = Energy(world.bodies()), weight = (cubes ? 32 : 64) * kGravity;
+        double most = start;
+        while (world.time() < 4) {
+          const Vector3 momentum = testing::Momentum(world.bodies()) + dt * weight * Vector3(0, 0, -1);
+          EXPECT_EQ(world.Step(dt).motion_failures, 0);
+          Vector3 from_walls = Vector3::Zero();
+          for (int wall = 0; wall < 5; ++wall) from_walls -= testing::ImpulseOn(world, wall);
+          EXPECT_LT((testing::Momentum(world.bodies()) - momentum - from_walls).norm(), 1e-9 * weight) << world.time();
+          most = std::max(most, Energy(world.bodies()));
+        }
+        EXPECT_LT(most / start - 1, cubes ? 2e-2 * std::pow(60 * dt / 2, 3) : 5e-4)
+            << cubes << " " << seed << " " << dt;
       }
-      EXPECT_LT(most / start - 1, cubes ? 2e-2 * std::pow(60 * dt / 2, 3) : 1e-5) << cubes << " " << dt;
     }
   }
 }
