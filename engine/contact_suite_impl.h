@@ -83,6 +83,7 @@ struct ContactSuite::Impl : SuiteMemory {
   bool Approaches(const IslandView& view) const;
   bool IsLine(const IslandView& view, Worker* worker) const;
   bool MayMerge(const IslandView& view) const;
+  double LeftUpTo(const Contact& contact) const;
   bool CollidesSlightly(const IslandView& view, Worker* worker) const;
   void StandStill();
   void Bounce(StepReport* report);

@@ -17,7 +17,7 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // other for ever.
 constexpr int kPolish = 30;
 constexpr double kRounding = 1e-14;       // of the fastest approach
-constexpr double kHeapSettled = 1e-6;     // the same where what is slight is left over: a thousandth of that is enough
+constexpr double kHeapSettled = 1e-6;     // the same where approaches a thousand times as fast are left over as slight
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding

@@ -82,6 +82,13 @@ bool ContactSuite::Impl::MayMerge(const IslandView& view) const {
          });
 }
 
+// [m/s] approaches that may go to the static problem. A moving wall's on a frozen body may not: no problem would take it along.
+double ContactSuite::Impl::LeftUpTo(const Contact& contact) const {
+  const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
+  const bool driven = a.kind == BodyKind::kKinematic || b.kind == BodyKind::kKinematic;
+  return driven && !a.Moves() && !b.Moves() ? 0 : SlightApproach(contact, frame.gravity, frame.dt);
+}
+
 // Something approaches, and all that does is slight.
 bool ContactSuite::Impl::CollidesSlightly(const IslandView& view, Worker* worker) const {
   if (!MayMerge(view)) return false;
@@ -89,19 +96,16 @@ bool ContactSuite::Impl::CollidesSlightly(const IslandView& view, Worker* worker
   for (const int number : view.contacts) {
     const Contact& contact = frame.contacts.contacts[number];
     if (!contact.touches) continue;
-    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
-    const double speed = -NormalVelocity(contact, a, b);
+    const double speed = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
     if (speed <= frame.threshold) continue;
-    const bool in_static = a.Moves() || b.Moves();
-    if (!in_static || speed > SlightApproach(contact, frame.gravity, frame.dt)) return false;
+    if (speed > LeftUpTo(contact)) return false;
     approaches = true;
   }
   return approaches && !(settings.ladder.Has(qp::Rung::kColumn) && IsLine(view, worker));
 }
 
 // In big heaps with few blows those bounce, more often than elsewhere, until what is left is slight. Not where the usual limit lets
-// elastic blows go farther. A moving wall's blow on a frozen body is never left: no problem would take it along. (By the paper's
-// freezing a body that is put back to rest would keep what it got to itself.)
+// elastic blows go farther. (By the paper's freezing a body that is put back to rest would keep what it got to itself.)
 BounceRule ContactSuite::Impl::RuleOf(const IslandView& view, Worker* worker) const {
   const BounceRule usual{frame.threshold, {}, settings.bounce_limit};
   if (settings.bounce_limit != kAutoBounceLimit || settings.freezing == Freezing::kPaper || !MayMerge(view))
@@ -111,11 +115,8 @@ BounceRule ContactSuite::Impl::RuleOf(const IslandView& view, Worker* worker) co
   double restitution = 0;
   for (const int number : view.contacts) {
     const Contact& contact = frame.contacts.contacts[number];
-    const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
-    const bool in_static = a.Moves() || b.Moves();
-    const bool pushed = !in_static && (a.kind == BodyKind::kKinematic || b.kind == BodyKind::kKinematic);
-    worker->slight.push_back(pushed ? 0 : SlightApproach(contact, frame.gravity, frame.dt));
-    moving += in_static;
+    worker->slight.push_back(LeftUpTo(contact));
+    moving += frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves();
     blows += approach_speeds[number] > std::max(frame.threshold, worker->slight.back());
     restitution = std::max(restitution, contact.restitution);
   }

@@ -21,7 +21,8 @@ enum class Cone {
 // How far exact Coulomb friction on the circular cone is driven. The other models have one way only. Momentum and cones hold to
 // rounding in both.
 enum class Tier {
-  kCertified,  // sweeps, then the convex problem with their slips, where its gap misses coulomb_tolerance; solved to `tolerance`
+  kCertified,  // sweeps, then the convex problem with their slips, where its gap misses coulomb_tolerance; solved to `tolerance`,
+               // on big islands only as far as the slips are worth it
   kSwept,  // sweeps alone, as far as they pay, whatever the ladder: about a third of the time, no bound on the gap
 };
 

@@ -237,6 +237,21 @@ TEST(SlightCollisions, AFewBlowsOnAHeapNeedNoCollisionProblem) {
   EXPECT_LT((after - by_bounces.cube(kSide * kSide).linear_velocity_W).norm(), 0.3);
 }
 
+// All of them fall: that many blows are the collision problem's, after the paper's number of bounces.
+TEST(SlightCollisions, ManyBlowsOnAHeapAreACollisionProblem) {
+  World world(Awake(true));
+  world.Add(Floor(0.5, 0.2));
+  for (int i = 0; i < kSide * kSide; ++i) {
+    BodyDefinition cube = Cube({static_cast<double>(i % kSide), static_cast<double>(i / kSide), 0.5}, 0.5, 0.2);
+    cube.linear_velocity_W = {0, 0, -3 - 0.01 * i};
+    world.Add(cube);
+  }
+  const StepReport report = world.Step(kDt);
+  EXPECT_GT(report.bounces, 0);
+  EXPECT_EQ(report.collision_qp.solved, 1);
+  EXPECT_EQ(Merged(report), 0);
+}
+
 // Ties in heaps are solved less exactly than elsewhere, but not so that one could see it.
 TEST(SlightCollisions, WhatLandsFlatOnAHeapDoesNotSpin) {
   const Layer layer(Awake(true), 0.5, true);
