@@ -143,6 +143,27 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
 }
 
+// Targets as they are, with the compliant answer where there is no other.
+void IslandResponder::SolveOnce(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
+  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  const auto solve = [&] {
+    solver_.Solve(problem_, solver_settings, &solution_, guess_);
+    outcome->iterations += solution_.iterations;
+    outcome->rung = solution_.rung;
+    outcome->in_vain.Include(solution_.in_vain);
+    outcome->rounds = std::max(outcome->rounds, solution_.rounds);
+    outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
+  };
+  solve();
+  outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
+  if (Usable(solution_.status)) return;
+  for (qp::ContactTerm& c : problem_.contacts)
+    c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
+  solve();
+  outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
+  for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
+}
+
 // Velocities from the impulses, whatever the solver's own: momentum and angular momentum to rounding.
 void IslandResponder::KeepMomentum() {
   if (solution_.impulses.size() != problem_.contacts.size()) return;
@@ -239,6 +260,36 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                      MeanSpeedBeforeForces(island.bodies, bodies, settings.gravity, dt) <= kRestMotion * speed_floor;
   Solve(settings, v_ref, speed_floor, rests, &outcome);
   if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
+  outcome.seconds = watch.seconds();
+  Finish(island, settings, v_ref, bodies, impulses, &outcome);
+  return outcome;
+}
+
+ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const ContactFrames& contacts,
+                                                std::span<const double> targets, const Settings& settings,
+                                                double speed_floor, std::span<Body> bodies,
+                                                std::span<Vector3> impulses) {
+  ResponseOutcome outcome;
+  outcome.contacts = static_cast<int>(island.contacts.size());
+  guess_.clear();
+  for (const int contact : island.contacts) {
+    guess_.push_back(impulses[contact]);
+    impulses[contact].setZero();
+  }
+  if (island.contacts.empty()) return outcome;
+  const Stopwatch watch;
+  gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
+  ApproachVelocities(problem_, &free_);
+  double fastest = 0;
+  for (size_t c = 0; c < island.contacts.size(); ++c) {
+    problem_.contacts[c].target = targets[island.contacts[c]];
+    fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
+  }
+  const double v_ref = std::max(speed_floor, fastest);
+  if (settings.model == Model::kCoulomb && fastest <= 1e-12 * v_ref) return outcome;
+  draft_ = false;
+  SolveOnce(settings, v_ref, &outcome);
+  if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;

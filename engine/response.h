@@ -50,6 +50,10 @@ class IslandResponder {
                                     std::span<Vector3> impulses);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
+  // The contact problem with given least normal velocities [m/s], one per contact of the world.
+  ResponseOutcome ResolveTargets(const IslandView& island, const ContactFrames& contacts,
+                                 std::span<const double> targets, const Settings& settings, double speed_floor,
+                                 std::span<Body> bodies, std::span<Vector3> impulses);
   // From now on these two stop after the sweeps, as soon as they tell which bodies wake.
   void SetDraft(bool draft) { draft_ = draft; }
   // Problem and answer of the last call that solved one.
@@ -63,6 +67,7 @@ class IslandResponder {
 
  private:
   void Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest, ResponseOutcome* outcome);
+  void SolveOnce(const Settings& settings, double v_ref, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
   bool HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                      double speed_floor, double rest_limit, std::span<const Body> bodies, qp::InVain* in_vain);

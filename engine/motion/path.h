@@ -1,0 +1,42 @@
+// How a body moves through a piece of a step: under constant force along a parabola, turning at a rate that changes
+// evenly. Both ends and the velocities at the start are those of the piece.
+//
+//   x(t) = x + v t + half_a t^2,   q(t) = exp(t rate + t^2 half_change) q,   t in [0, h]
+//   frames: W    units: SI    threads: plain data, pure functions
+#pragma once
+
+#include <algorithm>
+
+#include "engine/linear_algebra.h"
+#include "engine/narrow_phase.h"
+#include "engine/rotation.h"
+
+namespace islet::motion {
+
+struct Pose {
+  Vector3 position_W = Vector3::Zero();  // [m]
+  Quaternion rotation_WB = Quaternion::Identity();
+  Placement placement() const { return {position_W, rotation_WB.toRotationMatrix()}; }
+};
+
+struct Path {
+  Pose start;
+  Vector3 velocity_W = Vector3::Zero();           // [m/s] at the start
+  Vector3 half_acceleration_W = Vector3::Zero();  // [m/s^2]
+  Vector3 rate_W = Vector3::Zero();               // [rad/s] at the start
+  Vector3 half_change_W = Vector3::Zero();        // [rad/s^2]
+  double radius = 0;                              // [m] farthest point that a turn moves; 0 for what turns in itself
+
+  Pose At(double t) const {
+    return {start.position_W + t * velocity_W + t * t * half_acceleration_W,
+            (Exp(t * rate_W + t * t * half_change_W) * start.rotation_WB).normalized()};
+  }
+  Vector3 VelocityAt(double t) const { return velocity_W + 2 * t * half_acceleration_W; }
+  Vector3 RateAt(double t) const { return rate_W + 2 * t * half_change_W; }
+  // [m/s] fastest that the turn moves a point from t to `end`.
+  double TurnSpeed(double t, double end) const {
+    return radius == 0 ? 0 : radius * std::max(RateAt(t).norm(), RateAt(end).norm());
+  }
+};
+
+}  // namespace islet::motion

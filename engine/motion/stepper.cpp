@@ -1,0 +1,724 @@
+#include "engine/motion/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "engine/suite_frame.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
+constexpr double kNear = 5e-5;      // of a size: gap at which bodies have met
+constexpr double kOverlap = 2e-6;   // of a size: passes end when no pair overlaps by more than it did, and this
+constexpr double kDeep = 2e-3;      // of a size: an overlap that is never left
+constexpr int kPasses = 8;          // of the carrying problem in a piece
+constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
+constexpr double kGain = 1e-8;      // of the energy at hand: a piece that gains more is done again, shorter
+constexpr int kLevels = 10;         // times that a piece is halved
+constexpr int kMostPieces = 600;    // of a step
+constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
+constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
+constexpr double kBriefBounce = 1.0 / 64;  // of the step: a rebound that is over sooner is none
+constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
+constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
+constexpr double kLeverMoves = 1e-4;  // of a size: what a lever may change by in a piece that one pass describes
+
+Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
+  return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
+}
+Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum) {
+  return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
+}
+Quaternion Turned(const Vector3& turn, const Quaternion& rotation) { return (Exp(turn) * rotation).normalized(); }
+
+bool SameFeature(const Contact& x, int pair_x, const Contact& y, int pair_y) {
+  return pair_x == pair_y && x.feature == y.feature;
+}
+
+}  // namespace
+
+double Stepper::Size(const GroupPair& pair) const {
+  return std::min(group_->shapes[pair.a]->size(), group_->shapes[pair.b]->size());
+}
+
+double Stepper::BodyRadius(int i) const {
+  const Shape& shape = *group_->shapes[i];
+  const bool turns_in_itself = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
+  return turns_in_itself ? 0 : shape.radius();
+}
+
+// [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight.
+double Stepper::CutSpeed(const Contact& contact) const {
+  const double g = settings_.gravity.norm();
+  if (g == 0) return threshold_;
+  const double brief = contact.restitution > 0 ? 0.5 * kBriefBounce * g * dt_ / contact.restitution : kFar;
+  return std::max(threshold_, std::min(brief, g * dt_));
+}
+
+void Stepper::LoadState() {
+  const size_t n = group_->bodies.size();
+  state_.resize(n);
+  for (size_t i = 0; i < n; ++i) {
+    const Body& b = group_->bodies[i];
+    state_[i] = {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+  }
+  end_state_ = state_;
+  middle_.resize(n);
+  turned_.resize(n);
+  spun_.resize(n);
+  spun_after_.resize(n);
+  mean_W_.resize(n);
+  posed_ = group_->bodies;
+}
+
+// Walls are where their velocity takes them: poses at time t of the step, in `states` of those that do not move by contacts.
+static void PlaceWallsAt(double t, const std::vector<Body>& bodies, const std::function<void(size_t, const Pose&)>& set) {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    if (b.Moves()) continue;
+    set(i, {b.position_W + t * b.linear_velocity_W, Turned(t * b.angular_velocity_W, b.rotation_WB)});
+  }
+}
+
+void Stepper::DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
+                         std::vector<int>* pair_of) {
+  const GroupPair& pair = group_->pairs[number];
+  const size_t first = contacts->size();
+  CollideShapes(*group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
+                at[pair.b].pose.placement(), reach, contacts);
+  for (size_t c = first; c < contacts->size(); ++c) {
+    Contact& contact = (*contacts)[c];
+    contact.body_a = pair.a;
+    contact.body_b = pair.b;
+    (*mix_)(&contact, group_->bodies[pair.a], group_->bodies[pair.b]);
+    pair_of->push_back(number);
+  }
+}
+
+void Stepper::FindTouching() {
+  now_.clear();
+  now_pair_.clear();
+  for (size_t p = 0; p < group_->pairs.size(); ++p)
+    DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_, &now_pair_);
+}
+
+// A turn bends the way of a corner; where something is near, a piece is no longer than what one lever describes.
+double Stepper::ChooseLength(double rest) {
+  double fastest = 0;  // [rad/s], of what is near, weighed by how thin it is
+  for (const GroupPair& pair : group_->pairs) {
+    const Body &a = group_->bodies[pair.a], &b = group_->bodies[pair.b];
+    const double room = rest * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm() +
+                        2 * settings_.gravity.norm() * rest * rest;
+    if (group_->shapes[pair.a]->kind() != ShapeKind::kHalfSpace &&
+        group_->shapes[pair.b]->kind() != ShapeKind::kHalfSpace &&
+        (state_[pair.b].pose.position_W - state_[pair.a].pose.position_W).norm() > a.radius + b.radius + room)
+      continue;
+    for (const int i : {pair.a, pair.b}) {
+      const double radius = BodyRadius(i);
+      if (radius == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
+      const int other = i == pair.a ? pair.b : pair.a;
+      if (group_->shapes[other]->kind() == ShapeKind::kHalfSpace) {
+        const Vector3 up = state_[other].pose.rotation_WB * Vector3::UnitZ();
+        if (up.dot(state_[i].pose.position_W - state_[other].pose.position_W) > group_->bodies[i].radius + room) continue;
+      }
+      const double thin = std::sqrt(kSag * group_->shapes[i]->size() / radius) / kTurn;
+      fastest = std::max(fastest, state_[i].angular_W.norm() * std::max(1.0, 1 / thin));
+    }
+  }
+  return fastest * rest > kTurn ? kTurn / fastest : rest;
+}
+
+// Contacts that may carry: what touches and does not leave.
+void Stepper::SelectHeld(double h) {
+  held_.clear();
+  held_of_.clear();
+  impulse_W_.clear();
+  const double g = settings_.gravity.norm();
+  const double leaves = g > 0 ? 0.5 * kBriefBounce * g * dt_ : threshold_;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    const Contact& contact = now_[c];
+    const GroupPair& pair = group_->pairs[now_pair_[c]];
+    if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
+    const auto velocity = [&](int i) -> Vector3 {
+      return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
+    };
+    const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
+    if (-opening > CutSpeed(contact)) continue;  // a blow, when it gets there
+    if (opening > leaves && freed_[now_pair_[c]] != kReturns) {
+      freed_[now_pair_[c]] = kLeaves;
+      continue;
+    }
+    held_.push_back(contact);
+    held_of_.push_back({now_pair_[c], -std::max(0.0, contact.gap) / h});
+    Vector3 guess = Vector3::Zero();
+    for (size_t k = 0; k < last_.size(); ++k)
+      if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
+    impulse_W_.push_back(guess);
+  }
+}
+
+void Stepper::SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes) {
+  frames_.resize(problem_.size());
+  edges_.clear();
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    frames_[c] = ContactFrame(problem_[c].normal_W);
+    edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
+  }
+  cut_.resize(posed_.size());
+  for (size_t i = 0; i < cut_.size(); ++i) cut_[i] = !posed_[i].Moves();
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
+    if (view.contacts.empty()) continue;
+    outcomes->push_back(responder_.ResolveTargets(view, {problem_, frames_}, targets, settings_, floor, posed_,
+                                                  local_impulses_));
+  }
+}
+
+// Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
+void Stepper::Carry(double h, bool first) {
+  const double t = time_of_piece_;
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    if (!b.Moves()) continue;
+    const State& s = state_[i];
+    turned_[i] = {s.pose.position_W, Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
+    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    Body& p = posed_[i];
+    p.position_W = first ? s.pose.position_W : middle_[i].position_W;
+    p.rotation_WB = turned_[i].rotation_WB;
+    p.linear_velocity_W = s.linear_W + 0.5 * h * (settings_.gravity + b.force_W / b.mass);
+    p.angular_velocity_W = spun_[i];
+    if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
+  }
+  PlaceWallsAt(first ? t : t + 0.5 * h, bodies, [&](size_t i, const Pose& pose) {
+    posed_[i].position_W = pose.position_W;
+    posed_[i].rotation_WB = pose.rotation_WB;
+  });
+  problem_ = held_;
+  targets_.resize(held_.size());
+  local_impulses_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    targets_[c] = held_of_[c].target;
+    local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
+  }
+  SolveParts(targets_, floor_, &out_->carried);
+  for (size_t c = 0; c < held_.size(); ++c) impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
+  first_ = first;
+}
+
+// The piece under these impulses: parabolas, free turns, and half-way a kick to each angular momentum. Both bodies of a contact
+// take their impulse at one point.
+void Stepper::Fly(double h) {
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
+  }
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const auto push = [&](int i, double sign) {
+      if (bodies[i].Moves()) end_state_[i].linear_W += sign / bodies[i].mass * impulse_W_[c];
+    };
+    push(held_[c].body_a, -1);
+    push(held_[c].body_b, 1);
+  }
+  spin_gain_.assign(bodies.size(), Vector3::Zero());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    const State& s = state_[i];
+    if (!b.Moves()) continue;
+    mean_W_[i] = 0.5 * (s.linear_W + end_state_[i].linear_W);
+    end_state_[i].pose.position_W = s.pose.position_W + h * mean_W_[i];
+    middle_[i].position_W = s.pose.position_W + 0.5 * h * mean_W_[i];
+    turned_[i].rotation_WB = Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
+    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    spin_gain_[i] = h * b.torque_W;
+  }
+  PlaceWallsAt(time_of_piece_ + 0.5 * h, bodies, [&](size_t i, const Pose& pose) { middle_[i] = pose; });
+  PlaceWallsAt(time_of_piece_ + h, bodies, [&](size_t i, const Pose& pose) { end_state_[i].pose = pose; });
+  acted_at_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Contact& contact = held_[c];
+    const int a = contact.body_a, b = contact.body_b;
+    acted_at_[c] = contact.point_W;
+    if (held_of_[c].at_start) {  // found where the piece begins: it moves along
+      const Vector3 way_a = middle_[a].position_W - state_[a].pose.position_W, way_b = middle_[b].position_W - state_[b].pose.position_W;
+      acted_at_[c] += !bodies[a].Moves() ? way_b : !bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+    }
+    spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
+    spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    if (!b.Moves()) continue;
+    const Quaternion& half = turned_[i].rotation_WB;
+    spun_after_[i] = spin_gain_[i].isZero(0) ? spun_[i] : Vector3(spun_[i] + SpinOf(b, half, spin_gain_[i]));
+    State& e = end_state_[i];
+    e.pose.rotation_WB = Turned(FreeRotation(b.inertia_B, half, spun_after_[i], 0.5 * h), half);
+    e.angular_W = AngularVelocityAfter(b.inertia_B, half, spun_after_[i], e.pose.rotation_WB);
+    const Vector3 turn = Log(e.pose.rotation_WB * state_[i].pose.rotation_WB.conjugate());
+    middle_[i].rotation_WB = Turned(0.5 * turn, state_[i].pose.rotation_WB);
+  }
+}
+
+Path Stepper::PathOf(int i, double h) const {
+  const Body& b = group_->bodies[i];
+  const State &s = state_[i], &e = end_state_[i];
+  if (!b.Moves()) return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
+  const Vector3 turn = Log(e.pose.rotation_WB * s.pose.rotation_WB.conjugate());
+  return {s.pose,      s.linear_W,
+          (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W,
+          (1 / (h * h)) * (turn - h * s.angular_W), BodyRadius(i)};
+}
+
+// [s] of the first blow within the piece, h if there is none.
+double Stepper::FindMeeting(double h) {
+  double first = h;
+  cut_pair_ = -1;
+  returned_ = false;
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    const GroupPair& pair = group_->pairs[p];
+    MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
+                       kNear * Size(pair), GapBefore(static_cast<int>(p)), freed_[p] != 0};
+    const Path &a = query.path_a, &b = query.path_b;
+    const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
+                         a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
+    if (moves * h < 0.5 * query.near) continue;
+    const double t = meeting_.First(query);
+    if (t >= first) continue;
+    probe_.clear();
+    CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * query.near, &probe_);
+    double approach = 0, cut = kFar;
+    for (Contact& c : probe_) {
+      (*mix_)(&c, group_->bodies[pair.a], group_->bodies[pair.b]);
+      const auto velocity = [&](const Path& path) -> Vector3 {
+        return path.VelocityAt(t) + path.RateAt(t).cross(c.point_W - path.At(t).position_W);
+      };
+      approach = std::max(approach, -c.normal_W.dot(velocity(b) - velocity(a)));
+      cut = CutSpeed(c);
+    }
+    if (approach <= cut) {  // too slow for a blow: it carries when it is back, or the passes stop it
+      if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
+      continue;
+    }
+    first = t;
+    cut_pair_ = static_cast<int>(p);
+  }
+  return first;
+}
+
+// The piece ends at the blow: shorter, under the same forces. Secant steps towards gap 0.
+double Stepper::Shorten(double h, double moment) {
+  double at = std::max(moment, 1e-9 * dt_), from = h;
+  const GroupPair& pair = group_->pairs[cut_pair_];
+  for (int k = 0; k < 6; ++k) {
+    for (Vector3& impulse : impulse_W_) impulse *= at / from;
+    from = at;
+    Fly(at);
+    probe_.clear();
+    CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
+                  end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
+    double gap = kFar, approach = 0;
+    for (const Contact& c : probe_) {
+      if (c.gap >= gap) continue;
+      gap = c.gap;
+      const auto velocity = [&](int i) -> Vector3 {
+        return end_state_[i].linear_W + end_state_[i].angular_W.cross(c.point_W - end_state_[i].pose.position_W);
+      };
+      approach = -c.normal_W.dot(velocity(pair.b) - velocity(pair.a));
+    }
+    gap -= GapBefore(cut_pair_);
+    if (gap > kFar / 2 || approach <= 0 || std::abs(gap) <= kPolished * Size(pair)) break;
+    const double next = at + gap / approach;
+    if (!(next > 0 && next < h)) break;
+    at = next;
+  }
+  if (from != at) {
+    for (Vector3& impulse : impulse_W_) impulse *= at / from;
+    Fly(at);
+  }
+  return at;
+}
+
+void Stepper::DetectEnd() {
+  end_.clear();
+  end_pair_.clear();
+  for (size_t p = 0; p < group_->pairs.size(); ++p)
+    DetectPair(static_cast<int>(p), end_state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &end_, &end_pair_);
+}
+
+double Stepper::GapBefore(int pair) const {
+  double gap = 0;
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (now_pair_[c] == pair) gap = std::min(gap, now_[c].gap);
+  return gap;
+}
+
+// Of a size: overlap that the piece made.
+double Stepper::FreshOverlap() const {
+  double worst = 0;
+  for (size_t c = 0; c < end_.size(); ++c)
+    if (end_[c].gap < 0)
+      worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// Whether levers at the start of the piece do not describe it: what presses turns, or slides on what moves.
+bool Stepper::LeversMove(double h) const {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    const double size = kLeverMoves * Size(group_->pairs[held_of_[c].pair]);
+    for (const int i : {a, b}) {
+      if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
+      const Vector3& spin = group_->bodies[i].Moves() ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
+      if (h * spin.norm() * (held_[c].point_W - state_[i].pose.position_W).norm() > size) return true;
+    }
+    if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
+    const Vector3& n = held_[c].normal_W;
+    const Vector3 slip = mean_W_[b] - mean_W_[a];
+    if (h * (slip - n.dot(slip) * n).norm() > size) return true;
+  }
+  return false;
+}
+
+// Contacts as they are halfway, with targets that correct what the last pass left at the end.
+void Stepper::NextTargets(double h) {
+  std::vector<State>& mean = mean_state_;
+  mean = state_;
+  for (size_t i = 0; i < mean.size(); ++i) mean[i].pose = middle_[i];
+  halfway_.clear();
+  halfway_pair_.clear();
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    bool asked = false;
+    for (const int q : end_pair_) asked = asked || q == static_cast<int>(p);
+    if (asked)
+      DetectPair(static_cast<int>(p), mean, 0.1 * Size(group_->pairs[p]), &halfway_, &halfway_pair_);
+  }
+  next_.clear();
+  next_of_.clear();
+  next_impulse_W_.clear();
+  for (size_t e = 0; e < end_.size(); ++e) {
+    Contact contact = end_[e];
+    const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
+    bool found = false;
+    for (size_t k = 0; k < halfway_.size() && !found; ++k) {
+      if (!SameFeature(halfway_[k], halfway_pair_[k], contact, pair)) continue;
+      found = true;
+      contact.point_W = halfway_[k].point_W;
+      contact.normal_W = halfway_[k].normal_W;
+    }
+    if (!found) {
+      const Vector3 way_a = end_state_[a].pose.position_W - middle_[a].position_W;
+      const Vector3 way_b = end_state_[b].pose.position_W - middle_[b].position_W;
+      contact.point_W -= !group_->bodies[a].Moves() ? way_b : !group_->bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+    }
+    const auto mean_velocity = [&](int i) -> Vector3 {
+      const Vector3 lever = contact.point_W - middle_[i].position_W;
+      if (!group_->bodies[i].Moves()) return group_->bodies[i].linear_velocity_W + group_->bodies[i].angular_velocity_W.cross(lever);
+      return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
+    };
+    const double u = contact.normal_W.dot(mean_velocity(b) - mean_velocity(a));
+    double target = u - (contact.gap - GapBefore(pair)) / h;
+    target = std::min(target, kPush * floor_);
+    Vector3 guess = Vector3::Zero();
+    for (size_t c = 0; c < held_.size(); ++c)
+      if (SameFeature(held_[c], held_of_[c].pair, contact, pair)) guess = impulse_W_[c];
+    next_.push_back(contact);
+    next_of_.push_back({pair, target, 0, false});
+    next_impulse_W_.push_back(guess);
+  }
+  // What pressed and is not found again stays for some passes, or they would go round between corners.
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges) continue;
+    bool found = false;
+    for (size_t e = 0; e < end_.size() && !found; ++e)
+      found = SameFeature(end_[e], end_pair_[e], held_[c], held_of_[c].pair);
+    if (found) continue;
+    Held old = held_of_[c];
+    ++old.age;
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    old.at_start = false;
+    next_.push_back(contact);
+    next_of_.push_back(old);
+    next_impulse_W_.push_back(impulse_W_[c]);
+  }
+  std::swap(held_, next_);
+  std::swap(held_of_, next_of_);
+  std::swap(impulse_W_, next_impulse_W_);
+}
+
+// The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
+// hit are left to Strike.
+void Stepper::Settle(double h) {
+  settle_W_.assign(end_.size(), Vector3::Zero());
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    posed_[i].position_W = end_state_[i].pose.position_W;
+    posed_[i].rotation_WB = end_state_[i].pose.rotation_WB;
+    if (!bodies[i].Moves()) continue;
+    posed_[i].linear_velocity_W = end_state_[i].linear_W;
+    posed_[i].angular_velocity_W = end_state_[i].angular_W;
+  }
+  problem_.clear();
+  problem_of_.clear();
+  carried_W_.clear();
+  bool settled = true;
+  const double still = settings_.tolerance * floor_;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
+    Vector3 carried = Vector3::Zero();
+    for (size_t c = 0; c < held_.size(); ++c)
+      if (SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e])) carried = impulse_W_[c];
+    const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    const double normal = end_[e].normal_W.dot(u);
+    if (carried.isZero(0) && -normal > CutSpeed(end_[e])) continue;
+    settled = settled && (carried.isZero(0) ? normal >= -still : u.norm() <= still);
+    problem_.push_back(end_[e]);
+    problem_of_.push_back(static_cast<int>(e));
+    carried_W_.push_back(carried);
+  }
+  if (settled) return;
+  local_impulses_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
+    if (a.Moves()) a.ApplyImpulse(carried_W_[c], problem_[c].point_W);
+    if (b.Moves()) b.ApplyImpulse(-carried_W_[c], problem_[c].point_W);
+    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
+  }
+  targets_.assign(problem_.size(), 0.0);
+  SolveParts(targets_, floor_, &out_->settled);
+  for (size_t c = 0; c < problem_.size(); ++c) settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    end_state_[i].linear_W = posed_[i].linear_velocity_W;
+    end_state_[i].angular_W = posed_[i].angular_velocity_W;
+  }
+  (void)h;
+}
+
+// Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
+void Stepper::Strike() {
+  strike_W_.assign(end_.size(), Vector3::Zero());
+  const std::vector<Body>& bodies = group_->bodies;
+  problem_.clear();
+  problem_of_.clear();
+  bool strikes = false;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
+    const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    problem_.push_back(end_[e]);
+    problem_of_.push_back(static_cast<int>(e));
+    if (approach > CutSpeed(end_[e])) {
+      strikes = true;
+    } else if (settings_.gravity.norm() > 0 && approach > 0) {
+      const double brief = 0.5 * kBriefBounce * settings_.gravity.norm() * dt_;
+      if (approach * end_[e].restitution < brief) problem_.back().restitution = 0;
+    }
+  }
+  if (!strikes) return;
+  frames_.resize(problem_.size());
+  edges_.clear();
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    frames_[c] = ContactFrame(problem_[c].normal_W);
+    edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
+  }
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  bounces_.assign(problem_.size(), Vector3::Zero());
+  local_impulses_.assign(problem_.size(), Vector3::Zero());
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
+    if (view.contacts.empty()) continue;
+    const ContactFrames contacts{problem_, frames_};
+    out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
+                                         {threshold_, {}, settings_.bounce_limit}, posed_, bounces_);
+    out_->struck.push_back(responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
+    out_->restitution_lowered |= out_->struck.back().restitution_lowered;
+  }
+  ++out_->blows;
+  for (size_t c = 0; c < problem_.size(); ++c) strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    end_state_[i].linear_W = posed_[i].linear_velocity_W;
+    end_state_[i].angular_W = posed_[i].angular_velocity_W;
+  }
+}
+
+// What hits as the step begins.
+void Stepper::StrikeAtStart() {
+  end_ = now_;
+  end_pair_ = now_pair_;
+  cut_.resize(posed_.size());
+  for (size_t i = 0; i < cut_.size(); ++i) cut_[i] = !posed_[i].Moves();
+  Strike();
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], 0, 0});
+  state_ = end_state_;
+}
+
+double Stepper::Energy(std::span<const State> states) const {
+  double sum = 0;
+  for (size_t i = 0; i < states.size(); ++i) {
+    const Body& b = group_->bodies[i];
+    if (!b.Moves()) continue;
+    const State& s = states[i];
+    sum += 0.5 * b.mass * s.linear_W.squaredNorm() +
+           0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W)) -
+           (b.mass * settings_.gravity + b.force_W).dot(s.pose.position_W - group_->bodies[i].position_W);
+  }
+  return sum;
+}
+
+// [J] that torques and walls that move did in the piece.
+double Stepper::WorkDone(double h) const {
+  double work = 0;
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].Moves()) work += 0.5 * h * bodies[i].torque_W.dot(spun_[i] + spun_after_[i]);
+  const auto pushed = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
+    for (const int i : {contact.body_a, contact.body_b}) {
+      const Body& wall = bodies[i];
+      if (wall.kind != BodyKind::kKinematic) continue;
+      const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
+      const Vector3 velocity = wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre);
+      work += (i == contact.body_a ? 1 : -1) * impulse.dot(velocity);
+    }
+  };
+  for (size_t c = 0; c < held_.size(); ++c) pushed(held_[c], acted_at_[c], impulse_W_[c], false);
+  for (size_t e = 0; e < end_.size(); ++e) pushed(end_[e], end_[e].point_W, settle_W_[e] + strike_W_[e], true);
+  return work;
+}
+
+double Stepper::EnergyAtHand() const {
+  double sum = 0;
+  for (size_t i = 0; i < state_.size(); ++i) {
+    const Body& b = group_->bodies[i];
+    if (!b.Moves()) continue;
+    sum += 0.5 * b.mass * (state_[i].linear_W.squaredNorm() + floor_ * floor_) +
+           0.5 * state_[i].angular_W.dot(AngularMomentum(b, state_[i].pose.rotation_WB, state_[i].angular_W));
+  }
+  return sum;
+}
+
+void Stepper::Commit(double t, double h) {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    out_->impulses.push_back({contact, impulse_W_[c], t, h});
+  }
+  last_ = end_;
+  last_pair_ = end_pair_;
+  last_force_W_.resize(end_.size());
+  for (size_t e = 0; e < end_.size(); ++e) {
+    Vector3 held = settle_W_[e];
+    for (size_t c = 0; c < held_.size(); ++c)
+      if (SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e])) held += impulse_W_[c];
+    last_force_W_[e] = held / h;
+    if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0});
+    if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
+  }
+  state_ = end_state_;
+  now_ = end_;
+  now_pair_ = end_pair_;
+}
+
+void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
+  dt_ = dt;
+  settings_ = settings;
+  mix_ = &mix;
+  group_ = group;
+  out_ = outcome;
+  double fastest = 0;
+  for (const Body& b : group->bodies)
+    if (b.Moves()) fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
+  floor_ = std::max({settings.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
+  threshold_ = 10 * settings.tolerance * floor_;
+  LoadState();
+  last_.clear();
+  last_pair_.clear();
+  last_force_W_.clear();
+  for (size_t k = 0; k < group->remembered.size(); ++k) {
+    last_.push_back(group->remembered[k]);
+    last_force_W_.push_back(group->remembered_force_W[k]);
+    int pair = -1;
+    for (size_t p = 0; p < group->pairs.size(); ++p)
+      if (group->pairs[p].a == last_.back().body_a && group->pairs[p].b == last_.back().body_b) pair = static_cast<int>(p);
+    last_pair_.push_back(pair);
+  }
+  FindTouching();
+  StrikeAtStart();
+  double t = 0, most = dt;
+  for (int level = 0; dt - t > 1e-12 * dt;) {
+    if (++out_->pieces > kMostPieces) {
+      out_->unstepped = dt - t;
+      break;
+    }
+    time_of_piece_ = t;
+    PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
+    double h = ChooseLength(std::min(dt - t, most));
+    if (dt - t - h < 0.2 * h) h = std::min(dt - t, 1.2 * h);
+    const double energy = Energy(state_);
+    freed_.assign(group->pairs.size(), kStays);
+    double moment = h;
+    do {
+      SelectHeld(h);
+      Carry(h, true);
+      Fly(h);
+      moment = FindMeeting(h);
+    } while (returned_);
+    if (moment < h) h = Shorten(h, moment);
+    DetectEnd();
+    double fresh = FreshOverlap();
+    const bool moves = LeversMove(h);
+    for (int pass = 1; pass < kPasses && (fresh > kOverlap || (pass == 1 && moves)); ++pass) {
+      ++out_->passes;
+      NextTargets(h);
+      Carry(h, false);
+      Fly(h);
+      DetectEnd();
+      fresh = FreshOverlap();
+    }
+    Settle(h);
+    Strike();
+    const double gain = Energy(end_state_) - energy - WorkDone(h);
+    if (getenv("DBG")) printf("  t %.6f h %.3e moment %.3e cut %d fresh %.1e gain %.1e of %.1e held %zu end %zu carried %zu settled %zu blows %d bounces %d level %d\n", t, h, moment, cut_pair_, fresh, gain, EnergyAtHand(), held_.size(), end_.size(), out_->carried.size(), out_->settled.size(), out_->blows, out_->bounces, level);
+    if ((fresh > kDeep || gain > kGain * EnergyAtHand()) && level < kLevels) {
+      ++level;
+      ++out_->halvings;
+      most = 0.5 * h;
+      continue;
+    }
+    if (fresh > kDeep) {  // no way on: they stay where they are for the rest of the step
+      out_->unstepped = dt - t;
+      break;
+    }
+    Commit(t, h);
+    t += h;
+    most = level > 0 ? 2 * h : std::max(2 * most, dt);
+    level = std::max(0, level - 1);
+  }
+  outcome->touching.clear();
+  outcome->touching_force_W.clear();
+  outcome->overlap = 0;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    outcome->touching.push_back(now_[c]);
+    outcome->touching_force_W.push_back(c < last_force_W_.size() ? last_force_W_[c] : Vector3(Vector3::Zero()));
+    outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
+  }
+  for (size_t i = 0; i < group->bodies.size(); ++i) {
+    Body& b = group->bodies[i];
+    if (!b.Moves()) continue;
+    b.position_W = state_[i].pose.position_W;
+    b.rotation_WB = state_[i].pose.rotation_WB;
+    b.linear_velocity_W = state_[i].linear_W;
+    b.angular_velocity_W = state_[i].angular_W;
+  }
+}
+
+}  // namespace islet::motion

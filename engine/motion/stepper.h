@@ -1,0 +1,152 @@
+// The law of the step for a group of bodies that may meet: poses move by velocities, velocities change by contact impulses,
+// and nothing else happens. Derivation and symbols: engine/motion/README.md.
+//
+//   a step is cut into pieces; in a piece of length h
+//     carry    impulses I, spread over the piece:  0 <= I_n, gap(x1) >= 0, I_n gap(x1) = 0, friction on the mean velocity
+//     settle   the same impulses redone so that velocities agree with the pose at the end; takes energy, never adds any
+//     blows    where something hits: a piece ends at that moment; queue and collision problem as in any step [SM04]
+//   a piece in which the bodies gain energy, or that leaves an overlap, is done again at half its length
+//
+//   in:      bodies of the group with their partners (walls, what the user moves), ascending; pairs that may meet
+//   out:     poses and velocities of those that move; every impulse with its point and time
+//   threads: one Stepper per worker; a result depends on the group alone
+//   allocation: none after warm-up
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/contact.h"
+#include "engine/motion/meeting.h"
+#include "engine/response.h"
+#include "engine/sequential.h"
+#include "engine/settings.h"
+#include "engine/shape.h"
+#include "engine/step_report.h"
+#include "islands/partition.h"
+
+namespace islet::motion {
+
+// An impulse that acted for a time: `duration` 0 is a blow. The force is constant while it acts.
+struct TimedImpulse {
+  Contact contact;     // bodies and point where it acted; of a spread one: halfway
+  Vector3 impulse_W;   // [N s] on body_b
+  double time;         // [s] from the start of the step
+  double duration;     // [s]
+};
+
+struct GroupPair {
+  int a, b;  // places in the group, a < b
+};
+
+// Fills friction and restitution of a contact.
+using MixMaterial = std::function<void(Contact* contact, const Body& a, const Body& b)>;
+
+struct Group {
+  std::vector<Body> bodies;           // ascending by their number in the world
+  std::vector<int> numbers;           // in the world
+  std::vector<const Shape*> shapes;
+  std::vector<GroupPair> pairs;       // ascending
+  std::vector<Contact> remembered;    // of the step before, with the forces [N] that held: where solves start
+  std::vector<Vector3> remembered_force_W;
+};
+
+struct GroupOutcome {
+  int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
+  double unstepped = 0;        // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
+  double overlap = 0;          // [m] deepest at the end
+  bool restitution_lowered = false;
+  std::vector<TimedImpulse> impulses;
+  std::vector<Contact> touching;        // near contacts at the end pose, and the forces [N] that held there
+  std::vector<Vector3> touching_force_W;
+  std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
+};
+
+class Stepper {
+ public:
+  void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
+
+ private:
+  struct Held {              // a contact that carries in this piece
+    int pair;
+    double target;           // [m/s] least normal mean velocity
+    int age = 0;             // passes since it was last seen
+    bool at_start = true;    // its point is that of the start of the piece, not halfway
+  };
+  struct State {             // of one body while the step is under way
+    Pose pose;
+    Vector3 linear_W, angular_W;
+  };
+  void LoadState();
+  double ChooseLength(double rest);
+  void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
+                  std::vector<int>* pair_of);
+  void FindTouching();
+  void SelectHeld(double h);
+  void Carry(double h, bool first);
+  void Fly(double h);
+  Path PathOf(int i, double h) const;
+  double FindMeeting(double h);
+  double Shorten(double h, double moment);
+  void DetectEnd();
+  double GapBefore(int pair) const;
+  double FreshOverlap() const;
+  bool LeversMove(double h) const;
+  void NextTargets(double h);
+  void Settle(double h);
+  void Strike();
+  void StrikeAtStart();
+  double Energy(std::span<const State> states) const;
+  double WorkDone(double h) const;
+  double EnergyAtHand() const;
+  void Commit(double t, double h);
+  void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
+  double Size(const GroupPair& pair) const;
+  double CutSpeed(const Contact& contact) const;
+  double BodyRadius(int i) const;
+
+  // Of the step.
+  double dt_ = 0;         // [s]
+  double floor_ = 0;      // [m/s] least v_ref
+  double threshold_ = 0;  // [m/s] approaches below it are none
+  Settings settings_;
+  const MixMaterial* mix_ = nullptr;
+  Group* group_ = nullptr;
+  GroupOutcome* out_ = nullptr;
+  // Of the piece.
+  double time_of_piece_ = 0;                 // [s] at which it begins
+  bool first_ = true;
+  int cut_pair_ = -1;                        // whose blow ends it
+  std::vector<State> state_, end_state_;     // per body: where it begins and ends
+  std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
+  std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
+  std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
+  std::vector<Contact> now_, end_, halfway_, held_, next_, last_, probe_;
+  std::vector<int> now_pair_, end_pair_, halfway_pair_, last_pair_;
+  std::vector<Held> held_of_, next_of_;
+  std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
+  std::vector<Vector3> last_force_W_;                           // [N] per contact of last_
+  std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
+  std::vector<State> mean_state_;
+  enum Freed : std::uint8_t { kStays, kLeaves, kReturns };
+  std::vector<Freed> freed_;  // per pair: it touches and leaves; and is back within the piece, too slow for a blow
+  bool returned_ = false;
+  // Scratch of contact problems.
+  std::vector<Body> posed_;
+  std::vector<Contact> problem_;
+  std::vector<int> problem_of_;
+  std::vector<Matrix3> frames_;
+  std::vector<Vector3> local_impulses_, bounces_, carried_W_;
+  std::vector<double> targets_;
+  std::vector<std::uint8_t> cut_;
+  std::vector<std::pair<int, int>> edges_;
+  islands::Partition partition_;
+  IslandResponder responder_;
+  SequentialResolver sequential_;
+  Meeting meeting_;
+};
+
+}  // namespace islet::motion
