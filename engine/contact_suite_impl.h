@@ -26,6 +26,7 @@ struct ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
+  std::vector<Vector3> held_W;  // [N s] per contact
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;
@@ -110,7 +111,6 @@ struct ContactSuite::Impl : SuiteMemory {
   void Settle(const Contact& contact);
   void SettleRiders();
   void Finish(StepReport* report);
-  static void Include(const ResponseOutcome& outcome, QpSummary* summary, LadderReport* ladder);
 };
 
 // Islands of the bodies that are not cut, joined by the contacts for which link(contact) holds.

@@ -80,6 +80,22 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
 
 }  // namespace
 
+void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
+  summary->seconds += seconds;
+  summary->drafts += draft;
+  if (draft || contacts == 0) return;
+  ladder->Add(rung, 1, contacts, seconds);
+  ladder->in_vain.Include(in_vain);
+  if (status == QpStatus::kNone) return;
+  ++summary->solved;
+  summary->failed += status == QpStatus::kInfeasible || status == QpStatus::kFailed;
+  summary->inaccurate += status == QpStatus::kInaccurate;
+  summary->coulomb_capped += coulomb_capped;
+  summary->iterations += iterations;
+  summary->iterations_max = std::max(summary->iterations_max, iterations);
+  summary->rounds_max = std::max(summary->rounds_max, rounds);
+}
+
 // Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
 // halved; with the last attempt all vanish. False if there was nothing left to lower.
 bool IslandResponder::LowerRestitution(int attempt) {

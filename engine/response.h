@@ -38,6 +38,7 @@ struct ResponseOutcome {
   int contacts = 0;                    // of the problem
   qp::InVain in_vain;                  // rungs tried before
   Certificate certificate;
+  void AddTo(QpSummary* summary, LadderReport* ladder) const;
 };
 
 class IslandResponder {

@@ -32,6 +32,22 @@ void LadderReport::Include(const LadderReport& other) {
   in_vain.Include(other.in_vain);
 }
 
+void Ledger::Include(const Ledger& other) {
+  energy_created.Include(other.energy_created.value, other.energy_created.body);
+  momentum_unexplained.Include(other.momentum_unexplained.value, other.momentum_unexplained.body);
+  angular_momentum_unexplained.Include(other.angular_momentum_unexplained.value,
+                                       other.angular_momentum_unexplained.body);
+  displacement_without_velocity.Include(other.displacement_without_velocity.value,
+                                        other.displacement_without_velocity.body);
+  sides_changed += other.sides_changed;
+  if (other.side_changer >= 0) side_changer = other.side_changer;
+}
+
+bool Ledger::Clean() const {
+  return energy_created.value <= kMostEnergy && momentum_unexplained.value <= kMostMomentum &&
+         angular_momentum_unexplained.value <= kMostMomentum && sides_changed == 0;
+}
+
 const char* ToString(QpStatus status) {
   switch (status) {
     case QpStatus::kNone:

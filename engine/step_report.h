@@ -25,6 +25,27 @@ struct Certificate {
   void Include(const Certificate& other);  // keeps the worse of each
 };
 
+// What the bodies of a step did that physics does not allow, judged by ledger.h; the worst of each, and whose it was. A body's
+// number, -1: nobody. Frozen bodies rest: what their impulses leave unbalanced is `frozen_imbalance`.
+struct LedgerEntry {
+  double value = 0;
+  int body = -1;
+  void Include(double other, int of) {
+    if (other > value || !(other == other)) value = other, body = of;
+  }
+};
+struct Ledger {
+  LedgerEntry energy_created;         // of an island, over its kinetic energy, beyond what its solves may create as reported
+  LedgerEntry momentum_unexplained;   // over the largest of momenta and impulses of the body
+  LedgerEntry angular_momentum_unexplained;   // the same, about its centre
+  LedgerEntry displacement_without_velocity;  // [m] of the body's farthest point
+  int sides_changed = 0;              // pairs of bodies of which one went through the other
+  int side_changer = -1;
+  void Include(const Ledger& other);
+  bool Clean() const;                 // within kMostEnergy, kMostMomentum, no side changed
+  static constexpr double kMostEnergy = 1e-6, kMostMomentum = 1e-9;
+};
+
 enum class QpStatus : std::uint8_t {
   kNone,        // no problem had to be solved
   kSolved,      // to the tolerance
@@ -100,6 +121,12 @@ struct StepReport {
   int motion_failures = 0;    // 1 if the overlap tolerance was not reached, or only by holding bodies back
   int held_back = 0;          // bodies that stayed where the step began: no correction found a way out for them
   double kinetic_energy = 0;  // [J] after the step
+  Ledger ledger;
+  double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
+  int pieces = 0;             // into which the steps of small groups were cut, together
+  double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
+  // A step that did what physics does not allow, or did not do all of it.
+  bool Failed() const { return !ledger.Clean() || unstepped > 0; }
 };
 
 }  // namespace islet

@@ -103,7 +103,7 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
-  for (const Outcome& outcome : outcomes) Include(outcome.resting, &report->static_qp, &report->ladder);
+  for (const Outcome& outcome : outcomes) outcome.resting.AddTo(&report->static_qp, &report->ladder);
 }
 
 // Bodies that the joint problem left trembling are balanced once more, each against what the others now do: next to fast bodies

@@ -21,22 +21,6 @@ IslandView ContactSuite::Impl::View(int island) const {
   return {partition.bodies_of(island), std::span<const int>(island_contacts).subspan(first, last - first)};
 }
 
-void ContactSuite::Impl::Include(const ResponseOutcome& outcome, QpSummary* summary, LadderReport* ladder) {
-  summary->seconds += outcome.seconds;
-  summary->drafts += outcome.draft;
-  if (outcome.draft || outcome.contacts == 0) return;
-  ladder->Add(outcome.rung, 1, outcome.contacts, outcome.seconds);
-  ladder->in_vain.Include(outcome.in_vain);
-  if (outcome.status == QpStatus::kNone) return;
-  ++summary->solved;
-  summary->failed += outcome.status == QpStatus::kInfeasible || outcome.status == QpStatus::kFailed;
-  summary->inaccurate += outcome.status == QpStatus::kInaccurate;
-  summary->coulomb_capped += outcome.coulomb_capped;
-  summary->iterations += outcome.iterations;
-  summary->iterations_max = std::max(summary->iterations_max, outcome.iterations);
-  summary->rounds_max = std::max(summary->rounds_max, outcome.rounds);
-}
-
 void ContactSuite::Impl::CutAtImmovable() {
   cut.resize(frame.bodies.size());
   for (size_t i = 0; i < cut.size(); ++i) cut[i] = !frame.bodies[i].Moves();
@@ -283,8 +267,8 @@ void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer*
     for (const auto& solved : records)
       for (const ProblemRecord& record : solved) observer(record);
   for (const Outcome& outcome : outcomes) {
-    Include(outcome.collision, &report->collision_qp, &report->ladder);
-    Include(outcome.resting, &report->static_qp, &report->ladder);
+    outcome.collision.AddTo(&report->collision_qp, &report->ladder);
+    outcome.resting.AddTo(&report->static_qp, &report->ladder);
     if (outcome.resting.draft) continue;
     report->restitution_lowered += outcome.collision.restitution_lowered;
     report->certificate.Include(outcome.collision.certificate);
@@ -304,7 +288,10 @@ void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer*
 // Islands of this pass take the places of those whose bodies they hold.
 void ContactSuite::Impl::ReportIslands(StepReport* report) const {
   std::erase_if(report->islands,
-                [this](const IslandReport& old) { return chosen[partition.body_to_island[old.first_body]]; });
+                [this](const IslandReport& old) {
+                  const int island = partition.body_to_island[old.first_body];
+                  return island >= 0 && chosen[island];
+                });
   for (int i = 0; i < partition.num_islands(); ++i) {
     const IslandView view = View(i);
     if (!chosen[i] || view.contacts.empty()) continue;

@@ -9,7 +9,10 @@
 #include "engine/contact_suite.h"
 #include "engine/detection.h"
 #include "engine/flight_time.h"
+#include "engine/ledger.h"
 #include "engine/motion.h"
+#include "engine/motion/group_motion.h"
+#include "engine/rotation.h"
 #include "engine/sphere_beds.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
@@ -31,6 +34,8 @@ struct WorldState {
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
   FlightMemory flights;
+  motion::GroupMemory groups;
+  std::vector<std::uint8_t> crowd;  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
   bool has_spheres = false;
   bool stale = true;          // near_contacts do not belong to the current poses
   size_t checked_bodies = 0;  // those before it were checked for initial overlap
@@ -55,6 +60,12 @@ struct World::Impl : WorldState {
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
   SphereBeds beds;
+  motion::GroupMotion group_motion;
+  motion::MixMaterial mix;
+  LedgerKeeper ledger;
+  ProblemObserver observer;
+  std::vector<Body> before;  // the step
+  std::vector<LedgerImpulse> ledger_impulses;
   LadderReport spared;  // what detection was spared in this step
 
   Impl(const Settings& s, parallel::WorkerPool* p)
@@ -64,7 +75,17 @@ struct World::Impl : WorldState {
         suite(s, pool),
         detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
         mover(s, pool),
-        flight_time(s.bounce_law == BounceLaw::kExact) {}
+        flight_time(s.bounce_law == BounceLaw::kExact),
+        group_motion(s, pool),
+        mix([this](Contact* c, const Body& a, const Body& b) {
+          c->friction = MixFriction(a.friction, b.friction);
+          c->restitution = MixRestitution(a.restitution, b.restitution);
+          if (!material) return;
+          const Material m = material(*c, a, b);
+          c->friction = m.friction;
+          c->restitution = m.restitution;
+        }),
+        ledger(pool) {}
 
   Body& At(int number);
   void DetectAll();
@@ -79,6 +100,15 @@ struct World::Impl : WorldState {
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
   MotionOutcome Move(const MotionPlan& plan, double* detect_seconds);
+  bool MovesGroups() const;
+  void CarryKinematic(double dt);
+  void SetApart(bool apart);
+  bool CrowdChanged() const;
+  void StepCrowd(double dt, StepReport* report);
+  void KeepLedger(double dt, StepReport* report);
+  void AddGroups(double dt, StepReport* report);
+  void CheckTouching();
+  void Changed();
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -104,7 +134,7 @@ int World::Add(const BodyDefinition& definition) {
   w.has_spheres = w.has_spheres || definition.shape.kind() == ShapeKind::kSphere;
   w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
   w.flights.AddBody();
-  w.stale = true;
+  w.Changed();
   return number;
 }
 
@@ -112,7 +142,7 @@ void World::Remove(int body) {
   impl_->At(body).removed = true;
   impl_->bodies[body].frozen = false;
   SetTwist({}, &impl_->bodies[body]);
-  impl_->stale = true;
+  impl_->Changed();
 }
 
 void World::Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB) {
@@ -124,7 +154,7 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;
   impl_->flights.Forget(body);
-  impl_->stale = true;
+  impl_->Changed();
 }
 
 void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W) {
@@ -136,7 +166,7 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
   impl_->flights.Forget(body);
-  impl_->stale = true;
+  impl_->Changed();
 }
 
 void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) {
@@ -146,18 +176,25 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
   RequireFinite(name, "torque", torque_W);
   b.force_W = force_W;
   b.torque_W = torque_W;
+  impl_->groups.Disturb();
 }
 
 void World::SetGravity(const Vector3& gravity_W) {
   impl_->suite.SetGravity(gravity_W);
   impl_->settings.gravity = gravity_W;
   impl_->mover.SetGravity(gravity_W);
+  impl_->group_motion.SetGravity(gravity_W);
+  impl_->groups.Disturb();
 }
 
-void World::SetProblemObserver(ProblemObserver observer) { impl_->suite.SetProblemObserver(std::move(observer)); }
+void World::SetProblemObserver(ProblemObserver observer) {
+  impl_->observer = observer;
+  impl_->suite.SetProblemObserver(std::move(observer));
+}
 void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->material = std::move(callback);
-  impl_->stale = true;
+  std::fill(impl_->groups.mark.begin(), impl_->groups.mark.end(), motion::GroupMemory::kAwake);
+  impl_->Changed();
 }
 
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
@@ -288,15 +325,34 @@ void World::Impl::SelectResolved(double dt) {
   }
 }
 
+void World::Impl::CheckTouching() {
+  std::vector<Vector3> expected(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) expected[i] = dt_hint * bodies[i].linear_velocity_W;
+  ChooseMargins(expected);
+  DetectAll();
+  SelectTouching();
+}
+
+// The contacts and impulses of small groups, beside those of the crowd.
+void World::Impl::AddGroups(double dt, StepReport* report) {
+  (void)dt;
+  if (!MovesGroups()) return;
+  for (const LedgerImpulse& j : group_motion.impulses()) {
+    resolved.push_back(j.contact);
+    impulses.push_back(j.impulse_W);
+  }
+  const size_t own = touching.size();
+  for (const Contact& c : groups.contacts)
+    if (Touches(c)) touching.push_back(c);
+  report->contacts += static_cast<int>(touching.size() - own);
+  if (own > 0 && own < touching.size()) std::stable_sort(touching.begin(), touching.end(), EarlierPair);
+  std::sort(report->islands.begin(), report->islands.end(),
+            [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
+}
+
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
-  if (w.stale) {
-    w.travel.resize(w.bodies.size());
-    for (size_t i = 0; i < w.bodies.size(); ++i) w.travel[i] = w.dt_hint * w.bodies[i].linear_velocity_W;
-    w.ChooseMargins(std::vector<Vector3>(w.travel));
-    w.DetectAll();
-    w.SelectTouching();
-  }
+  if (w.stale) w.CheckTouching();
   for (const Contact& c : w.near_contacts) {
     const double allowed = w.settings.touch_gap * std::min(w.shapes[c.body_a].size(), w.shapes[c.body_b].size());
     if (std::max(c.body_a, c.body_b) < static_cast<int>(w.checked_bodies) || -c.gap <= allowed) continue;
@@ -326,45 +382,119 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
   return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
 }
 
-StepReport World::Step(double dt) {
-  if (!(dt > 0) || !std::isfinite(dt))
-    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
-  Impl& w = *impl_;
-  StepReport report;
+void World::Impl::Changed() {
+  stale = true;
+  groups.Disturb();
+}
+
+// The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
+bool World::Impl::MovesGroups() const {
+  return settings.model == Model::kCoulomb && settings.bounce_law == BounceLaw::kExact &&
+         settings.freezing != Freezing::kPaper;
+}
+
+void World::Impl::CarryKinematic(double dt) {
+  for (Body& body : bodies) {
+    if (body.kind != BodyKind::kKinematic || body.removed) continue;
+    body.position_W += dt * body.linear_velocity_W;
+    if (!body.angular_velocity_W.isZero(0))
+      body.rotation_WB = (Exp(dt * body.angular_velocity_W) * body.rotation_WB).normalized();
+  }
+}
+
+bool World::Impl::CrowdChanged() const {
+  return !std::equal(crowd.begin(), crowd.end(), group_motion.crowd().begin(), group_motion.crowd().end());
+}
+
+// Bodies of small groups are not there for the crowd.
+void World::Impl::SetApart(bool apart) {
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].kind == BodyKind::kDynamic && !crowd[i] && !before[i].removed) bodies[i].removed = apart;
+}
+
+void World::Impl::StepCrowd(double dt, StepReport* report) {
   double lap = Seconds();
   const auto finish = [&lap](double* stage) {
     const double now = Seconds();
     *stage += now - lap;
     lap = now;
   };
-  w.dt_hint = dt;
-  CheckInitialOverlap();  // detection, if anything changed
-  w.WakeBeforeMovers(dt);
-  w.flight_time.BeginStep(w.bodies, w.tolerances, w.near_contacts, w.flights);
-  w.SelectResolved(dt);
-  w.flight_time.ChooseDurations(dt, w.settings.gravity, w.suite.memory(), w.flights, w.bodies, w.resolved);
-  finish(&report.seconds.detect);
+  if (stale) CheckTouching();
+  WakeBeforeMovers(dt);
+  flight_time.BeginStep(bodies, tolerances, near_contacts, flights);
+  SelectResolved(dt);
+  flight_time.ChooseDurations(dt, settings.gravity, suite.memory(), flights, bodies, resolved);
+  finish(&report->seconds.detect);
 
-  w.suite.Resolve(dt, w.bodies, w.resolved, &report);  // steps 1 to 4
+  suite.Resolve(dt, bodies, resolved, report);  // steps 1 to 4
   lap = Seconds();
 
-  const MotionPlan plan = w.flight_time.PlanMotion(dt, w.settings.gravity, w.suite, w.resolved, w.bodies);
+  const MotionPlan plan = flight_time.PlanMotion(dt, settings.gravity, suite, resolved, bodies);
   double detect_seconds = 0;
-  const MotionOutcome moved = w.Move(plan, &detect_seconds);
-  w.impulses.assign(w.suite.impulses().begin(), w.suite.impulses().end());
-  w.flight_time.ReportImpulses(w.mover, w.bodies, &w.resolved, &w.impulses);
-  w.flight_time.EndStep(dt, w.bodies, w.mover, &w.flights);
-  w.SelectTouching();
-  finish(&report.seconds.move);
-  report.seconds.move -= detect_seconds;
-  report.seconds.detect += detect_seconds;
+  const MotionOutcome moved = Move(plan, &detect_seconds);
+  impulses.assign(suite.impulses().begin(), suite.impulses().end());
+  flight_time.ReportImpulses(mover, bodies, &resolved, &impulses);
+  flight_time.EndStep(dt, bodies, mover, &flights);
+  SelectTouching();
+  finish(&report->seconds.move);
+  report->seconds.move -= detect_seconds;
+  report->seconds.detect += detect_seconds;
 
-  report.motion_ladder = w.mover.TakeLadder();
-  report.motion_ladder.Include(std::exchange(w.spared, {}));
-  report.penetration_max = moved.penetration_max;
-  report.motion_passes = moved.passes;
-  report.motion_failures = moved.reached && moved.held_back == 0 ? 0 : 1;
-  report.held_back = moved.held_back;
+  report->motion_ladder = mover.TakeLadder();
+  report->motion_ladder.Include(std::exchange(spared, {}));
+  report->penetration_max = std::max(report->penetration_max, moved.penetration_max);
+  report->motion_passes = std::max(report->motion_passes, moved.passes);
+  report->motion_failures += moved.reached && moved.held_back == 0 ? 0 : 1;
+  report->held_back = moved.held_back;
+}
+
+// What the crowd's impulses were: those that held acted over the step, the others were blows at its start.
+void World::Impl::KeepLedger(double dt, StepReport* report) {
+  ledger_impulses.assign(group_motion.impulses().begin(), group_motion.impulses().end());
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    const Vector3 held = c < suite.held().size() ? suite.held()[c] : Vector3(Vector3::Zero());
+    const Vector3 blow = impulses[c] - held;
+    if (!held.isZero(0)) ledger_impulses.push_back({resolved[c], held, 0, dt});
+    if (!blow.isZero(0)) ledger_impulses.push_back({resolved[c], blow, 0, 0});
+  }
+  report->ledger = ledger.Judge({dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
+  report->energy_gain = ledger.energy_gain();
+}
+
+StepReport World::Step(double dt) {
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  Impl& w = *impl_;
+  StepReport report;
+  w.dt_hint = dt;
+  const double start = Seconds();
+  if (w.checked_bodies < w.bodies.size()) CheckInitialOverlap();
+  w.before = w.bodies;
+  report.seconds.detect += Seconds() - start;
+  const double moving = Seconds();
+  const bool grouped = w.MovesGroups();
+  if (grouped) w.group_motion.Step(dt, w.bodies, w.shapes, w.mix, w.observer, &w.groups, &report);
+  report.seconds.move += Seconds() - moving - report.seconds.static_qp - report.seconds.collision_qp;
+  if (!grouped || w.group_motion.any_crowd()) {
+    const bool apart = grouped;
+    if (apart) {
+      w.stale = w.stale || w.CrowdChanged();
+      w.crowd.assign(w.group_motion.crowd().begin(), w.group_motion.crowd().end());
+      w.SetApart(true);
+    }
+    w.StepCrowd(dt, &report);
+    if (apart) w.SetApart(false);
+  } else {
+    w.CarryKinematic(dt);
+    w.crowd.assign(w.bodies.size(), 0);
+    w.resolved.clear();
+    w.impulses.clear();
+    w.touching.clear();
+    w.near_contacts.clear();
+    w.stale = true;
+  }
+  w.KeepLedger(dt, &report);
+  w.AddGroups(dt, &report);
   w.time += dt;
   return report;
 }

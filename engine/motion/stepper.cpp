@@ -24,7 +24,8 @@ constexpr double kSag = 8;          // times the least extent: turn^2 radius / s
 constexpr double kBriefBounce = 1.0 / 64;  // of the step: a rebound that is over sooner is none
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
-constexpr double kLeverMoves = 1e-4;  // of a size: what a lever may change by in a piece that one pass describes
+constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
+constexpr int kBlowWork = 64;   // bodies times blows in a step; then blows have to be faster and faster
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -36,6 +37,17 @@ Quaternion Turned(const Vector3& turn, const Quaternion& rotation) { return (Exp
 
 bool SameFeature(const Contact& x, int pair_x, const Contact& y, int pair_y) {
   return pair_x == pair_y && x.feature == y.feature;
+}
+
+// Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
+bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
+  const Vector3& n = contact.normal_W;
+  const double press = n.dot(impulse), opening = n.dot(velocity);
+  const Vector3 friction = impulse - press * n, slip = velocity - opening * n;
+  if (std::abs(opening) > still) return false;
+  if (slip.norm() <= still) return true;
+  constexpr double kAlike = 1e-6;  // of the normal impulse
+  return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
 }
 
 }  // namespace
@@ -55,7 +67,7 @@ double Stepper::CutSpeed(const Contact& contact) const {
   const double g = settings_.gravity.norm();
   if (g == 0) return threshold_;
   const double brief = contact.restitution > 0 ? 0.5 * kBriefBounce * g * dt_ / contact.restitution : kFar;
-  return std::max(threshold_, std::min(brief, g * dt_));
+  return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::max(0, out_->blows - blow_budget_)));
 }
 
 void Stepper::LoadState() {
@@ -175,7 +187,13 @@ void Stepper::SolveParts(std::span<const double> targets, double floor, std::vec
     if (view.contacts.empty()) continue;
     outcomes->push_back(responder_.ResolveTargets(view, {problem_, frames_}, targets, settings_, floor, posed_,
                                                   local_impulses_));
+    Record(Stage::kStatic, outcomes->back().status);
   }
+}
+
+void Stepper::Record(Stage stage, QpStatus status) {
+  if (!out_->record || status == QpStatus::kNone) return;
+  out_->records.push_back({out_->pieces, group_->numbers[0], stage, status, responder_.problem(), responder_.solution()});
 }
 
 // Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
@@ -372,16 +390,16 @@ bool Stepper::LeversMove(double h) const {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     const int a = held_[c].body_a, b = held_[c].body_b;
-    const double size = kLeverMoves * Size(group_->pairs[held_of_[c].pair]);
     for (const int i : {a, b}) {
       if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
       const Vector3& spin = group_->bodies[i].Moves() ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
-      if (h * spin.norm() * (held_[c].point_W - state_[i].pose.position_W).norm() > size) return true;
+      if (h * spin.norm() > kLeverMoves) return true;
     }
     if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
     const Vector3& n = held_[c].normal_W;
     const Vector3 slip = mean_W_[b] - mean_W_[a];
-    if (h * (slip - n.dot(slip) * n).norm() > size) return true;
+    const double lever = std::min(group_->bodies[a].radius, group_->bodies[b].radius);
+    if (h * (slip - n.dot(slip) * n).norm() > kLeverMoves * lever) return true;
   }
   return false;
 }
@@ -478,7 +496,7 @@ void Stepper::Settle(double h) {
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && -normal > CutSpeed(end_[e])) continue;
-    settled = settled && (carried.isZero(0) ? normal >= -still : u.norm() <= still);
+    settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
     carried_W_.push_back(carried);
@@ -538,6 +556,7 @@ void Stepper::Strike() {
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
                                          {threshold_, {}, settings_.bounce_limit}, posed_, bounces_);
     out_->struck.push_back(responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
+    Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }
   ++out_->blows;
@@ -639,6 +658,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (b.Moves()) fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
   floor_ = std::max({settings.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
+  int movers = 0;
+  for (const Body& b : group->bodies) movers += b.Moves();
+  blow_budget_ = std::max(4, kBlowWork / std::max(1, movers));
   LoadState();
   last_.clear();
   last_pair_.clear();

@@ -21,6 +21,7 @@
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/motion/meeting.h"
+#include "engine/problem_record.h"
 #include "engine/response.h"
 #include "engine/sequential.h"
 #include "engine/settings.h"
@@ -63,6 +64,8 @@ struct GroupOutcome {
   std::vector<Contact> touching;        // near contacts at the end pose, and the forces [N] that held there
   std::vector<Vector3> touching_force_W;
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
+  bool record = false;                  // in: whether records are wanted
+  std::vector<ProblemRecord> records;
 };
 
 class Stepper {
@@ -97,6 +100,7 @@ class Stepper {
   bool LeversMove(double h) const;
   void NextTargets(double h);
   void Settle(double h);
+  void Record(Stage stage, QpStatus status);
   void Strike();
   void StrikeAtStart();
   double Energy(std::span<const State> states) const;
@@ -111,6 +115,7 @@ class Stepper {
   // Of the step.
   double dt_ = 0;         // [s]
   double floor_ = 0;      // [m/s] least v_ref
+  int blow_budget_ = 0;   // blows in this step at which they have to be faster
   double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;

@@ -1,0 +1,301 @@
+#include "engine/ledger.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+constexpr int kPerTask = 64;          // bodies
+constexpr double kTurn = 0.04;        // [rad] of one step of the rotation's integration
+constexpr double kCore = 0.9;         // of a shape: what no other body's centre may pass
+constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
+
+bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
+
+Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum_W) {
+  const Vector3 momentum_B = rotation.conjugate() * momentum_W;
+  return rotation * Vector3(body.inertia_B.ldlt().solve(momentum_B));
+}
+
+Quaternion Rate(const Body& body, const Quaternion& rotation, const Vector3& momentum_W) {
+  const Vector3 w = SpinOf(body, rotation.normalized(), momentum_W);
+  Quaternion rate = Quaternion(0, w.x(), w.y(), w.z()) * rotation;
+  rate.coeffs() *= 0.5;
+  return rate;
+}
+
+// Runge-Kutta of fourth order with the angular momentum kept.
+Quaternion Turn(const Body& body, Quaternion rotation, const Vector3& momentum_W, double time) {
+  if (momentum_W.isZero(0) || time <= 0) return rotation;
+  const double speed = SpinOf(body, rotation, momentum_W).norm();
+  const int steps = 1 + static_cast<int>(std::min(1e4, speed * time / kTurn));
+  const double h = time / steps;
+  const auto along = [&](const Quaternion& rate, double share) {
+    Quaternion q = rotation;
+    q.coeffs() += share * h * rate.coeffs();
+    return q;
+  };
+  for (int k = 0; k < steps; ++k) {
+    const Quaternion k1 = Rate(body, rotation, momentum_W), k2 = Rate(body, along(k1, 0.5), momentum_W),
+                     k3 = Rate(body, along(k2, 0.5), momentum_W), k4 = Rate(body, along(k3, 1), momentum_W);
+    rotation.coeffs() += h / 6 * (k1.coeffs() + 2 * k2.coeffs() + 2 * k3.coeffs() + k4.coeffs());
+    rotation.normalize();
+  }
+  return rotation;
+}
+
+double SignOn(const LedgerImpulse& impulse, int body) { return impulse.contact.body_b == body ? 1 : -1; }
+
+int RootOf(std::vector<int>* parent, int i) {
+  while ((*parent)[i] != i) i = (*parent)[i] = (*parent)[(*parent)[i]];
+  return i;
+}
+
+}  // namespace
+
+Ledger LedgerKeeper::Judge(const LedgerStep& step) {
+  const size_t n = step.before.size();
+  start_.assign(n + 1, 0);
+  for (const LedgerImpulse& j : step.impulses) ++start_[j.contact.body_a + 1], ++start_[j.contact.body_b + 1];
+  for (size_t i = 0; i < n; ++i) start_[i + 1] += start_[i];
+  places_.resize(2 * step.impulses.size());
+  std::vector<int>& next = parent_;
+  next.assign(start_.begin(), start_.end());
+  for (size_t k = 0; k < step.impulses.size(); ++k) {
+    const Contact& c = step.impulses[k].contact;
+    places_[next[c.body_a]++] = places_[next[c.body_b]++] = static_cast<int>(k);
+  }
+  accounts_.resize(n);
+  pool_->ForEachOf(n, kPerTask, [&](size_t i) { JudgeBody(step, static_cast<int>(i), &accounts_[i]); });
+  Ledger ledger;
+  for (size_t i = 0; i < n; ++i) {
+    if (!IsOurs(step.before[i]) || (step.before[i].frozen && step.after[i].frozen)) continue;
+    const int body = static_cast<int>(i);
+    ledger.momentum_unexplained.Include(accounts_[i].momentum, body);
+    ledger.angular_momentum_unexplained.Include(accounts_[i].angular, body);
+    ledger.displacement_without_velocity.Include(accounts_[i].way, body);
+  }
+  JudgeIslands(step, &ledger);
+  JudgeSides(step, &ledger);
+  return ledger;
+}
+
+// The centre's way under gravity, external force and the reported impulses: parabolas between moments at which a force
+// begins or ends, or a blow falls.
+void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* account) const {
+  const Body& body = step.before[number];
+  std::vector<Moment>& course = account->course;
+  course.clear();
+  if (!IsOurs(body)) {
+    course.push_back({0, body.position_W, body.linear_velocity_W});
+    course.push_back({step.dt, body.position_W + step.dt * body.linear_velocity_W, body.linear_velocity_W});
+    return;
+  }
+  std::vector<double> times{0, step.dt};
+  const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
+  for (const int k : own) {
+    times.push_back(step.impulses[k].time);
+    times.push_back(step.impulses[k].time + step.impulses[k].duration);
+  }
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < 1e-13 * step.dt; }), times.end());
+  Moment now{0, body.position_W, body.linear_velocity_W};
+  const Vector3 constant = step.gravity_W + body.force_W / body.mass;
+  for (size_t s = 0; s < times.size(); ++s) {
+    const double t = times[s], tiny = 1e-12 * step.dt;
+    now.time = t;
+    for (const int k : own) {
+      const LedgerImpulse& j = step.impulses[k];
+      if (j.duration == 0 && std::abs(j.time - t) <= tiny) now.velocity_W += SignOn(j, number) / body.mass * j.impulse_W;
+    }
+    course.push_back(now);
+    if (s + 1 == times.size()) break;
+    const double h = times[s + 1] - t;
+    Vector3 acceleration = constant;
+    for (const int k : own) {
+      const LedgerImpulse& j = step.impulses[k];
+      if (j.duration > 0 && j.time <= t + tiny && j.time + j.duration >= t + h - tiny)
+        acceleration += SignOn(j, number) / (body.mass * j.duration) * j.impulse_W;
+    }
+    now.position_W += h * now.velocity_W + 0.5 * h * h * acceleration;
+    now.velocity_W += h * acceleration;
+  }
+}
+
+Vector3 LedgerKeeper::PositionAt(const Account& account, double time) const {
+  const std::vector<Moment>& course = account.course;
+  size_t s = 0;
+  while (s + 2 < course.size() && course[s + 1].time <= time) ++s;
+  if (course.size() < 2) return course[0].position_W;
+  const Moment &a = course[s], &b = course[s + 1];
+  const double h = b.time - a.time;
+  if (h <= 0) return a.position_W;
+  const double u = std::clamp((time - a.time) / h, 0.0, 1.0);
+  return a.position_W + u * h * a.velocity_W + u * u * (b.position_W - a.position_W - h * a.velocity_W);
+}
+
+void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* account) {
+  const Body &before = step.before[number], &after = step.after[number];
+  std::vector<Moment> course = std::move(account->course);
+  *account = {};
+  account->course = std::move(course);
+  FindCourse(step, number, account);
+  if (!IsOurs(before)) return;
+  const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
+  const Moment& end = account->course.back();
+  double pushed = 0, turned = 0;
+  // The angular momentum about the centre; an impulse that is spread acts as a kick halfway.
+  struct Kick {
+    double time;
+    Vector3 moment;
+  };
+  std::vector<Kick> kicks;
+  for (const int k : own) {
+    const LedgerImpulse& j = step.impulses[k];
+    const Vector3 centre = j.duration == 0 ? PositionAt(*account, j.time)
+                                           : Vector3(0.5 * (PositionAt(*account, j.time) + PositionAt(*account, j.time + j.duration)));
+    kicks.push_back({j.time + 0.5 * j.duration, SignOn(j, number) * (j.contact.point_W - centre).cross(j.impulse_W)});
+    pushed += j.impulse_W.norm();
+    turned += kicks.back().moment.norm();
+    account->allowed += 0.5 * j.impulse_W.norm() * step.accuracy;
+    for (const int wall : {j.contact.body_a, j.contact.body_b}) {
+      const Body& w = step.before[wall];
+      if (w.kind != BodyKind::kKinematic) continue;
+      const Vector3 at = w.position_W + (j.time + 0.5 * j.duration) * w.linear_velocity_W;
+      account->gain -= SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
+    }
+  }
+  if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W});
+  std::stable_sort(kicks.begin(), kicks.end(), [](const Kick& x, const Kick& y) { return x.time < y.time; });
+  Vector3 momentum = before.AngularMomentumW();
+  Quaternion rotation = before.rotation_WB;
+  double t = 0;
+  for (const Kick& kick : kicks) {
+    rotation = Turn(before, rotation, momentum, kick.time - t);
+    momentum += kick.moment;
+    t = std::max(t, kick.time);
+  }
+  rotation = Turn(before, rotation, momentum, step.dt - t);
+  const double fall = before.mass * step.gravity_W.norm() * step.dt;
+  account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
+                      std::max({before.mass * before.linear_velocity_W.norm(), before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
+  account->angular = (momentum - after.AngularMomentumW()).norm() /
+                     std::max({before.AngularMomentumW().norm(), after.AngularMomentumW().norm(), turned, fall * before.radius, 1e-300});
+  const Quaternion off = rotation.conjugate() * after.rotation_WB;
+  const double angle = 2 * std::asin(std::min(1.0, off.vec().norm()));
+  account->way = (end.position_W - after.position_W).norm() +
+                 (step.shapes[number].kind() == ShapeKind::kSphere ? 0 : angle * before.radius);
+  account->gain += after.KineticEnergy() - before.KineticEnergy() -
+                   (before.mass * step.gravity_W + before.force_W).dot(after.position_W - before.position_W);
+  if (!before.torque_W.isZero(0)) {
+    const Quaternion turn = after.rotation_WB * before.rotation_WB.conjugate();
+    const double sign = turn.w() < 0 ? -1 : 1, sine = turn.vec().norm();
+    if (sine > 0) account->gain -= 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec());
+  }
+  account->at_hand = before.KineticEnergy() + after.KineticEnergy() + 0.5 * fall * fall / before.mass;
+}
+
+void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
+  const size_t n = step.before.size();
+  parent_.resize(n);
+  for (size_t i = 0; i < n; ++i) parent_[i] = static_cast<int>(i);
+  for (const LedgerImpulse& j : step.impulses) {
+    const int a = j.contact.body_a, b = j.contact.body_b;
+    if (!IsOurs(step.before[a]) || !IsOurs(step.before[b])) continue;
+    const int x = RootOf(&parent_, a), y = RootOf(&parent_, b);
+    parent_[std::max(x, y)] = std::min(x, y);
+  }
+  for (size_t i = 0; i < n; ++i) {
+    const int root = RootOf(&parent_, static_cast<int>(i));
+    if (root == static_cast<int>(i)) continue;
+    accounts_[root].gain += accounts_[i].gain;
+    accounts_[root].at_hand += accounts_[i].at_hand;
+    accounts_[root].allowed += accounts_[i].allowed;
+  }
+  energy_gain_ = 0;
+  for (size_t i = 0; i < n; ++i) {
+    if (parent_[i] != static_cast<int>(i) || !IsOurs(step.before[i])) continue;
+    const Account& island = accounts_[i];
+    const double scale = std::max(island.at_hand, 1e-300);
+    energy_gain_ += std::max(0.0, island.gain);
+    ledger->energy_created.Include(std::max(0.0, island.gain - island.allowed) / scale, static_cast<int>(i));
+  }
+}
+
+// A body that goes through another takes its centre through it. Only ways longer than the other is thick can.
+void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
+  const size_t n = step.before.size();
+  for (size_t i = 0; i < n; ++i) {
+    if (!IsOurs(step.before[i])) continue;
+    const std::vector<Moment>& course = accounts_[i].course;
+    double length = 0;
+    Vector3 low = course[0].position_W, high = low;
+    for (size_t s = 1; s < course.size(); ++s) {
+      length += (course[s].position_W - course[s - 1].position_W).norm();
+      low = low.cwiseMin(course[s].position_W);
+      high = high.cwiseMax(course[s].position_W);
+    }
+    if (length == 0) continue;
+    for (size_t k = 0; k < n; ++k) {
+      const Body& other = step.before[k];
+      if (k == i || other.removed) continue;
+      bool through = false;
+      if (step.shapes[k].kind() == ShapeKind::kHalfSpace) {
+        const auto height = [&](const Body& plane, const Body& body) {
+          return (plane.rotation_WB * Vector3::UnitZ()).dot(body.position_W - plane.position_W);
+        };
+        through = height(other, step.before[i]) > 0 && height(step.after[k], step.after[i]) < 0;
+      } else {
+        const double own = (step.after[k].position_W - other.position_W).norm();
+        if (kCore * step.shapes[k].size() > length + own) continue;
+        const Vector3 reach = Vector3::Constant(other.radius + own);
+        if (((other.position_W + reach).array() < low.array()).any() || ((other.position_W - reach).array() > high.array()).any()) continue;
+        through = GoesThrough(step, static_cast<int>(i), static_cast<int>(k));
+      }
+      if (!through) continue;
+      ++ledger->sides_changed;
+      ledger->side_changer = static_cast<int>(i);
+    }
+  }
+}
+
+bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) const {
+  const Account &account = accounts_[body], &partner = accounts_[other];
+  const Shape& shape = step.shapes[other];
+  const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it
+    const double share = time / step.dt;
+    const Quaternion rotation = step.before[other].rotation_WB.slerp(share, step.after[other].rotation_WB);
+    return rotation.conjugate() * (PositionAt(account, time) - PositionAt(partner, time));
+  };
+  for (size_t s = 0; s + 1 < account.course.size(); ++s) {
+    const double from = account.course[s].time, to = account.course[s + 1].time;
+    if (to <= from) continue;
+    const Vector3 a = inside(from), b = inside(to), way = b - a;
+    if (shape.kind() == ShapeKind::kSphere) {
+      const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+      if ((a + u * way).norm() < kDeepSphere * shape.radius()) return true;
+      continue;
+    }
+    double enter = 0, leave = 1;  // of the way, within the core
+    const Polytope& polytope = shape.polytope();
+    for (size_t f = 0; f < polytope.faces.size(); ++f) {
+      const Vector3& normal = polytope.face_normals[f];
+      const double most = kCore * normal.dot(polytope.vertices[polytope.faces[f][0]]);
+      const double at = normal.dot(a) - most, slope = normal.dot(way);
+      if (slope == 0) {
+        if (at > 0) enter = 2;
+      } else if (slope < 0) {
+        enter = std::max(enter, -at / slope);
+      } else {
+        leave = std::min(leave, -at / slope);
+      }
+    }
+    if (enter < leave) return true;
+  }
+  return false;
+}
+
+}  // namespace islet

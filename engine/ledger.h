@@ -1,0 +1,78 @@
+// The ledger of a step: what bodies did against what physics allows. From poses and velocities before and after, and the
+// impulses that were reported, by code that neither the solver nor the motion shares: each body's way is integrated anew
+// under gravity, external force and those impulses, and compared with where it is.
+//
+//   energy       kinetic and potential energy may change by what forces, torques and moving walls did, and fall
+//   momentum     m (v1 - v0) is what forces and the body's impulses give
+//   angular      the same for the angular momentum about the body's centre, at the moment and place of each impulse
+//   sides        no body's centre goes through another body
+//   way          a body is where its velocities took it
+//
+//   units: SI; relative numbers are over what is at hand, see LedgerEntry    threads: bodies are shared by the pool
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/contact.h"
+#include "engine/shape.h"
+#include "engine/step_report.h"
+
+namespace islet {
+
+namespace parallel {
+class WorkerPool;
+}
+
+// An impulse at one point of two bodies, spread evenly over a part of the step; duration 0: a blow.
+struct LedgerImpulse {
+  Contact contact;     // bodies, and the point where it acted: halfway
+  Vector3 impulse_W;   // [N s] on body_b
+  double time = 0;     // [s] from the start of the step
+  double duration = 0; // [s]
+};
+
+struct LedgerStep {
+  double dt = 0;  // [s]
+  Vector3 gravity_W = Vector3::Zero();
+  std::span<const Body> before, after;
+  std::span<const Shape> shapes;
+  std::span<const LedgerImpulse> impulses;
+  double accuracy = 0;  // [m/s] to which the impulses of the step obey the law, as reported
+};
+
+class LedgerKeeper {
+ public:
+  explicit LedgerKeeper(parallel::WorkerPool* pool) : pool_(pool) {}
+  Ledger Judge(const LedgerStep& step);
+
+  double energy_gain() const { return energy_gain_; }  // [J] of the last step, all islands that gained some
+
+ private:
+  struct Moment {              // of a body's centre on its way
+    double time;               // [s]
+    Vector3 position_W, velocity_W;
+  };
+  struct Account {             // of one body
+    double gain = 0, at_hand = 0, allowed = 0;  // [J] beyond the work done on it; what it has; what solves may create
+    double momentum = 0, angular = 0, way = 0;
+    std::vector<Moment> course;
+  };
+  void JudgeBody(const LedgerStep& step, int body, Account* account);
+  void FindCourse(const LedgerStep& step, int body, Account* account) const;
+  Vector3 PositionAt(const Account& account, double time) const;
+  void JudgeIslands(const LedgerStep& step, Ledger* ledger);
+  void JudgeSides(const LedgerStep& step, Ledger* ledger) const;
+  bool GoesThrough(const LedgerStep& step, int body, int other) const;
+
+  parallel::WorkerPool* pool_;
+  std::vector<int> start_, places_;  // impulses of each body
+  std::vector<Account> accounts_;
+  std::vector<int> parent_;
+  double energy_gain_ = 0;
+};
+
+}  // namespace islet

@@ -1,0 +1,315 @@
+#include "engine/motion/group_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "engine/suite_frame.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kRounds = 6;         // of rooms
+constexpr double kWider = 1.5;     // times what a body strayed out of its room
+constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
+constexpr double kCalm = 10;       // times the tolerance, of |g| dt: velocity that a body at rest may be left with
+
+std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
+  hash ^= bits;
+  hash *= 0x9e3779b97f4a7c15ULL;
+  return hash ^ (hash >> 29);
+}
+std::uint64_t Mixed(std::uint64_t hash, double number) {
+  std::uint64_t bits;
+  std::memcpy(&bits, &number, sizeof bits);
+  return Mixed(hash, bits);
+}
+std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(Mixed(hash, v.x()), v.y()), v.z()); }
+
+// [m] farthest that a point of the body has moved from there, at most.
+double Strayed(const Body& body, const Pose& from) {
+  const Quaternion turn = body.rotation_WB * from.rotation_WB.conjugate();
+  return (body.position_W - from.position_W).norm() + 2 * std::min(1.0, turn.vec().norm()) * body.radius;
+}
+
+}  // namespace
+
+void GroupMemory::Resize(size_t bodies) {
+  still.resize(bodies, 0);
+  anchor.resize(bodies);
+  mark.resize(bodies, kAwake);
+}
+
+void GroupMemory::Disturb() {
+  for (std::uint64_t& m : mark)
+    if (m == kFresh) m = kAwake;
+}
+
+GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool) {
+  workers_.resize(pool->num_workers());
+}
+
+// A body of a crowd may become as fast as the fastest of it.
+void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
+  for (int g = 0; g < groups_.size(); ++g) {
+    const std::span<const int> members = groups_.bodies_of(g);
+    if (members.size() <= kMostBodies) continue;
+    double fastest = 0;
+    for (const int i : members)
+      if (bodies[i].Moves()) fastest = std::max(fastest, bodies[i].linear_velocity_W.norm());
+    for (const int i : members) rooms_[i] = std::max(rooms_[i], kCrowdRoom * dt * fastest);
+  }
+}
+
+void GroupMotion::FillGroup(int g, std::span<const Body> bodies, std::span<const Shape> shapes,
+                            const GroupMemory& memory, Job* job) const {
+  Group& group = job->group;
+  const std::span<const int> members = groups_.bodies_of(g);
+  job->members.assign(members.begin(), members.end());
+  group.numbers.assign(members.begin(), members.end());
+  for (int k = 0; k < groups_.num_pairs(g); ++k) {
+    const auto [a, b] = groups_.pair(g, k);
+    for (const int i : {a, b})
+      if (!std::binary_search(members.begin(), members.end(), i)) group.numbers.push_back(i);
+  }
+  std::sort(group.numbers.begin(), group.numbers.end());
+  group.numbers.erase(std::unique(group.numbers.begin(), group.numbers.end()), group.numbers.end());
+  const auto place = [&](int number) {
+    return static_cast<int>(std::lower_bound(group.numbers.begin(), group.numbers.end(), number) - group.numbers.begin());
+  };
+  group.bodies.clear();
+  group.shapes.clear();
+  for (const int i : group.numbers) {
+    group.bodies.push_back(bodies[i]);
+    group.shapes.push_back(&shapes[i]);
+  }
+  group.pairs.clear();
+  group.remembered.clear();
+  group.remembered_force_W.clear();
+  for (int k = 0; k < groups_.num_pairs(g); ++k) {
+    const auto [a, b] = groups_.pair(g, k);
+    group.pairs.push_back({place(a), place(b)});
+    Contact first;
+    first.body_a = a, first.body_b = b;
+    auto c = std::lower_bound(memory.contacts.begin(), memory.contacts.end(), first, EarlierPair);
+    for (; c != memory.contacts.end() && c->body_a == a && c->body_b == b; ++c) {
+      Contact local = *c;
+      local.body_a = place(a), local.body_b = place(b);
+      group.remembered.push_back(local);
+      group.remembered_force_W.push_back(memory.forces_W[c - memory.contacts.begin()]);
+    }
+  }
+}
+
+// Everything that a step of the group depends on but its length.
+std::uint64_t GroupMotion::MarkOf(const Group& group) const {
+  std::uint64_t hash = Mixed(0x243f6a8885a308d3ULL, settings_.gravity);
+  for (size_t i = 0; i < group.bodies.size(); ++i) {
+    const Body& b = group.bodies[i];
+    hash = Mixed(hash, static_cast<std::uint64_t>(group.numbers[i]));
+    hash = Mixed(hash, static_cast<std::uint64_t>(b.kind));
+    hash = Mixed(hash, b.position_W);
+    hash = Mixed(Mixed(hash, Vector3(b.rotation_WB.vec())), b.rotation_WB.w());
+    hash = Mixed(Mixed(hash, b.linear_velocity_W), b.angular_velocity_W);
+    hash = Mixed(Mixed(hash, b.force_W), b.torque_W);
+    hash = Mixed(Mixed(Mixed(hash, b.mass), b.friction), b.restitution);
+  }
+  return hash | 1;
+}
+
+void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                           const GroupMemory& memory) {
+  (void)dt;
+  std::swap(jobs_, before_);
+  jobs_.clear();
+  crowd_.assign(bodies.size(), 0);
+  any_crowd_ = false;
+  for (int g = 0; g < groups_.size(); ++g) {
+    const std::span<const int> members = groups_.bodies_of(g);
+    if (members.size() > kMostBodies) {
+      for (const int i : members) crowd_[i] = 1;
+      any_crowd_ = true;
+      continue;
+    }
+    Job job;
+    FillGroup(g, bodies, shapes, memory, &job);
+    job.mark = MarkOf(job.group);
+    job.rests = settings_.freezing == Freezing::kCertified &&
+                std::all_of(members.begin(), members.end(), [&](int i) { return bodies[i].frozen && (memory.mark[i] == job.mark || memory.mark[i] == GroupMemory::kFresh); });
+    job.done = job.rests;
+    // A group of the round before that is the same has its answer.
+    for (Job& old : before_) {
+      if (job.done || !old.done || old.members.empty() || old.members[0] != job.members[0]) continue;
+      if (old.members == job.members && old.group.numbers == job.group.numbers && old.group.pairs.size() == job.group.pairs.size() &&
+          old.mark == job.mark)
+        job = std::move(old);
+    }
+    jobs_.push_back(std::move(job));
+  }
+}
+
+void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record) {
+  pool_->ForEach(static_cast<int>(jobs_.size()), [&](int k, int worker) {
+    Job& job = jobs_[k];
+    if (job.done) return;
+    for (Body& b : job.group.bodies) b.frozen = false;
+    job.outcome.record = record;
+    workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
+    job.done = true;
+  });
+}
+
+bool GroupMotion::KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes) {
+  bool kept = true;
+  for (const Job& job : jobs_) {
+    if (job.rests) continue;
+    for (size_t k = 0; k < job.group.bodies.size(); ++k) {
+      const Body& b = job.group.bodies[k];
+      const int i = job.group.numbers[k];
+      if (!b.Moves() || groups_.StaysInRoom(b, shapes[i], i)) continue;
+      rooms_[i] = std::max(kWider * rooms_[i], kWider * (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
+      kept = false;
+    }
+  }
+  return kept;
+}
+
+void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
+                       const ProblemObserver& observer, GroupMemory* memory, StepReport* report) {
+  memory->Resize(bodies.size());
+  rooms_.assign(bodies.size(), 0.0);
+  was_frozen_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) was_frozen_[i] = bodies[i].frozen;
+  before_.clear();
+  jobs_.clear();
+  for (int round = 0; round < kRounds; ++round) {
+    groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
+    MakeJobs(dt, bodies, shapes, *memory);
+    if (any_crowd_) {
+      WidenCrowds(dt, bodies);
+      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
+      MakeJobs(dt, bodies, shapes, *memory);
+    }
+    RunJobs(dt, mix, static_cast<bool>(observer));
+    if (KeptToRooms(bodies, shapes)) break;
+  }
+  impulses_.clear();
+  std::vector<Contact> contacts;
+  std::vector<Vector3> forces;
+  for (Job& job : jobs_) Commit(dt, mix, &job, bodies, memory, report);
+  for (const Job& job : jobs_) {
+    const std::vector<Contact>& local = job.rests ? job.group.remembered : job.outcome.touching;
+    const std::vector<Vector3>& held = job.rests ? job.group.remembered_force_W : job.outcome.touching_force_W;
+    for (size_t c = 0; c < local.size(); ++c) {
+      contacts.push_back(local[c]);
+      contacts.back().body_a = job.group.numbers[local[c].body_a];
+      contacts.back().body_b = job.group.numbers[local[c].body_b];
+      forces.push_back(held[c]);
+    }
+    if (observer)
+      for (const ProblemRecord& record : job.outcome.records) observer(record);
+  }
+  // By pair; groups hold pairs of their own.
+  std::vector<int> order(contacts.size());
+  for (size_t c = 0; c < order.size(); ++c) order[c] = static_cast<int>(c);
+  std::stable_sort(order.begin(), order.end(), [&](int x, int y) { return EarlierPair(contacts[x], contacts[y]); });
+  memory->contacts.resize(order.size());
+  memory->forces_W.resize(order.size());
+  for (size_t c = 0; c < order.size(); ++c) {
+    memory->contacts[c] = contacts[order[c]];
+    memory->forces_W[c] = forces[order[c]];
+  }
+}
+
+void GroupMotion::Commit(double dt, const MixMaterial& mix, Job* job, std::span<Body> bodies, GroupMemory* memory,
+                         StepReport* report) {
+  (void)mix;
+  const Group& group = job->group;
+  const auto world = [&](Contact c) {
+    c.body_a = group.numbers[c.body_a];
+    c.body_b = group.numbers[c.body_b];
+    return c;
+  };
+  if (job->rests) {
+    for (const int i : job->members) memory->mark[i] = job->mark;
+    for (size_t c = 0; c < group.remembered.size(); ++c)
+      if (!group.remembered_force_W[c].isZero(0))
+        impulses_.push_back({world(group.remembered[c]), dt * group.remembered_force_W[c], 0, dt});
+    report->frozen += static_cast<int>(job->members.size());
+    for (const Contact& c : group.remembered) report->penetration_max = std::max(report->penetration_max, -c.gap);
+    return;
+  }
+  GroupOutcome& outcome = job->outcome;
+  for (size_t k = 0; k < group.bodies.size(); ++k) {
+    Body& body = bodies[group.numbers[k]];
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    body = group.bodies[k];
+  }
+  for (const TimedImpulse& j : outcome.impulses) impulses_.push_back({world(j.contact), j.impulse_W, j.time, j.duration});
+  Rest(dt, *job, bodies, memory);
+  for (const int i : job->members) {
+    (bodies[i].frozen ? report->frozen : report->awake) += 1;
+    report->newly_frozen += bodies[i].frozen && !was_frozen_[i];
+    report->woken += !bodies[i].frozen && was_frozen_[i];
+    report->kinetic_energy += bodies[i].KineticEnergy();
+  }
+  report->pieces += outcome.pieces;
+  report->bounces += outcome.bounces;
+  report->restitution_lowered += outcome.restitution_lowered;
+  report->penetration_max = std::max(report->penetration_max, outcome.overlap);
+  report->unstepped = std::max(report->unstepped, outcome.unstepped);
+  report->motion_passes = std::max(report->motion_passes, outcome.passes);
+  report->motion_failures += outcome.unstepped > 0;
+  IslandReport island;
+  island.first_body = job->members[0];
+  island.bodies = static_cast<int>(job->members.size());
+  for (const ResponseOutcome& o : outcome.struck) {
+    o.AddTo(&report->collision_qp, &report->ladder);
+    report->seconds.collision_qp += o.seconds;
+    island.collision_status = std::max(island.collision_status, o.status);
+    island.collision_iterations += o.iterations;
+    island.certificate.Include(o.certificate);
+  }
+  for (const auto* answers : {&outcome.carried, &outcome.settled}) {
+    for (const ResponseOutcome& o : *answers) {
+      o.AddTo(&report->static_qp, &report->ladder);
+      report->seconds.static_qp += o.seconds;
+      island.static_status = std::max(island.static_status, o.status);
+      island.static_iterations += o.iterations;
+      island.contacts = std::max(island.contacts, o.contacts);
+      island.certificate.Include(o.certificate);
+    }
+  }
+  report->certificate.Include(island.certificate);
+  if (outcome.touching.empty()) return;
+  island.contacts = std::max(island.contacts, static_cast<int>(outcome.touching.size()));
+  report->islands.push_back(island);
+  report->active_contacts += island.contacts;
+  report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+}
+
+// A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
+void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
+  const double calm = kCalm * settings_.tolerance * std::max(settings_.gravity.norm() * dt, 1e-12);
+  bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
+  for (const int i : job.members) {
+    Body& body = bodies[i];
+    memory->mark[i] = GroupMemory::kAwake;
+    if (Strayed(body, memory->anchor[i]) > settings_.freeze_travel * body.radius) {
+      memory->anchor[i] = {body.position_W, body.rotation_WB};
+      memory->still[i] = 0;
+    } else {
+      memory->still[i] += dt;
+    }
+    rests = rests && memory->still[i] >= settings_.freeze_seconds && FastestPoint(TwistOf(body), body.radius) <= calm;
+  }
+  for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
+  if (!rests) return;
+  for (const int i : job.members) {
+    SetTwist({}, &bodies[i]);
+    bodies[i].frozen = true;
+    memory->mark[i] = GroupMemory::kFresh;
+  }
+}
+
+}  // namespace islet::motion

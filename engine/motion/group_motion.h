@@ -1,0 +1,83 @@
+// Moves the groups of a world that are small: each by the law of the step (stepper.h), as a task of its own. Larger groups
+// are left as they are; who calls moves them otherwise.
+//
+//   rest:    a group that has stood still, and that its last step left without velocity, is frozen as a whole: the same
+//            bodies under the same forces would give the same step again. It wakes as soon as anything of that changes
+//   rooms:   after the step every body must have kept to the room that decided whom it may meet (groups.h); else groups
+//            are found anew with larger rooms, and those that changed are stepped again from the start
+//   threads: groups run on the pool; results do not depend on the number of workers
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/ledger.h"
+#include "engine/motion/groups.h"
+#include "engine/motion/stepper.h"
+#include "engine/problem_record.h"
+#include "parallel/worker_pool.h"
+
+namespace islet::motion {
+
+// What one step leaves for the next, per body where nothing else is said.
+struct GroupMemory {
+  std::vector<double> still;              // [s] for which it has stood still
+  std::vector<Pose> anchor;               // where
+  std::vector<std::uint64_t> mark;        // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
+  std::vector<Contact> contacts;          // near ones of small groups, by pair
+  std::vector<Vector3> forces_W;          // [N] on body_b, that held there
+  void Resize(size_t bodies);
+  void Disturb();  // something was changed from outside
+  static constexpr std::uint64_t kAwake = 0, kFresh = 2;
+};
+
+class GroupMotion {
+ public:
+  // Larger groups cost less by the crowd's way.
+  static constexpr int kMostBodies = 20;
+
+  GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
+  void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
+
+  // observer may be empty. report: counts, certificates and times are added to.
+  void Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
+            const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
+
+  // Of the last step. crowd: per body, whether its group was too large.
+  std::span<const std::uint8_t> crowd() const { return crowd_; }
+  bool any_crowd() const { return any_crowd_; }
+  std::span<const LedgerImpulse> impulses() const { return impulses_; }
+
+ private:
+  struct Job {
+    std::vector<int> members;      // that contacts can move
+    Group group;
+    GroupOutcome outcome;
+    bool done = false, rests = false;
+    std::uint64_t mark = 0;
+  };
+  struct Worker {
+    Stepper stepper;
+  };
+  void WidenCrowds(double dt, std::span<const Body> bodies);
+  void MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
+  void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
+  void RunJobs(double dt, const MixMaterial& mix, bool record);
+  bool KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes);
+  std::uint64_t MarkOf(const Group& group) const;
+  void Commit(double dt, const MixMaterial& mix, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
+  void Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const;
+
+  Settings settings_;
+  parallel::WorkerPool* pool_;
+  Groups groups_;
+  std::vector<Worker> workers_;
+  std::vector<Job> jobs_, before_;
+  std::vector<double> rooms_;
+  std::vector<std::uint8_t> crowd_, was_frozen_;
+  bool any_crowd_ = false;
+  std::vector<LedgerImpulse> impulses_;
+};
+
+}  // namespace islet::motion

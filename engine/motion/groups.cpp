@@ -1,0 +1,101 @@
+#include "engine/motion/groups.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/suite_frame.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr double kMargin = 5e-3;  // of a size: what rests, and what touches it, is near
+
+bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
+
+}  // namespace
+
+Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB) {
+  if (shape.kind() == ShapeKind::kSphere) {
+    const Vector3 half = Vector3::Constant(shape.radius());
+    return {position_W - half, position_W + half};
+  }
+  const Matrix3 rotation = rotation_WB.toRotationMatrix();
+  if (shape.kind() == ShapeKind::kBox) {
+    const Vector3 half = rotation.cwiseAbs() * shape.half_extents();
+    return {position_W - half, position_W + half};
+  }
+  Box box{position_W, position_W};
+  for (const Vector3& vertex : shape.polytope().vertices) {
+    const Vector3 point = position_W + rotation * vertex;
+    box.lower = box.lower.cwiseMin(point);
+    box.upper = box.upper.cwiseMax(point);
+  }
+  return box;
+}
+
+void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
+                  std::span<const double> rooms) {
+  const size_t n = bodies.size();
+  rooms_.resize(n);
+  cut_.resize(n);
+  order_.clear();
+  planes_.clear();
+  pairs_.clear();
+  Vector3 sum = Vector3::Zero(), squares = Vector3::Zero();
+  for (size_t i = 0; i < n; ++i) {
+    const Body& body = bodies[i];
+    cut_[i] = !CanMove(body);
+    if (body.removed) continue;
+    if (shapes[i].kind() == ShapeKind::kHalfSpace) {
+      planes_.push_back(static_cast<int>(i));
+      continue;
+    }
+    const Box now = BoxAround(shapes[i], body.position_W, body.rotation_WB);
+    double room = kMargin * shapes[i].size();
+    Vector3 way = Vector3::Zero();
+    if (!StandsStill(body)) {
+      way = dt * body.linear_velocity_W;
+      room += rooms[i] + gravity_W.norm() * dt * dt;
+      if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
+      if (shapes[i].kind() != ShapeKind::kSphere)
+        room += std::min(1.0, 1.2 * dt * body.angular_velocity_W.norm()) * shapes[i].radius();
+    }
+    const Vector3 margin = Vector3::Constant(room);
+    rooms_[i] = {now.lower.cwiseMin(now.lower + way) - margin, now.upper.cwiseMax(now.upper + way) + margin};
+    order_.push_back(static_cast<int>(i));
+    const Vector3 middle = 0.5 * (rooms_[i].lower + rooms_[i].upper);
+    sum += middle;
+    squares += middle.cwiseAbs2();
+  }
+  const auto add = [&](int i, int k) {
+    if (CanMove(bodies[i]) || CanMove(bodies[k])) pairs_.emplace_back(std::min(i, k), std::max(i, k));
+  };
+  for (const int p : planes_) {
+    const Vector3 up = bodies[p].rotation_WB * Vector3::UnitZ();
+    const double moves = dt * bodies[p].linear_velocity_W.norm();
+    for (const int i : order_) {
+      const Vector3 middle = 0.5 * (rooms_[i].lower + rooms_[i].upper), half = rooms_[i].upper - middle;
+      const double turns = dt * bodies[p].angular_velocity_W.norm() * (middle - bodies[p].position_W).norm();
+      if (up.dot(middle - bodies[p].position_W) - up.cwiseAbs().dot(half) <= moves + turns) add(p, i);
+    }
+  }
+  // Sweep along the axis on which the bodies are spread most.
+  int axis = 0;
+  const double count = std::max<double>(1, static_cast<double>(order_.size()));
+  (squares / count - (sum / count).cwiseAbs2()).maxCoeff(&axis);
+  std::sort(order_.begin(), order_.end(), [&](int i, int k) {
+    const double x = rooms_[i].lower[axis], y = rooms_[k].lower[axis];
+    return x < y || (x == y && i < k);
+  });
+  for (size_t i = 0; i < order_.size(); ++i)
+    for (size_t k = i + 1; k < order_.size() && rooms_[order_[k]].lower[axis] <= rooms_[order_[i]].upper[axis]; ++k)
+      if (rooms_[order_[i]].Meets(rooms_[order_[k]])) add(order_[i], order_[k]);
+  std::sort(pairs_.begin(), pairs_.end());
+  islands::BuildPartition({cut_, pairs_}, &partition_);
+}
+
+bool Groups::StaysInRoom(const Body& body, const Shape& shape, int number) const {
+  return rooms_[number].Contains(BoxAround(shape, body.position_W, body.rotation_WB));
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,46 @@
+// Which bodies may meet within a step. A body's room is the box that it sweeps, with margin for turning and falling; bodies
+// whose rooms meet belong to one group, and whoever moves within its room meets nobody outside of its group.
+//
+//   cut:     at what contacts cannot move: fixed and kinematic bodies; frozen ones join, since what hits them may wake them
+//   order:   groups by their smallest body, bodies and pairs ascending
+//   threads: one caller at a time    allocation: none after warm-up
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/body_watch.h"
+#include "engine/shape.h"
+#include "islands/partition.h"
+
+namespace islet::motion {
+
+class Groups {
+ public:
+  // rooms: [m] per body, beside what the body sweeps by its own velocity.
+  void Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
+            std::span<const double> rooms);
+
+  int size() const { return partition_.num_islands(); }
+  std::span<const int> bodies_of(int group) const { return partition_.bodies_of(group); }
+  // The k-th pair of a group: two bodies, ascending.
+  int num_pairs(int group) const { return partition_.contact_start[group + 1] - partition_.contact_start[group]; }
+  std::pair<int, int> pair(int group, int k) const { return pairs_[partition_.contacts[partition_.contact_start[group] + k]]; }
+
+  // Whether the body, where it is now, is within the room that it had.
+  bool StaysInRoom(const Body& body, const Shape& shape, int number) const;
+
+ private:
+  std::vector<Box> rooms_;                     // per body; of half-spaces and removed bodies unused
+  std::vector<int> order_, planes_;
+  std::vector<std::pair<int, int>> pairs_;
+  std::vector<std::uint8_t> cut_;
+  islands::Partition partition_;
+};
+
+// The smallest box around a shape that is no half-space.
+Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB);
+
+}  // namespace islet::motion
