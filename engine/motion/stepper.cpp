@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
 constexpr double kNear = 5e-5;      // of a size: gap at which bodies have met
-constexpr double kOverlap = 2e-6;   // of a size: passes end when no pair overlaps by more than it did, and this
+constexpr double kOverlap = 2e-5;   // of a size: passes end when no pair overlaps by more than it did, and this
+constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2e-3;      // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -21,11 +22,17 @@ constexpr int kLevels = 10;         // times that a piece is halved
 constexpr int kMostPieces = 600;    // of a step
 constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
-constexpr double kBriefBounce = 1.0 / 64;  // of the step: a rebound that is over sooner is none
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
+constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
+constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
+constexpr double kSettled = 0.05;   // of the tolerance: what velocities at the end may miss
+constexpr double kMet = 1e-6;       // of a size: gap at which a blow falls
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
-constexpr int kBlowWork = 64;   // bodies times blows in a step; then blows have to be faster and faster
+// Bodies times blows in a step; beyond it they have to be faster and faster. A rebound that is over in less than the step
+// divided by the number of blows that it may have is none.
+constexpr int kBlowWork = 64;
+constexpr int kLeastBlows = 4;
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -66,8 +73,8 @@ double Stepper::BodyRadius(int i) const {
 double Stepper::CutSpeed(const Contact& contact) const {
   const double g = settings_.gravity.norm();
   if (g == 0) return threshold_;
-  const double brief = contact.restitution > 0 ? 0.5 * kBriefBounce * g * dt_ / contact.restitution : kFar;
-  return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::max(0, out_->blows - blow_budget_)));
+  const double brief = contact.restitution > 0 ? 0.5 * g * dt_ / blow_budget_ / contact.restitution : kFar;
+  return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
 }
 
 void Stepper::LoadState() {
@@ -149,7 +156,7 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   const double g = settings_.gravity.norm();
-  const double leaves = g > 0 ? 0.5 * kBriefBounce * g * dt_ : threshold_;
+  const double leaves = g > 0 ? 0.5 * g * dt_ / blow_budget_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
@@ -158,13 +165,16 @@ void Stepper::SelectHeld(double h) {
       return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
     };
     const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
-    if (-opening > CutSpeed(contact)) continue;  // a blow, when it gets there
+    if (-opening > CutSpeed(contact)) {  // a blow, when it gets there
+      if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
+      continue;
+    }
     if (opening > leaves && freed_[now_pair_[c]] != kReturns) {
       freed_[now_pair_[c]] = kLeaves;
       continue;
     }
     held_.push_back(contact);
-    held_of_.push_back({now_pair_[c], -std::max(0.0, contact.gap) / h});
+    held_of_.push_back({now_pair_[c], -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     Vector3 guess = Vector3::Zero();
     for (size_t k = 0; k < last_.size(); ++k)
       if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
@@ -224,9 +234,50 @@ void Stepper::Carry(double h, bool first) {
     targets_[c] = held_of_[c].target;
     local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
   }
+  if (StillCarries()) return;
   SolveParts(targets_, floor_, &out_->carried);
   for (size_t c = 0; c < held_.size(); ++c) impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
-  first_ = first;
+}
+
+// Whether the impulses at hand, those of the piece before, are an answer.
+bool Stepper::StillCarries() {
+  bool any = false;
+  for (const Vector3& impulse : impulse_W_) any = any || !impulse.isZero(0);
+  if (!any) return false;
+  trial_ = posed_;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    Body &a = trial_[held_[c].body_a], &b = trial_[held_[c].body_b];
+    if (a.Moves()) a.ApplyImpulse(-0.5 * impulse_W_[c], held_[c].point_W);
+    if (b.Moves()) b.ApplyImpulse(0.5 * impulse_W_[c], held_[c].point_W);
+  }
+  const double still = settings_.tolerance * floor_;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Vector3 u = RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
+    if (impulse_W_[c].isZero(0) ? held_[c].normal_W.dot(u) < -still : !Agrees(held_[c], impulse_W_[c], u, still)) return false;
+  }
+  return true;
+}
+
+// Whether a contact that slid would be thrown back by more than what forces make in the piece: friction jams it (Painleve), and
+// stops it at once, however short the piece.
+bool Stepper::Jams(double h) const {
+  const double g = movers_ * std::max(settings_.gravity.norm() * h, threshold_);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
+    const auto velocity = [&](int i, const std::vector<State>& states, const Vector3& point) -> Vector3 {
+      return states[i].linear_W + states[i].angular_W.cross(point - states[i].pose.position_W);
+    };
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    const Vector3& n = held_[c].normal_W;
+    Vector3 before = velocity(b, state_, held_[c].point_W) - velocity(a, state_, held_[c].point_W);
+    const Vector3 shift = end_state_[b].pose.position_W - state_[b].pose.position_W;
+    const Vector3 at_end = group_->bodies[b].Moves() ? Vector3(held_[c].point_W + shift) : held_[c].point_W;
+    Vector3 after = velocity(b, end_state_, at_end) - velocity(a, end_state_, at_end);
+    before -= n.dot(before) * n;
+    after -= n.dot(after) * n;
+    if (before.dot(after) < 0 && after.norm() > kJam * (1 + held_[c].friction) * g) return true;
+  }
+  return false;
 }
 
 // The piece under these impulses: parabolas, free turns, and half-way a kick to each angular momentum. Both bodies of a contact
@@ -299,9 +350,11 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    if (static_cast<int>(p) == grazing_) continue;
     const GroupPair& pair = group_->pairs[p];
     MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
-                       kNear * Size(pair), GapBefore(static_cast<int>(p)), freed_[p] != 0};
+                       kNear * Size(pair), GapBefore(static_cast<int>(p)),
+                       freed_[p] == kHits || freed_[p] == kLeaves};
     const Path &a = query.path_a, &b = query.path_b;
     const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
                          a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
@@ -329,14 +382,21 @@ double Stepper::FindMeeting(double h) {
   return first;
 }
 
-// The piece ends at the blow: shorter, under the same forces. Secant steps towards gap 0.
+// Ends the piece earlier, under the same forces.
+void Stepper::EndAt(double at, double* h) {
+  for (Vector3& impulse : impulse_W_) impulse *= at / *h;
+  *h = at;
+  Fly(at);
+}
+
+// The piece ends at the blow: secant steps from the moment found towards the gap that the pair had at the start, 0 as a rule, as
+// long as they get nearer.
 double Stepper::Shorten(double h, double moment) {
-  double at = std::max(moment, 1e-9 * dt_), from = h;
   const GroupPair& pair = group_->pairs[cut_pair_];
+  const double before = GapBefore(cut_pair_);
+  double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
   for (int k = 0; k < 6; ++k) {
-    for (Vector3& impulse : impulse_W_) impulse *= at / from;
-    from = at;
-    Fly(at);
+    EndAt(at, &h);
     probe_.clear();
     CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
                   end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
@@ -349,17 +409,16 @@ double Stepper::Shorten(double h, double moment) {
       };
       approach = -c.normal_W.dot(velocity(pair.b) - velocity(pair.a));
     }
-    gap -= GapBefore(cut_pair_);
-    if (gap > kFar / 2 || approach <= 0 || std::abs(gap) <= kPolished * Size(pair)) break;
+    gap -= before;
+    if (std::abs(gap) >= nearest) break;
+    nearest = std::abs(gap);
+    best = at;
     const double next = at + gap / approach;
-    if (!(next > 0 && next < h)) break;
+    if (nearest <= kPolished * Size(pair) || approach <= 0 || !(next > 0 && next < 1.5 * moment)) break;
     at = next;
   }
-  if (from != at) {
-    for (Vector3& impulse : impulse_W_) impulse *= at / from;
-    Fly(at);
-  }
-  return at;
+  if (h != best) EndAt(best, &h);
+  return h;
 }
 
 void Stepper::DetectEnd() {
@@ -441,7 +500,7 @@ void Stepper::NextTargets(double h) {
       return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
     };
     const double u = contact.normal_W.dot(mean_velocity(b) - mean_velocity(a));
-    double target = u - (contact.gap - GapBefore(pair)) / h;
+    double target = u - (contact.gap - (1 - push_out_) * GapBefore(pair)) / h;
     target = std::min(target, kPush * floor_);
     Vector3 guess = Vector3::Zero();
     for (size_t c = 0; c < held_.size(); ++c)
@@ -487,7 +546,7 @@ void Stepper::Settle(double h) {
   problem_of_.clear();
   carried_W_.clear();
   bool settled = true;
-  const double still = settings_.tolerance * floor_;
+  const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     Vector3 carried = Vector3::Zero();
@@ -530,12 +589,14 @@ void Stepper::Strike() {
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    const bool hits = approach > CutSpeed(end_[e]);
+    if (hits && end_[e].gap > kMet * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    if (approach > CutSpeed(end_[e])) {
+    if (hits) {
       strikes = true;
-    } else if (settings_.gravity.norm() > 0 && approach > 0) {
-      const double brief = 0.5 * kBriefBounce * settings_.gravity.norm() * dt_;
+    } else if (settings_.gravity.norm() > 0 && approach > threshold_) {
+      const double brief = 0.5 * settings_.gravity.norm() * dt_ / blow_budget_;
       if (approach * end_[e].restitution < brief) problem_.back().restitution = 0;
     }
   }
@@ -613,6 +674,12 @@ double Stepper::WorkDone(double h) const {
   return work;
 }
 
+bool Stepper::Pushed() const {
+  for (const Contact& c : now_)
+    if (c.gap < 0) return true;
+  return false;
+}
+
 double Stepper::EnergyAtHand() const {
   double sum = 0;
   for (size_t i = 0; i < state_.size(); ++i) {
@@ -658,9 +725,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (b.Moves()) fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
   floor_ = std::max({settings.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
-  int movers = 0;
-  for (const Body& b : group->bodies) movers += b.Moves();
-  blow_budget_ = std::max(4, kBlowWork / std::max(1, movers));
+  movers_ = 0;
+  for (const Body& b : group->bodies) movers_ += b.Moves();
+  blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
   LoadState();
   last_.clear();
   last_pair_.clear();
@@ -674,7 +741,10 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     last_pair_.push_back(pair);
   }
   FindTouching();
+  cuts_ = 0;
   StrikeAtStart();
+  grazing_ = -1;
+  bool pushes = false, jammed = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     if (++out_->pieces > kMostPieces) {
@@ -686,6 +756,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     double h = ChooseLength(std::min(dt - t, most));
     if (dt - t - h < 0.2 * h) h = std::min(dt - t, 1.2 * h);
     const double energy = Energy(state_);
+    push_out_ = pushes ? kPushOut : 0;
     freed_.assign(group->pairs.size(), kStays);
     double moment = h;
     do {
@@ -694,6 +765,12 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       Fly(h);
       moment = FindMeeting(h);
     } while (returned_);
+    const double h_whole = h;
+    if (!jammed && Jams(h)) {
+      jammed = true;
+      most = kInstant * h;
+      continue;
+    }
     if (moment < h) h = Shorten(h, moment);
     DetectEnd();
     double fresh = FreshOverlap();
@@ -707,9 +784,14 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       fresh = FreshOverlap();
     }
     Settle(h);
+    const int blows = out_->blows;
     Strike();
     const double gain = Energy(end_state_) - energy - WorkDone(h);
     if (getenv("DBG")) printf("  t %.6f h %.3e moment %.3e cut %d fresh %.1e gain %.1e of %.1e held %zu end %zu carried %zu settled %zu blows %d bounces %d level %d\n", t, h, moment, cut_pair_, fresh, gain, EnergyAtHand(), held_.size(), end_.size(), out_->carried.size(), out_->settled.size(), out_->blows, out_->bounces, level);
+    if (gain > kGain * EnergyAtHand() && pushes && Pushed()) {  // nobody pays for pushing out: not now
+      pushes = false;
+      continue;
+    }
     if ((fresh > kDeep || gain > kGain * EnergyAtHand()) && level < kLevels) {
       ++level;
       ++out_->halvings;
@@ -722,7 +804,11 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     }
     Commit(t, h);
     t += h;
-    most = level > 0 ? 2 * h : std::max(2 * most, dt);
+    cuts_ += moment < h_whole;
+    jammed = false;
+    pushes = gain < -kGain * EnergyAtHand();
+    grazing_ = moment < h_whole && out_->blows == blows ? cut_pair_ : -1;
+    most = level > 0 ? 2 * h : dt;
     level = std::max(0, level - 1);
   }
   outcome->touching.clear();

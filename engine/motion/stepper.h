@@ -90,9 +90,12 @@ class Stepper {
   void FindTouching();
   void SelectHeld(double h);
   void Carry(double h, bool first);
+  bool StillCarries();
+  bool Jams(double h) const;
   void Fly(double h);
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
+  void EndAt(double at, double* h);
   double Shorten(double h, double moment);
   void DetectEnd();
   double GapBefore(int pair) const;
@@ -106,6 +109,7 @@ class Stepper {
   double Energy(std::span<const State> states) const;
   double WorkDone(double h) const;
   double EnergyAtHand() const;
+  bool Pushed() const;
   void Commit(double t, double h);
   void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
   double Size(const GroupPair& pair) const;
@@ -116,6 +120,9 @@ class Stepper {
   double dt_ = 0;         // [s]
   double floor_ = 0;      // [m/s] least v_ref
   int blow_budget_ = 0;   // blows in this step at which they have to be faster
+  int movers_ = 0;        // bodies that contacts can move
+  int cuts_ = 0;          // pieces that ended at one
+  double push_out_ = 0;   // of an overlap, what the piece takes back
   double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
@@ -123,8 +130,8 @@ class Stepper {
   GroupOutcome* out_ = nullptr;
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
-  bool first_ = true;
   int cut_pair_ = -1;                        // whose blow ends it
+  int grazing_ = -1;                         // whose blow ended the piece before, and was none
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
@@ -136,11 +143,11 @@ class Stepper {
   std::vector<Vector3> last_force_W_;                           // [N] per contact of last_
   std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
   std::vector<State> mean_state_;
-  enum Freed : std::uint8_t { kStays, kLeaves, kReturns };
-  std::vector<Freed> freed_;  // per pair: it touches and leaves; and is back within the piece, too slow for a blow
+  enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
+  std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false;
   // Scratch of contact problems.
-  std::vector<Body> posed_;
+  std::vector<Body> posed_, trial_;
   std::vector<Contact> problem_;
   std::vector<int> problem_of_;
   std::vector<Matrix3> frames_;
