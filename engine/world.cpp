@@ -65,6 +65,7 @@ struct World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::vector<Body> before;  // the step
+  std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
   LadderReport spared;  // what detection was spared in this step
 
@@ -408,8 +409,14 @@ bool World::Impl::CrowdChanged() const {
 
 // Bodies of small groups are not there for the crowd.
 void World::Impl::SetApart(bool apart) {
-  for (size_t i = 0; i < bodies.size(); ++i)
-    if (bodies[i].kind == BodyKind::kDynamic && !crowd[i] && !before[i].removed) bodies[i].removed = apart;
+  if (apart) frozen_apart.assign(bodies.size(), 0);
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    if (body.kind != BodyKind::kDynamic || crowd[i] || before[i].removed) continue;
+    body.removed = apart;
+    if (apart) frozen_apart[i] = std::exchange(body.frozen, false);
+    if (!apart) body.frozen = frozen_apart[i] != 0;
+  }
 }
 
 void World::Impl::StepCrowd(double dt, StepReport* report) {

@@ -24,6 +24,7 @@ constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
+constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
 constexpr double kSettled = 0.05;   // of the tolerance: what velocities at the end may miss
@@ -165,7 +166,9 @@ void Stepper::SelectHeld(double h) {
       return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
     };
     const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
-    if (-opening > CutSpeed(contact)) {  // a blow, when it gets there
+    // A blow, when it gets there: as fast as it is, or falls by then.
+    const double fall = contact.gap > kMet * Size(pair) ? 2 * g * contact.gap : 0;
+    if (std::max(0.0, -opening) * -opening + fall > CutSpeed(contact) * CutSpeed(contact)) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
@@ -250,7 +253,7 @@ bool Stepper::StillCarries() {
     if (a.Moves()) a.ApplyImpulse(-0.5 * impulse_W_[c], held_[c].point_W);
     if (b.Moves()) b.ApplyImpulse(0.5 * impulse_W_[c], held_[c].point_W);
   }
-  const double still = settings_.tolerance * floor_;
+  const double still = kSettled * settings_.tolerance * floor_;
   for (size_t c = 0; c < held_.size(); ++c) {
     const Vector3 u = RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
     if (impulse_W_[c].isZero(0) ? held_[c].normal_W.dot(u) < -still : !Agrees(held_[c], impulse_W_[c], u, still)) return false;
@@ -348,7 +351,7 @@ Path Stepper::PathOf(int i, double h) const {
 double Stepper::FindMeeting(double h) {
   double first = h;
   cut_pair_ = -1;
-  returned_ = false;
+  returned_ = guarded_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (static_cast<int>(p) == grazing_) continue;
     const GroupPair& pair = group_->pairs[p];
@@ -372,14 +375,37 @@ double Stepper::FindMeeting(double h) {
       approach = std::max(approach, -c.normal_W.dot(velocity(b) - velocity(a)));
       cut = CutSpeed(c);
     }
-    if (approach <= cut) {  // too slow for a blow: it carries when it is back, or the passes stop it
+    if (approach <= cut) {  // too slow for a blow: it carries when it is there
       if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
+      Guard(static_cast<int>(p), t, a, b);
       continue;
     }
     first = t;
     cut_pair_ = static_cast<int>(p);
   }
   return first;
+}
+
+// A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
+// these points have where the piece begins.
+void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
+  for (const Held& guard : guard_of_)
+    if (guard.pair == number) return;
+  const Pose at_a = a.At(t), at_b = b.At(t);
+  for (Contact c : probe_) {
+    const auto at_start = [&](const Vector3& point, const Pose& now, const Path& path) -> Vector3 {
+      return path.start.position_W + path.start.rotation_WB * (now.rotation_WB.conjugate() * (point - now.position_W));
+    };
+    const Vector3 half = 0.5 * c.gap * c.normal_W;
+    const double gap = c.normal_W.dot(at_start(c.point_W + half, at_b, b) - at_start(c.point_W - half, at_a, a));
+    const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W), with_b = c.point_W - (at_b.position_W - b.start.position_W);
+    c.body_a = group_->pairs[number].a;
+    c.body_b = group_->pairs[number].b;
+    c.point_W = !group_->bodies[c.body_a].Moves() ? with_b : !group_->bodies[c.body_b].Moves() ? with_a : Vector3(0.5 * (with_a + with_b));
+    guards_.push_back(c);
+    guard_of_.push_back({number, gap});
+    guarded_ = true;
+  }
 }
 
 // Ends the piece earlier, under the same forces.
@@ -744,7 +770,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   cuts_ = 0;
   StrikeAtStart();
   grazing_ = -1;
-  bool pushes = false, jammed = false;
+  bool pushes = false, jammed = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     if (++out_->pieces > kMostPieces) {
@@ -759,12 +785,20 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     push_out_ = pushes ? kPushOut : 0;
     freed_.assign(group->pairs.size(), kStays);
     double moment = h;
-    do {
+    guards_.clear();
+    guard_of_.clear();
+    for (int round = 0; round < kGuardRounds; ++round) {
       SelectHeld(h);
+      for (size_t g = 0; g < guards_.size(); ++g) {
+        held_.push_back(guards_[g]);
+        held_of_.push_back({guard_of_[g].pair, -guard_of_[g].target / h});
+        impulse_W_.push_back(Vector3::Zero());
+      }
       Carry(h, true);
       Fly(h);
       moment = FindMeeting(h);
-    } while (returned_);
+      if (!returned_ && (!guarded_ || moment < h)) break;
+    }
     const double h_whole = h;
     if (!jammed && Jams(h)) {
       jammed = true;
@@ -774,7 +808,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (moment < h) h = Shorten(h, moment);
     DetectEnd();
     double fresh = FreshOverlap();
-    const bool moves = LeversMove(h);
+    const bool moves = centred || LeversMove(h);
     for (int pass = 1; pass < kPasses && (fresh > kOverlap || (pass == 1 && moves)); ++pass) {
       ++out_->passes;
       NextTargets(h);
@@ -790,6 +824,10 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (getenv("DBG")) printf("  t %.6f h %.3e moment %.3e cut %d fresh %.1e gain %.1e of %.1e held %zu end %zu carried %zu settled %zu blows %d bounces %d level %d\n", t, h, moment, cut_pair_, fresh, gain, EnergyAtHand(), held_.size(), end_.size(), out_->carried.size(), out_->settled.size(), out_->blows, out_->bounces, level);
     if (gain > kGain * EnergyAtHand() && pushes && Pushed()) {  // nobody pays for pushing out: not now
       pushes = false;
+      continue;
+    }
+    if (gain > kGain * EnergyAtHand() && !moves) {  // levers of the start gain to first order of h, those of halfway to third
+      centred = true;
       continue;
     }
     if ((fresh > kDeep || gain > kGain * EnergyAtHand()) && level < kLevels) {

@@ -95,6 +95,7 @@ class Stepper {
   void Fly(double h);
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
+  void Guard(int number, double t, const Path& a, const Path& b);
   void EndAt(double at, double* h);
   double Shorten(double h, double moment);
   void DetectEnd();
@@ -145,7 +146,9 @@ class Stepper {
   std::vector<State> mean_state_;
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
-  bool returned_ = false;
+  bool returned_ = false, guarded_ = false;
+  std::vector<Contact> guards_;
+  std::vector<Held> guard_of_;  // target: the gap [m] where the piece begins
   // Scratch of contact problems.
   std::vector<Body> posed_, trial_;
   std::vector<Contact> problem_;
