@@ -56,6 +56,9 @@ struct Settings {
 
   // Performance
   int threads = 0;  // 0: all cores
+  // Bodies that may meet in a step and are no more than this move by the law of the step (engine/motion). Larger groups are a
+  // crowd: the same contact problems, moved more cheaply and less exactly. 0: all are.
+  int group_bodies = 20;
 
   void Validate() const;    // throws std::invalid_argument
   static Settings Paper();  // kinetic, octagon, Eq. 5, paper freezing                       [SM04]

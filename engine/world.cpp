@@ -22,6 +22,11 @@
 
 namespace islet {
 
+[[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
+  throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + ": " +
+                              field + " = " + std::to_string(value));
+}
+
 // All that one step leaves for the next, but for what the suite remembers.
 struct WorldState {
   std::vector<Body> bodies;
@@ -85,6 +90,8 @@ struct World::Impl : WorldState {
           const Material m = material(*c, a, b);
           c->friction = m.friction;
           c->restitution = m.restitution;
+          if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(*c, "friction", m.friction);
+          if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(*c, "restitution", m.restitution);
         }),
         ledger(pool) {}
 
@@ -390,7 +397,7 @@ void World::Impl::Changed() {
 
 // The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
 bool World::Impl::MovesGroups() const {
-  return settings.model == Model::kCoulomb && settings.bounce_law == BounceLaw::kExact &&
+  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.bounce_law == BounceLaw::kExact &&
          settings.freezing != Freezing::kPaper;
 }
 

@@ -12,6 +12,8 @@ namespace {
 constexpr int kRounds = 6;         // of rooms
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
+constexpr double kNone = 1e-8;     // of |g| dt: a velocity that is rounding
+constexpr int kCalmSteps = 2;      // without becoming faster, before a body may rest
 constexpr double kCalm = 10;       // times the tolerance, of |g| dt: velocity that a body at rest may be left with
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
@@ -37,6 +39,9 @@ double Strayed(const Body& body, const Pose& from) {
 void GroupMemory::Resize(size_t bodies) {
   still.resize(bodies, 0);
   anchor.resize(bodies);
+  load.resize(bodies, 0);
+  speed.resize(bodies, 0);
+  calm.resize(bodies, 0);
   mark.resize(bodies, kAwake);
 }
 
@@ -53,7 +58,7 @@ GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) :
 void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
-    if (members.size() <= kMostBodies) continue;
+    if (members.size() <= static_cast<size_t>(settings_.group_bodies)) continue;
     double fastest = 0;
     for (const int i : members)
       if (bodies[i].Moves()) fastest = std::max(fastest, bodies[i].linear_velocity_W.norm());
@@ -126,7 +131,7 @@ void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<co
   any_crowd_ = false;
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
-    if (members.size() > kMostBodies) {
+    if (members.size() > static_cast<size_t>(settings_.group_bodies)) {
       for (const int i : members) crowd_[i] = 1;
       any_crowd_ = true;
       continue;
@@ -295,13 +300,22 @@ void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupM
   for (const int i : job.members) {
     Body& body = bodies[i];
     memory->mark[i] = GroupMemory::kAwake;
-    if (Strayed(body, memory->anchor[i]) > settings_.freeze_travel * body.radius) {
+    const std::uint64_t load = Mixed(Mixed(Mixed(std::uint64_t{1}, settings_.gravity), body.force_W), body.torque_W);
+    if (Strayed(body, memory->anchor[i]) > settings_.freeze_travel * body.radius || load != memory->load[i]) {
       memory->anchor[i] = {body.position_W, body.rotation_WB};
+      memory->load[i] = load;
       memory->still[i] = 0;
     } else {
       memory->still[i] += dt;
     }
-    rests = rests && memory->still[i] >= settings_.freeze_seconds && FastestPoint(TwistOf(body), body.radius) <= calm;
+    // What becomes faster step by step, however slow it is, stands on an edge or a top and will fall.
+    const double speed = FastestPoint(TwistOf(body), body.radius);
+    memory->calm[i] = speed <= memory->speed[i] ? memory->calm[i] + 1 : 0;
+    memory->speed[i] = speed;
+    rests = rests && (memory->calm[i] >= kCalmSteps || speed <= kNone * settings_.gravity.norm() * dt);
+    // What was at rest, and is left so under what has changed, need not wait.
+    rests = rests && (memory->still[i] >= settings_.freeze_seconds || was_frozen_[i]) &&
+            speed <= calm;
   }
   for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
   if (!rests) return;

@@ -24,6 +24,9 @@ namespace islet::motion {
 struct GroupMemory {
   std::vector<double> still;              // [s] for which it has stood still
   std::vector<Pose> anchor;               // where
+  std::vector<std::uint64_t> load;        // under which force
+  std::vector<double> speed;              // [m/s] of its fastest point
+  std::vector<int> calm;                  // steps in which it has not become faster
   std::vector<std::uint64_t> mark;        // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
   std::vector<Contact> contacts;          // near ones of small groups, by pair
   std::vector<Vector3> forces_W;          // [N] on body_b, that held there
@@ -34,9 +37,6 @@ struct GroupMemory {
 
 class GroupMotion {
  public:
-  // Larger groups cost less by the crowd's way.
-  static constexpr int kMostBodies = 20;
-
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 

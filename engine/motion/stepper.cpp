@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <utility>
 
 #include "engine/suite_frame.h"
 
@@ -12,10 +13,11 @@ namespace {
 
 constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
 constexpr double kNear = 5e-5;      // of a size: gap at which bodies have met
-constexpr double kOverlap = 2e-5;   // of a size: passes end when no pair overlaps by more than it did, and this
+constexpr double kOverlap = 5e-6;   // of a size: passes end when no pair overlaps by more than it did, and this
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2e-3;      // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
+constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
 constexpr double kGain = 1e-8;      // of the energy at hand: a piece that gains more is done again, shorter
 constexpr int kLevels = 10;         // times that a piece is halved
@@ -27,13 +29,13 @@ constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
+constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
 constexpr double kSettled = 0.05;   // of the tolerance: what velocities at the end may miss
-constexpr double kMet = 1e-6;       // of a size: gap at which a blow falls
+constexpr double kMet = 1e-8;       // of a size: gap at which a blow falls
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
-// Bodies times blows in a step; beyond it they have to be faster and faster. A rebound that is over in less than the step
-// divided by the number of blows that it may have is none.
-constexpr int kBlowWork = 64;
-constexpr int kLeastBlows = 4;
+constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
+constexpr int kLeastBlows = 8;
+constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -58,6 +60,17 @@ bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& veloc
   return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
 }
 
+// The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
+// halfway, and what rubs has turned with it.
+Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
+  constexpr double kOnCone = 1 - 1e-3;
+  const Vector3& n = contact.normal_W;
+  const double press = n.dot(impulse);
+  const Vector3 friction = impulse - press * n, slip = velocity - n.dot(velocity) * n;
+  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press) return impulse;
+  return press * n - contact.friction * press / slip.norm() * slip;
+}
+
 }  // namespace
 
 double Stepper::Size(const GroupPair& pair) const {
@@ -74,8 +87,15 @@ double Stepper::BodyRadius(int i) const {
 double Stepper::CutSpeed(const Contact& contact) const {
   const double g = settings_.gravity.norm();
   if (g == 0) return threshold_;
-  const double brief = contact.restitution > 0 ? 0.5 * g * dt_ / blow_budget_ / contact.restitution : kFar;
+  const double brief = contact.restitution > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ / contact.restitution : kFar;
   return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
+}
+
+// Whether it is a blow, when it gets there: as fast as it is, or falls by then.
+bool Stepper::WillHit(const Contact& contact, double opening) const {
+  const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
+  const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
+  return approach * approach + (closed ? 0 : 2 * settings_.gravity.norm() * contact.gap) > cut * cut;
 }
 
 void Stepper::LoadState() {
@@ -111,11 +131,18 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
                 at[pair.b].pose.placement(), reach, contacts);
   for (size_t c = first; c < contacts->size(); ++c) {
     Contact& contact = (*contacts)[c];
-    contact.body_a = pair.a;
-    contact.body_b = pair.b;
-    (*mix_)(&contact, group_->bodies[pair.a], group_->bodies[pair.b]);
+    Mix(pair, &contact);
     pair_of->push_back(number);
   }
+}
+
+// Materials are the world's to choose, by the bodies' numbers there.
+void Stepper::Mix(const GroupPair& pair, Contact* contact) const {
+  contact->body_a = group_->numbers[pair.a];
+  contact->body_b = group_->numbers[pair.b];
+  (*mix_)(contact, group_->bodies[pair.a], group_->bodies[pair.b]);
+  contact->body_a = pair.a;
+  contact->body_b = pair.b;
 }
 
 void Stepper::FindTouching() {
@@ -157,7 +184,7 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   const double g = settings_.gravity.norm();
-  const double leaves = g > 0 ? 0.5 * g * dt_ / blow_budget_ : threshold_;
+  const double leaves = g > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
@@ -166,9 +193,7 @@ void Stepper::SelectHeld(double h) {
       return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
     };
     const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
-    // A blow, when it gets there: as fast as it is, or falls by then.
-    const double fall = contact.gap > kMet * Size(pair) ? 2 * g * contact.gap : 0;
-    if (std::max(0.0, -opening) * -opening + fall > CutSpeed(contact) * CutSpeed(contact)) {
+    if (WillHit(contact, opening)) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
@@ -361,14 +386,14 @@ double Stepper::FindMeeting(double h) {
     const Path &a = query.path_a, &b = query.path_b;
     const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
                          a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
-    if (moves * h < 0.5 * query.near) continue;
+    if (moves * h < 0.5 * query.near && !query.leaves) continue;
     const double t = meeting_.First(query);
     if (t >= first) continue;
     probe_.clear();
     CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * query.near, &probe_);
     double approach = 0, cut = kFar;
     for (Contact& c : probe_) {
-      (*mix_)(&c, group_->bodies[pair.a], group_->bodies[pair.b]);
+      Mix(pair, &c);
       const auto velocity = [&](const Path& path) -> Vector3 {
         return path.VelocityAt(t) + path.RateAt(t).cross(c.point_W - path.At(t).position_W);
       };
@@ -419,7 +444,7 @@ void Stepper::EndAt(double at, double* h) {
 // long as they get nearer.
 double Stepper::Shorten(double h, double moment) {
   const GroupPair& pair = group_->pairs[cut_pair_];
-  const double before = GapBefore(cut_pair_);
+  const double before = GapBefore(cut_pair_), whole = h;
   double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
   for (int k = 0; k < 6; ++k) {
     EndAt(at, &h);
@@ -440,7 +465,7 @@ double Stepper::Shorten(double h, double moment) {
     nearest = std::abs(gap);
     best = at;
     const double next = at + gap / approach;
-    if (nearest <= kPolished * Size(pair) || approach <= 0 || !(next > 0 && next < 1.5 * moment)) break;
+    if (nearest <= kPolished * Size(pair) || approach <= 0 || !(next > 0 && next <= whole)) break;
     at = next;
   }
   if (h != best) EndAt(best, &h);
@@ -467,6 +492,14 @@ double Stepper::FreshOverlap() const {
   for (size_t c = 0; c < end_.size(); ++c)
     if (end_[c].gap < 0)
       worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// The same since the step began.
+double Stepper::DeepestSinceStart() const {
+  double worst = 0;
+  for (size_t c = 0; c < end_.size(); ++c)
+    worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
 
@@ -580,7 +613,8 @@ void Stepper::Settle(double h) {
       if (SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e])) carried = impulse_W_[c];
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
-    if (carried.isZero(0) && -normal > CutSpeed(end_[e])) continue;
+    if (carried.isZero(0) && WillHit(end_[e], normal)) continue;
+    carried = TurnedAlong(end_[e], carried, u, still);
     settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
@@ -622,7 +656,7 @@ void Stepper::Strike() {
     if (hits) {
       strikes = true;
     } else if (settings_.gravity.norm() > 0 && approach > threshold_) {
-      const double brief = 0.5 * settings_.gravity.norm() * dt_ / blow_budget_;
+      const double brief = 0.5 * kBrief * settings_.gravity.norm() * dt_ / blow_budget_;
       if (approach * end_[e].restitution < brief) problem_.back().restitution = 0;
     }
   }
@@ -767,10 +801,12 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     last_pair_.push_back(pair);
   }
   FindTouching();
+  step_gap_.resize(group->pairs.size());
+  for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = 0;
   StrikeAtStart();
   grazing_ = -1;
-  bool pushes = false, jammed = false, centred = false;
+  bool pushes = false, jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     if (++out_->pieces > kMostPieces) {
@@ -800,8 +836,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       if (!returned_ && (!guarded_ || moment < h)) break;
     }
     const double h_whole = h;
-    if (!jammed && Jams(h)) {
-      jammed = true;
+    if (!jammed && !instant && Jams(h)) {
+      instant = true;
       most = kInstant * h;
       continue;
     }
@@ -815,7 +851,15 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       Carry(h, false);
       Fly(h);
       DetectEnd();
-      fresh = FreshOverlap();
+      const double before = std::exchange(fresh, FreshOverlap());
+      if (pass > 1 && fresh > kDeep && fresh > kNearer * before) break;  // a shorter piece gets there sooner
+    }
+    const bool deep = std::max(fresh, DeepestSinceStart()) > kDeep;
+    if (deep && level < kLevels) {
+      ++level;
+      ++out_->halvings;
+      most = 0.5 * h;
+      continue;
     }
     Settle(h);
     const int blows = out_->blows;
@@ -830,23 +874,24 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       centred = true;
       continue;
     }
-    if ((fresh > kDeep || gain > kGain * EnergyAtHand()) && level < kLevels) {
+    if (gain > kGain * EnergyAtHand() && level < kLevels) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;
       continue;
     }
-    if (fresh > kDeep) {  // no way on: they stay where they are for the rest of the step
+    if (deep) {  // no way on: they stay where they are for the rest of the step
       out_->unstepped = dt - t;
       break;
     }
     Commit(t, h);
     t += h;
     cuts_ += moment < h_whole;
-    jammed = false;
+    jammed = jammed || (instant && gain > -kStopped * EnergyAtHand());  // nothing was stopped: a false alarm, not to be given again
+    const bool was_instant = std::exchange(instant, false);
     pushes = gain < -kGain * EnergyAtHand();
     grazing_ = moment < h_whole && out_->blows == blows ? cut_pair_ : -1;
-    most = level > 0 ? 2 * h : dt;
+    most = level > 0 && !was_instant ? 2 * h : dt;
     level = std::max(0, level - 1);
   }
   outcome->touching.clear();

@@ -87,6 +87,7 @@ class Stepper {
   double ChooseLength(double rest);
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
+  void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
   void SelectHeld(double h);
   void Carry(double h, bool first);
@@ -101,6 +102,7 @@ class Stepper {
   void DetectEnd();
   double GapBefore(int pair) const;
   double FreshOverlap() const;
+  double DeepestSinceStart() const;
   bool LeversMove(double h) const;
   void NextTargets(double h);
   void Settle(double h);
@@ -116,6 +118,7 @@ class Stepper {
   double Size(const GroupPair& pair) const;
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
+  bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.
   double dt_ = 0;         // [s]
@@ -129,6 +132,7 @@ class Stepper {
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
+  std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
   int cut_pair_ = -1;                        // whose blow ends it
