@@ -94,7 +94,8 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     course.push_back({step.dt, body.position_W + step.dt * body.linear_velocity_W, body.linear_velocity_W});
     return;
   }
-  std::vector<double> times{0, step.dt};
+  thread_local std::vector<double> times;
+  times.assign({0, step.dt});
   const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
   for (const int k : own) {
     times.push_back(step.impulses[k].time);
@@ -152,7 +153,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     double time;
     Vector3 moment;
   };
-  std::vector<Kick> kicks;
+  thread_local std::vector<Kick> kicks;
+  kicks.clear();
   for (const int k : own) {
     const LedgerImpulse& j = step.impulses[k];
     const Vector3 centre = j.duration == 0 ? PositionAt(*account, j.time)
@@ -169,7 +171,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     }
   }
   if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W});
-  std::stable_sort(kicks.begin(), kicks.end(), [](const Kick& x, const Kick& y) { return x.time < y.time; });
+  for (size_t k = 1; k < kicks.size(); ++k)  // few, and nearly in order
+    for (size_t i = k; i > 0 && kicks[i].time < kicks[i - 1].time; --i) std::swap(kicks[i], kicks[i - 1]);
   Vector3 momentum = before.AngularMomentumW();
   Quaternion rotation = before.rotation_WB;
   double t = 0;
@@ -228,6 +231,17 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
 // A body that goes through another takes its centre through it. Only ways longer than the other is thick can.
 void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   const size_t n = step.before.size();
+  double thinnest = INFINITY, farthest = 0;
+  thread_local std::vector<size_t> planes, all;
+  planes.clear();
+  all.resize(n);
+  for (size_t k = 0; k < n; ++k) {
+    all[k] = k;
+    if (step.before[k].removed) continue;
+    if (step.shapes[k].kind() == ShapeKind::kHalfSpace) planes.push_back(k);
+    thinnest = std::min(thinnest, step.shapes[k].size());
+    farthest = std::max(farthest, (step.after[k].position_W - step.before[k].position_W).norm());
+  }
   for (size_t i = 0; i < n; ++i) {
     if (!IsOurs(step.before[i])) continue;
     const std::vector<Moment>& course = accounts_[i].course;
@@ -239,7 +253,7 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
       high = high.cwiseMax(course[s].position_W);
     }
     if (length == 0) continue;
-    for (size_t k = 0; k < n; ++k) {
+    for (const size_t k : kCore * thinnest > length + farthest ? planes : all) {
       const Body& other = step.before[k];
       if (k == i || other.removed) continue;
       bool through = false;

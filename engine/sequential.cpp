@@ -20,7 +20,7 @@ constexpr double kRounding = 1e-14;       // of the fastest approach
 constexpr double kHeapSettled = 1e-6;     // the same where approaches a thousand times as fast are left over as slight
 constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
-constexpr double kEnergySlack = 1e-10;    // of the work: what sweeps that have settled leave
+constexpr double kEnergySlack = 1e-13;    // of the work: rounding
 
 BounceBody MakeBounceBody(const Body& body) {
   BounceBody out;

@@ -101,6 +101,11 @@ void RunReport::Series::Add(double value) {
   max = std::max(max, value);
 }
 
+static std::array<double, 4> LedgerValues(const Ledger& l) {
+  return {l.energy_created.value, l.momentum_unexplained.value, l.angular_momentum_unexplained.value,
+          l.displacement_without_velocity.value};
+}
+
 RunReport::RunReport(const Scene& scene, const SceneInfo& info, const World& world, double dt)
     : scene_(scene), info_(info), settings_(world.settings()), dt_(dt) {
   for (const Body& body : world.bodies()) {
@@ -130,6 +135,12 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   ladder_.Include(report.ladder);
   motion_ladder_.Include(report.motion_ladder);
   certificate_.Include(report.certificate);
+  const std::array worst = LedgerValues(ledger_);
+  ledger_.Include(report.ledger);
+  for (size_t k = 0; k < worst.size(); ++k)
+    if (LedgerValues(ledger_)[k] != worst[k]) ledger_frames_[k] = static_cast<int>(step_seconds_.size());
+  failed_steps_ += report.Failed();
+  energy_gain_max_ = std::max(energy_gain_max_, report.energy_gain);
   bounces_ += report.bounces;
   woken_ += report.woken;
   woken_max_ = std::max(woken_max_, report.woken);
@@ -217,7 +228,16 @@ std::string RunReport::Json() const {
                     {"failures", motion_failures_},
                     {"ladder", LadderJson(motion_ladder_, qp::kNumRungs, sum)}};
   json["kinetic_energy_end"] = last_.kinetic_energy;
-  json["energy_gain_max"] = certificate_.energy_gain;
+  const auto entry = [&](const LedgerEntry& e, int place) {
+    return islet::Json{{"value", e.value}, {"frame", ledger_frames_[place]}, {"body", e.body}};
+  };
+  json["ledger"] = {{"energy_created", entry(ledger_.energy_created, 0)},
+                    {"momentum_unexplained", entry(ledger_.momentum_unexplained, 1)},
+                    {"angular_momentum_unexplained", entry(ledger_.angular_momentum_unexplained, 2)},
+                    {"displacement_without_velocity", entry(ledger_.displacement_without_velocity, 3)},
+                    {"sides_changed", ledger_.sides_changed}};
+  json["failed_steps"] = failed_steps_;
+  json["energy_gain_max"] = energy_gain_max_;
   json["mechanical_energy_gain"] = mechanical_energy_gain_;
   json["momentum_drift"] = isolated ? islet::Json(momentum_drift_) : islet::Json(nullptr);
   json["escaped"] = escaped_;
@@ -245,6 +265,10 @@ std::string RunReport::Summary() const {
   text += fmt::format(
       "  certificate   momentum {:.1e}, cone {:.1e}, dual {:.1e}, gap {:.1e}; exact Coulomb {:.1e} m/s rms\n",
       certificate_.momentum, certificate_.cone, certificate_.dual, certificate_.gap, certificate_.coulomb_map_rms);
+  text += fmt::format(
+      "  ledger        energy created {:.1e} of that at hand, momentum {:.1e}, angular {:.1e}, way {:.1e} m, sides {}; {} steps failed\n",
+      ledger_.energy_created.value, ledger_.momentum_unexplained.value, ledger_.angular_momentum_unexplained.value,
+      ledger_.displacement_without_velocity.value, ledger_.sides_changed, failed_steps_);
   text += fmt::format("  penetration   {:.2e} m at most\n", penetration_.max);
   text += fmt::format("  at the end    {} frozen, {} awake, kinetic energy {:.3g} J", last_.frozen, last_.awake,
                       last_.kinetic_energy);

@@ -5,7 +5,9 @@
 //   bodies                dynamic bodies; fixed_bodies: the others
 //   stage_seconds         wall time over the whole run
 //   collision_qp, static_qp   seconds_mean and iterations_mean are per problem, seconds_per_frame per frame
-//   energy_gain_max       [J] most kinetic energy that contact impulses added in one frame
+//   ledger                what the bodies did that physics does not allow, worst of the run with frame and body; engine/ledger.h
+//   failed_steps          steps whose ledger is not clean, or that were not stepped to their end
+//   energy_gain_max       [J] most energy that a step's islands gained, potential energy and moving walls included
 //   mechanical_energy_gain    [J] sum of all rises of kinetic + gravity potential energy from one frame to the next
 //   momentum_drift        |p_end - p_start| over the sum of m |v| at the start; null if gravity or fixed bodies act
 //   escaped               bodies outside the scene's bounds at the end; 0 in a scene without bounds
@@ -13,6 +15,7 @@
 //   state_hash            of all poses and velocities at the end, 16 hexadecimal digits
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -52,6 +55,10 @@ class RunReport {
   Series contacts_, active_contacts_, islands_, largest_island_, penetration_;
   QpSummary collision_qp_, static_qp_;
   Certificate certificate_;
+  Ledger ledger_;
+  std::array<int, 4> ledger_frames_{-1, -1, -1, -1};  // of its worst entries, in the order of the report
+  int failed_steps_ = 0;
+  double energy_gain_max_ = 0;  // [J]
   LadderReport ladder_, motion_ladder_;
   double mechanical_energy_gain_ = 0;
   double frozen_imbalance_ = 0;

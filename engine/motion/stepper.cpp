@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <utility>
 
 #include "engine/suite_frame.h"
@@ -865,7 +863,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     const int blows = out_->blows;
     Strike();
     const double gain = Energy(end_state_) - energy - WorkDone(h);
-    if (getenv("DBG")) printf("  t %.6f h %.3e moment %.3e cut %d fresh %.1e gain %.1e of %.1e held %zu end %zu carried %zu settled %zu blows %d bounces %d level %d\n", t, h, moment, cut_pair_, fresh, gain, EnergyAtHand(), held_.size(), end_.size(), out_->carried.size(), out_->settled.size(), out_->blows, out_->bounces, level);
     if (gain > kGain * EnergyAtHand() && pushes && Pushed()) {  // nobody pays for pushing out: not now
       pushes = false;
       continue;

@@ -75,6 +75,7 @@ TEST(Impact, ElasticBallNeverStopsHoweverLowItBounces) {
   const double start = Energy(world.bodies());
   for (int i = 0; i < 600; ++i) world.Step(1.0 / 60);
   EXPECT_NEAR(Energy(world.bodies()), start, 1e-10);
+  EXPECT_NEAR(std::abs(world.body(1).linear_velocity_W.z()), std::sqrt(2e-5 * kGravity), 2e-4);
 }
 
 // A ball that left the floor at 0.01 m/s and is back: it began the step with that speed, and it takes no memory to know it.
@@ -147,7 +148,7 @@ TEST(Impact, BlowIsPassedOnOverAGapThatTheNextStepCloses) {
   }
 }
 
-// The same with a wall: a cube at rest in front of it is hit, rebounds from it with e of the speed, and hands that back.
+// The same with a wall: a cube at rest in front of it is hit, and rebounds from it as fast as it was sent there.
 TEST(Impact, CubeThatABlowSendsAgainstAWallRebounds) {
   for (const double e : {0.3, 1.0}) {
     constexpr double kDt = 1.0 / 60;
@@ -160,9 +161,12 @@ TEST(Impact, CubeThatABlowSendsAgainstAWallRebounds) {
     BodyDefinition ball = Ball({-0.3, 0, 0.5}, 0.5, 0, 1);
     ball.linear_velocity_W = {3, 0, 0};
     world.Add(ball);
-    testing::StepTimes(&world, 10, kDt);
-    EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 0, 1e-9) << e;
-    EXPECT_NEAR(world.body(3).linear_velocity_W.x(), -3 * e, 1e-9) << e;
+    double speed = 3;
+    for (int frame = 0; frame < 10; ++frame) {
+      world.Step(kDt);
+      speed = std::min(speed, world.body(2).linear_velocity_W.x());
+    }
+    EXPECT_NEAR(speed, -3 * e, 1e-9) << e;
   }
 }
 

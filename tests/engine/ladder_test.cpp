@@ -25,7 +25,7 @@ Settings OffTheLadder(Settings settings) {
 
 // Without `merged`, which is of first order in dt.
 Settings Climbing() {
-  Settings settings = testing::Crowded(Awake());
+  Settings settings = Awake();
   settings.ladder = settings.ladder.Without(qp::Rung::kMerged);
   return settings;
 }
@@ -67,7 +67,7 @@ std::vector<int> InCompany(const World& world) {
 // Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may
 // have several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
-  World off = Heap(OffTheLadder(testing::Crowded(Awake()))), climbing = Heap(Climbing());
+  World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
   std::int64_t problems = 0, swept = 0, others = 0;
   int same = 0, nearly = 0, all = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -104,7 +104,7 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
   climbs.ladder = climbs.ladder.Without(qp::Rung::kMerged);
   for (const double restitution : {0.0, 0.2, 0.5}) {
     for (const double drop : {0.05, 0.1, 0.3}) {
-      World off(OffTheLadder(testing::Crowded(Awake()))), climbing(climbs);
+      World off(OffTheLadder(Awake())), climbing(climbs);
       for (World* world : {&off, &climbing}) {
         world->Add(Floor(0.5, restitution));
         for (int i = 0; i < 10; ++i) world->Add(Cube({0, 0, 0.5 + i + drop * (i + 1)}, 0.5, restitution));
@@ -131,7 +131,7 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
 TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
   constexpr double kLongStep = 1.0 / 30;
   for (const Ladder& ladder : {Ladder(), Ladder().Without(qp::Rung::kColumn), Ladder::Off()}) {
-    Settings settings = testing::Crowded();
+    Settings settings;
     settings.ladder = ladder;
     World world(settings);
     world.Add(Floor(0.5, 0.2));
@@ -157,7 +157,7 @@ TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
 // Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they
 // are none as well.
 TEST(Ladder, CollisionsOfWhatRestsAreNone) {
-  World world(OffTheLadder(testing::Crowded(Awake())));
+  World world(OffTheLadder(Awake()));
   world.Add(Floor());
   for (int i = 0; i < 3; ++i) world.Add(Cube({1.0005 * i, 0, 0.5}));
   for (int frame = 0; frame < 30; ++frame) {
@@ -202,7 +202,7 @@ TEST(Ladder, MotionAndDetectionAreSparedWhatNobodyNeeds) {
 }
 
 TEST(Ladder, OffEveryStepHasAPositionProblemForTheInteriorPoint) {
-  World off(OffTheLadder(testing::Crowded(Awake()))), climbing(Awake());
+  World off(OffTheLadder(Awake())), climbing(Awake());
   for (World* world : {&off, &climbing}) {
     world->Add(Floor());
     for (int i = 0; i < 3; ++i) world->Add(Cube({3.0 * i, 0, 0.5}));

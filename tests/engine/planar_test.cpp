@@ -17,7 +17,7 @@ using testing::Turn;
 constexpr double kStep = 1.0 / 60;
 
 Settings Awake(bool planar, bool columns = false) {
-  Settings settings = testing::Crowded(testing::Awake());
+  Settings settings = testing::Awake();
   if (!columns) settings.ladder = settings.ladder.Without(qp::Rung::kColumn);
   if (!planar) settings.ladder = settings.ladder.Without(qp::Rung::kPlanar);
   return settings;

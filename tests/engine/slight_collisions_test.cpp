@@ -23,7 +23,7 @@ constexpr double kDt = 1.0 / 60;
 constexpr double kFall = kGravity * kDt;
 
 Settings Awake(bool merged) {
-  Settings settings = testing::Crowded();
+  Settings settings;
   settings.freezing = Freezing::kOff;
   settings.threads = 1;
   if (!merged) settings.ladder = settings.ladder.Without(qp::Rung::kMerged);
@@ -193,7 +193,7 @@ TEST(SlightCollisions, NotBesideABlow) {
 // A layer of cubes side by side, and one that falls on it: flat on one of them, or askew on four.
 constexpr int kSide = 8;
 struct Layer {
-  World world{testing::Crowded()};
+  World world;
   StepReport report;
   std::vector<Body> before;
 

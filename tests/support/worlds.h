@@ -14,12 +14,6 @@ inline Quaternion Turn(double angle, const Vector3& axis) {
 }
 
 // One thread, and nothing freezes.
-// All bodies move as a crowd, however few they are: for tests of what crowds do.
-inline Settings Crowded(Settings settings = {}) {
-  settings.group_bodies = 0;
-  return settings;
-}
-
 inline Settings Awake() {
   Settings settings;
   settings.threads = 1;

@@ -1,0 +1,112 @@
+// The ledger sees what physics does not allow: each kind of wrong is done to a step by hand.
+#include "engine/ledger.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+constexpr double kDt = 0.1;
+const Vector3 kGravity(0, 0, -10);
+
+class LedgerTest : public ::testing::Test {
+ protected:
+  // Body 0: a fixed plate 0.2 m thick about z = 0; body 1: a box of 1 kg that falls freely from z = 2.
+  LedgerTest() {
+    shapes = {Shape::Box({1, 1, 0.1}), Shape::Box({0.5, 0.4, 0.3})};
+    Body plate, box;
+    plate.kind = BodyKind::kFixed;
+    plate.radius = shapes[0].radius();
+    box.radius = shapes[1].radius();
+    box.inertia_B = shapes[1].MassFromMass(1).inertia_B;
+    box.position_W = {0, 0, 2};
+    box.linear_velocity_W = {1, 0, 0};
+    before = {plate, box};
+    after = before;
+    after[1].position_W += kDt * box.linear_velocity_W + 0.5 * kDt * kDt * kGravity;
+    after[1].linear_velocity_W += kDt * kGravity;
+  }
+  Ledger Judge() { return keeper.Judge({kDt, kGravity, before, after, shapes, impulses, 0}); }
+
+  parallel::WorkerPool pool{1};
+  LedgerKeeper keeper{&pool};
+  std::vector<Shape> shapes;
+  std::vector<Body> before, after;
+  std::vector<LedgerImpulse> impulses;
+};
+
+TEST_F(LedgerTest, FreeFallIsClean) {
+  const Ledger ledger = Judge();
+  EXPECT_TRUE(ledger.Clean());
+  EXPECT_LT(ledger.displacement_without_velocity.value, 1e-12);
+  EXPECT_LT(ledger.energy_created.value, 1e-14);
+}
+
+TEST_F(LedgerTest, SpreadImpulseOnTheWayIsExplained) {
+  LedgerImpulse push;
+  push.contact.body_a = 0, push.contact.body_b = 1;
+  push.impulse_W = {0, 0, 0.5};
+  push.contact.point_W = 0.5 * (before[1].position_W + after[1].position_W) + Vector3(0, 0, 0.5 * kDt * 0.25);
+  push.duration = kDt;
+  impulses = {push};
+  after[1].linear_velocity_W += push.impulse_W;
+  after[1].position_W += 0.5 * kDt * push.impulse_W;
+  const Ledger ledger = Judge();
+  EXPECT_LT(ledger.momentum_unexplained.value, 1e-14);
+  EXPECT_LT(ledger.angular_momentum_unexplained.value, 1e-12);
+  EXPECT_LT(ledger.displacement_without_velocity.value, 1e-12);
+}
+
+TEST_F(LedgerTest, SeesEveryKindOfWrong) {
+  after[1].linear_velocity_W.x() += 1e-3;
+  EXPECT_GT(Judge().momentum_unexplained.value, 1e-4);
+  EXPECT_GT(Judge().energy_created.value, 1e-4);
+  EXPECT_EQ(Judge().momentum_unexplained.body, 1);
+  after[1].linear_velocity_W.x() -= 1e-3;
+
+  after[1].angular_velocity_W.y() = 1e-3;
+  EXPECT_GT(Judge().angular_momentum_unexplained.value, 1e-6);
+  after[1].angular_velocity_W.setZero();
+
+  after[1].position_W.z() += 1e-3;  // lifted for nothing
+  EXPECT_NEAR(Judge().displacement_without_velocity.value, 1e-3, 1e-9);
+  EXPECT_NEAR(keeper.energy_gain(), 1e-2, 1e-9);
+  EXPECT_FALSE(Judge().Clean());
+}
+
+TEST_F(LedgerTest, SeesABodyGoThrough) {
+  before[1].position_W.z() = 1;
+  before[1].linear_velocity_W = {0, 0, -20};
+  after[1] = before[1];
+  after[1].position_W += kDt * before[1].linear_velocity_W + 0.5 * kDt * kDt * kGravity;
+  after[1].linear_velocity_W += kDt * kGravity;
+  EXPECT_EQ(Judge().sides_changed, 1);
+  before[1].position_W.x() = after[1].position_W.x() = 1.6;  // past the plate's edge
+  EXPECT_EQ(Judge().sides_changed, 0);
+}
+
+// A wall that moves does work: the body may gain what it did, and no more.
+TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
+  before[0].kind = after[0].kind = BodyKind::kKinematic;
+  before[0].linear_velocity_W = after[0].linear_velocity_W = {0, 0, 2};
+  after[0].position_W.z() += kDt * 2;
+  before[1].linear_velocity_W = Vector3::Zero();
+  LedgerImpulse blow;  // elastic: the body leaves with twice the wall's speed
+  blow.contact.body_a = 0, blow.contact.body_b = 1;
+  blow.contact.point_W = before[1].position_W;
+  blow.impulse_W = {0, 0, 4};
+  impulses = {blow};
+  after[1] = before[1];
+  after[1].linear_velocity_W = Vector3(0, 0, 4) + kDt * kGravity;
+  after[1].position_W += kDt * Vector3(0, 0, 4) + 0.5 * kDt * kDt * kGravity;
+  const Ledger ledger = Judge();
+  EXPECT_LT(ledger.energy_created.value, 1e-12);
+  EXPECT_LT(ledger.momentum_unexplained.value, 1e-14);
+}
+
+}  // namespace
+}  // namespace islet

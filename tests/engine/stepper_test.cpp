@@ -1,0 +1,163 @@
+// The law of the step for small groups (engine/motion), in scenes whose answer is known; every step's ledger is looked at.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/world.h"
+#include "scenes/random.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Ball;
+using testing::Cube;
+using testing::Floor;
+using testing::kGravity;
+
+Settings Grouped(bool weightless = false) {
+  Settings settings;
+  settings.threads = 1;
+  settings.freezing = Freezing::kOff;
+  settings.group_bodies = 20;
+  if (weightless) settings.gravity.setZero();
+  return settings;
+}
+
+double Energy(const World& world) {
+  double sum = 0;
+  for (const Body& b : world.bodies())
+    if (b.kind == BodyKind::kDynamic) sum += b.KineticEnergy() - b.mass * world.settings().gravity.dot(b.position_W);
+  return sum;
+}
+
+void StepClean(World* world, double dt, int frames) {
+  for (int i = 0; i < frames; ++i) {
+    const StepReport report = world->Step(dt);
+    EXPECT_FALSE(report.Failed()) << i << ": energy " << report.ledger.energy_created.value << " momentum "
+                                  << report.ledger.momentum_unexplained.value << " angular "
+                                  << report.ledger.angular_momentum_unexplained.value << " sides "
+                                  << report.ledger.sides_changed;
+    EXPECT_LT(report.ledger.displacement_without_velocity.value, 1e-6) << i;
+  }
+}
+
+// A spinning ball and a wall of a fifth of its size: it rebounds with e of its speed, whatever the phase of the step.
+TEST(Stepper, SpinningBallReboundsFromAThinWall) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    for (const double speed : {10.0, 30.0}) {
+      for (int phase = 0; phase < 8; ++phase) {
+        World world(Grouped(true));
+        world.Add({.shape = Shape::Box({0.01, 2, 2}), .kind = BodyKind::kFixed, .restitution = 0.5});
+        BodyDefinition ball = Ball({-1 - phase * speed * dt / 8, 0, 0}, 0.1, 0.5, 0.5);
+        ball.linear_velocity_W = {speed, 0, 0};
+        ball.angular_velocity_W = {0, 0, 60};
+        world.Add(ball);
+        StepClean(&world, dt, static_cast<int>(0.5 / dt));
+        EXPECT_NEAR(world.body(1).linear_velocity_W.x(), -0.5 * speed, 1e-9);
+      }
+    }
+  }
+}
+
+TEST(Stepper, DiceStayOnAThinTable) {
+  SplitMix64 random(7);
+  for (const double dt : {1.0 / 30, 1.0 / 60}) {
+    for (int trial = 0; trial < 50; ++trial) {
+      World world(Grouped());
+      world.Add({.shape = Shape::Box({5, 5, 0.01}), .kind = BodyKind::kFixed});
+      BodyDefinition die{.shape = Shape::Box({0.01, 0.01, 0.01}), .density = 500, .position_W = {0, 0, 0.1}};
+      die.rotation_WB = random.Rotation(3);
+      die.linear_velocity_W = {0, 0, -5 + random.Uniform(-0.5, 0.5)};
+      die.angular_velocity_W = 10 * random.Direction();
+      world.Add(die);
+      StepClean(&world, dt, static_cast<int>(0.5 / dt));
+      EXPECT_GT(world.body(1).position_W.z(), 0.019);
+    }
+  }
+}
+
+// Thrown rods of aspect 17 to 500 never gain energy, and come to rest.
+TEST(Stepper, ThrownRodsNeverGainEnergy) {
+  SplitMix64 random(3);
+  for (const auto& [half_length, half_width] : {std::pair{0.07, 0.004}, {0.0225, 0.001}, {0.5, 0.001}}) {
+    for (int trial = 0; trial < 5; ++trial) {
+      World world(Grouped());
+      world.Add(Floor(0.5, 0.3));
+      BodyDefinition rod{.shape = Shape::Box({half_length, half_width, half_width}),
+                         .position_W = {0, 0, 2 * half_length + 0.05},
+                         .restitution = 0.3};
+      rod.rotation_WB = random.Rotation(3);
+      rod.linear_velocity_W = 2 * random.Direction();
+      rod.angular_velocity_W = 15 * random.Direction();
+      world.Add(rod);
+      double energy = Energy(world);
+      const double scale = energy;
+      for (int i = 0; i < 120; ++i) {
+        world.Step(1.0 / 60);
+        EXPECT_LE(Energy(world), energy + 1e-8 * scale);
+        energy = Energy(world);
+      }
+      EXPECT_LT(world.body(1).linear_velocity_W.norm(), 1e-4);
+    }
+  }
+}
+
+TEST(Stepper, ElasticBallKeepsItsEnergyForAHundredBounces) {
+  for (const double dt : {1.0 / 30, 1.0 / 240}) {
+    World world(Grouped());
+    world.Add(Floor(0, 1));
+    world.Add(Ball({0, 0, 1.5}, 0.5, 0, 1));
+    const double start = Energy(world);
+    for (int i = 0; i < 90 / dt; ++i) world.Step(dt);
+    EXPECT_NEAR(Energy(world) / start, 1, 1e-9);
+  }
+}
+
+// 0.5 mu m g times the corners' radius, against a turn that takes a third of a radian a step.
+TEST(Stepper, SpinningCubeSlowsDownAtTheRightRate) {
+  World world(Grouped());
+  world.Add(Floor(0.5));
+  BodyDefinition cube = Cube({0, 0, 0.5}, 0.5);
+  cube.angular_velocity_W = {0, 0, 20};
+  world.Add(cube);
+  testing::StepTimes(&world, 30);
+  EXPECT_NEAR(world.body(1).angular_velocity_W.z(), 20 - 0.5 * 0.5 * kGravity * 6 / std::sqrt(2.0), 1e-4);
+}
+
+TEST(Stepper, StackStandsStillAndFreezes) {
+  Settings settings = Grouped();
+  settings.freezing = Freezing::kCertified;
+  World world(settings);
+  world.Add(Floor());
+  for (int i = 0; i < 10; ++i) world.Add(Cube({0, 0, i + 0.5}));
+  StepClean(&world, 1.0 / 60, 20);
+  for (int i = 1; i <= 10; ++i) {
+    EXPECT_TRUE(world.body(i).frozen);
+    EXPECT_NEAR(world.body(i).position_W.z(), i - 0.5, 1e-9);
+  }
+  EXPECT_NEAR(testing::ImpulseOn(world, 0).z(), -10 * kGravity / 60, 1e-6);
+}
+
+TEST(Stepper, SameBitsForAnyNumberOfThreads) {
+  std::uint64_t first = 0;
+  for (const int threads : {1, 2, 4}) {
+    Settings settings = Grouped();
+    settings.threads = threads;
+    World world(settings);
+    world.Add(Floor());
+    SplitMix64 random(1);
+    for (int i = 0; i < 12; ++i) {
+      BodyDefinition cube = Cube({3.0 * i, 0, 1}, 0.5, 0.3);
+      cube.rotation_WB = random.Rotation(2);
+      cube.angular_velocity_W = 5 * random.Direction();
+      world.Add(cube);
+    }
+    testing::StepTimes(&world, 60);
+    if (threads == 1) first = world.StateHash();
+    EXPECT_EQ(world.StateHash(), first);
+  }
+}
+
+}  // namespace
+}  // namespace islet
