@@ -231,49 +231,55 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
 // A body that goes through another takes its centre through it. Only ways longer than the other is thick can.
 void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   const size_t n = step.before.size();
-  double thinnest = INFINITY, farthest = 0;
-  thread_local std::vector<size_t> planes, all;
-  planes.clear();
-  all.resize(n);
-  for (size_t k = 0; k < n; ++k) {
-    all[k] = k;
-    if (step.before[k].removed) continue;
-    if (step.shapes[k].kind() == ShapeKind::kHalfSpace) planes.push_back(k);
-    thinnest = std::min(thinnest, step.shapes[k].size());
-    farthest = std::max(farthest, (step.after[k].position_W - step.before[k].position_W).norm());
-  }
-  for (size_t i = 0; i < n; ++i) {
-    if (!IsOurs(step.before[i])) continue;
+  const auto length_of = [&](size_t i) {
     const std::vector<Moment>& course = accounts_[i].course;
     double length = 0;
-    Vector3 low = course[0].position_W, high = low;
-    for (size_t s = 1; s < course.size(); ++s) {
-      length += (course[s].position_W - course[s - 1].position_W).norm();
-      low = low.cwiseMin(course[s].position_W);
-      high = high.cwiseMax(course[s].position_W);
-    }
+    for (size_t s = 1; s < course.size(); ++s) length += (course[s].position_W - course[s - 1].position_W).norm();
+    return length;
+  };
+  double longest = 0;
+  for (size_t i = 0; i < n; ++i)
+    if (!step.before[i].removed) longest = std::max(longest, length_of(i));
+  thread_local std::vector<size_t> thin;  // what the longest two ways could pass
+  thin.clear();
+  for (size_t k = 0; k < n; ++k) {
+    const bool plane = step.shapes[k].kind() == ShapeKind::kHalfSpace;
+    if (!step.before[k].removed && (plane || kCore * step.shapes[k].size() <= 2 * longest)) thin.push_back(k);
+  }
+  for (size_t i = 0; i < n && !thin.empty(); ++i) {
+    if (!IsOurs(step.before[i])) continue;
+    const double length = length_of(i);
     if (length == 0) continue;
-    for (const size_t k : kCore * thinnest > length + farthest ? planes : all) {
-      const Body& other = step.before[k];
-      if (k == i || other.removed) continue;
-      bool through = false;
-      if (step.shapes[k].kind() == ShapeKind::kHalfSpace) {
-        const auto height = [&](const Body& plane, const Body& body) {
-          return (plane.rotation_WB * Vector3::UnitZ()).dot(body.position_W - plane.position_W);
-        };
-        through = height(other, step.before[i]) > 0 && height(step.after[k], step.after[i]) < 0;
-      } else {
-        const double own = (step.after[k].position_W - other.position_W).norm();
-        if (kCore * step.shapes[k].size() > length + own) continue;
-        const Vector3 reach = Vector3::Constant(other.radius + own);
-        if (((other.position_W + reach).array() < low.array()).any() || ((other.position_W - reach).array() > high.array()).any()) continue;
-        through = GoesThrough(step, static_cast<int>(i), static_cast<int>(k));
-      }
-      if (!through) continue;
+    Vector3 low = accounts_[i].course[0].position_W, high = low;
+    for (const Moment& moment : accounts_[i].course) {
+      low = low.cwiseMin(moment.position_W);
+      high = high.cwiseMax(moment.position_W);
+    }
+    for (const size_t k : thin) {
+      if (k == i || !Passes(step, i, k, length, low, high)) continue;
       ++ledger->sides_changed;
       ledger->side_changer = static_cast<int>(i);
     }
   }
+}
+
+// Whether body i, whose centre went `length` between these corners, is now on the other side of body k.
+bool LedgerKeeper::Passes(const LedgerStep& step, size_t i, size_t k, double length, const Vector3& low,
+                          const Vector3& high) const {
+  const Body& other = step.before[k];
+  if (step.shapes[k].kind() == ShapeKind::kHalfSpace) {
+    const auto height = [](const Body& plane, const Body& body) {
+      return (plane.rotation_WB * Vector3::UnitZ()).dot(body.position_W - plane.position_W);
+    };
+    return height(other, step.before[i]) > 0 && height(step.after[k], step.after[i]) < 0;
+  }
+  const double own = (step.after[k].position_W - other.position_W).norm();
+  if (kCore * step.shapes[k].size() > length + own) return false;
+  const Vector3 reach = Vector3::Constant(other.radius + own);
+  if (((other.position_W + reach).array() < low.array()).any() ||
+      ((other.position_W - reach).array() > high.array()).any())
+    return false;
+  return GoesThrough(step, static_cast<int>(i), static_cast<int>(k));
 }
 
 bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) const {
