@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "parallel/worker_pool.h"
 
@@ -228,58 +229,61 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
   }
 }
 
-// A body that goes through another takes its centre through it. Only ways longer than the other is thick can.
+// A body that goes through another takes its centre through it. Asked of those whose ways meet, by a sweep along x.
 void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
-  const size_t n = step.before.size();
-  const auto length_of = [&](size_t i) {
-    const std::vector<Moment>& course = accounts_[i].course;
-    double length = 0;
-    for (size_t s = 1; s < course.size(); ++s) length += (course[s].position_W - course[s - 1].position_W).norm();
-    return length;
+  struct Way {
+    size_t body;
+    double length;
+    Vector3 low, high;  // [m] of its centre, with its radius around
   };
-  double longest = 0;
-  for (size_t i = 0; i < n; ++i)
-    if (!step.before[i].removed) longest = std::max(longest, length_of(i));
-  thread_local std::vector<size_t> thin;  // what the longest two ways could pass
-  thin.clear();
-  for (size_t k = 0; k < n; ++k) {
-    const bool plane = step.shapes[k].kind() == ShapeKind::kHalfSpace;
-    if (!step.before[k].removed && (plane || kCore * step.shapes[k].size() <= 2 * longest)) thin.push_back(k);
-  }
-  for (size_t i = 0; i < n && !thin.empty(); ++i) {
-    if (!IsOurs(step.before[i])) continue;
-    const double length = length_of(i);
-    if (length == 0) continue;
-    Vector3 low = accounts_[i].course[0].position_W, high = low;
-    for (const Moment& moment : accounts_[i].course) {
-      low = low.cwiseMin(moment.position_W);
-      high = high.cwiseMax(moment.position_W);
+  thread_local std::vector<Way> ways;
+  ways.clear();
+  thread_local std::vector<size_t> planes;
+  planes.clear();
+  for (size_t i = 0; i < step.before.size(); ++i) {
+    if (step.before[i].removed) continue;
+    if (step.shapes[i].kind() == ShapeKind::kHalfSpace) {
+      planes.push_back(i);
+      continue;
     }
-    for (const size_t k : thin) {
-      if (k == i || !Passes(step, i, k, length, low, high)) continue;
-      ++ledger->sides_changed;
-      ledger->side_changer = static_cast<int>(i);
+    Way way{i, 0, accounts_[i].course[0].position_W, accounts_[i].course[0].position_W};
+    for (size_t s = 1; s < accounts_[i].course.size(); ++s) {
+      const Vector3& to = accounts_[i].course[s].position_W;
+      way.length += (to - accounts_[i].course[s - 1].position_W).norm();
+      way.low = way.low.cwiseMin(to);
+      way.high = way.high.cwiseMax(to);
+    }
+    way.low.array() -= step.before[i].radius;
+    way.high.array() += step.before[i].radius;
+    ways.push_back(way);
+  }
+  const auto judge = [&](const Way& way, size_t other, double length) {
+    const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
+    if (!IsOurs(step.before[way.body]) || (!plane && kCore * step.shapes[other].size() > length)) return;
+    if (!(plane ? Sinks(step, way.body, other) : GoesThrough(step, static_cast<int>(way.body), static_cast<int>(other)))) return;
+    ++ledger->sides_changed;
+    ledger->side_changer = static_cast<int>(way.body);
+  };
+  std::sort(ways.begin(), ways.end(), [](const Way& x, const Way& y) {
+    return std::pair(x.low.x(), x.body) < std::pair(y.low.x(), y.body);
+  });
+  for (size_t i = 0; i < ways.size(); ++i) {
+    for (const size_t plane : planes) judge(ways[i], plane, 0);
+    for (size_t k = i + 1; k < ways.size() && ways[k].low.x() <= ways[i].high.x(); ++k) {
+      const Way &a = ways[i], &b = ways[k];
+      if ((a.low.array() > b.high.array()).any() || (b.low.array() > a.high.array()).any()) continue;
+      judge(a, b.body, a.length + b.length);
+      judge(b, a.body, a.length + b.length);
     }
   }
 }
 
-// Whether body i, whose centre went `length` between these corners, is now on the other side of body k.
-bool LedgerKeeper::Passes(const LedgerStep& step, size_t i, size_t k, double length, const Vector3& low,
-                          const Vector3& high) const {
-  const Body& other = step.before[k];
-  if (step.shapes[k].kind() == ShapeKind::kHalfSpace) {
-    const auto height = [](const Body& plane, const Body& body) {
-      return (plane.rotation_WB * Vector3::UnitZ()).dot(body.position_W - plane.position_W);
-    };
-    return height(other, step.before[i]) > 0 && height(step.after[k], step.after[i]) < 0;
-  }
-  const double own = (step.after[k].position_W - other.position_W).norm();
-  if (kCore * step.shapes[k].size() > length + own) return false;
-  const Vector3 reach = Vector3::Constant(other.radius + own);
-  if (((other.position_W + reach).array() < low.array()).any() ||
-      ((other.position_W - reach).array() > high.array()).any())
-    return false;
-  return GoesThrough(step, static_cast<int>(i), static_cast<int>(k));
+// Whether the body's centre, above the plane at first, is below it at the end.
+bool LedgerKeeper::Sinks(const LedgerStep& step, size_t body, size_t plane) {
+  const auto height = [](const Body& p, const Body& b) {
+    return (p.rotation_WB * Vector3::UnitZ()).dot(b.position_W - p.position_W);
+  };
+  return height(step.before[plane], step.before[body]) > 0 && height(step.after[plane], step.after[body]) < 0;
 }
 
 bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) const {

@@ -66,7 +66,7 @@ class LedgerKeeper {
   Vector3 PositionAt(const Account& account, double time) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);
   void JudgeSides(const LedgerStep& step, Ledger* ledger) const;
-  bool Passes(const LedgerStep& step, size_t i, size_t k, double length, const Vector3& low, const Vector3& high) const;
+  static bool Sinks(const LedgerStep& step, size_t body, size_t plane);
   bool GoesThrough(const LedgerStep& step, int body, int other) const;
 
   parallel::WorkerPool* pool_;
