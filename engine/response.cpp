@@ -131,51 +131,36 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, double speed
   const bool bounces =
       std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
-  const auto solve = [&] {
-    solver_.Solve(problem_, solver_settings, &solution_, guess_);
-    outcome->iterations += solution_.iterations;
-    outcome->rung = solution_.rung;
-    outcome->in_vain.Include(solution_.in_vain);
-    outcome->rounds = std::max(outcome->rounds, solution_.rounds);
-    outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
-  };
   const auto good = [&] {
     // On the brink of a jam the solver stalls: less bounce is better than a bad answer.
     const bool accepted = solution_.status == qp::Status::kSolved || (!bounces && Usable(solution_.status));
     return accepted && (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <=
                                         energy_before * (1 + settings.tolerance));
   };
-  solve();
+  SolveOnce(solver_settings, outcome);
   for (int attempt = 0; !good() && LowerRestitution(attempt); ++attempt) {
     outcome->restitution_lowered = true;
-    solve();
+    SolveOnce(solver_settings, outcome);
   }
-  outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
-  if (Usable(solution_.status)) return;
-  for (qp::ContactTerm& c : problem_.contacts)
-    c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
-  solve();
-  outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
-  for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
+  AcceptOrComply(solver_settings, outcome);
 }
 
-// Targets as they are, with the compliant answer where there is no other.
-void IslandResponder::SolveOnce(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
-  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
-  const auto solve = [&] {
-    solver_.Solve(problem_, solver_settings, &solution_, guess_);
-    outcome->iterations += solution_.iterations;
-    outcome->rung = solution_.rung;
-    outcome->in_vain.Include(solution_.in_vain);
-    outcome->rounds = std::max(outcome->rounds, solution_.rounds);
-    outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
-  };
-  solve();
+void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome) {
+  solver_.Solve(problem_, settings, &solution_, guess_);
+  outcome->iterations += solution_.iterations;
+  outcome->rung = solution_.rung;
+  outcome->in_vain.Include(solution_.in_vain);
+  outcome->rounds = std::max(outcome->rounds, solution_.rounds);
+  outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
+}
+
+// The status of what was solved; where it is no answer, the compliant one is taken.
+void IslandResponder::AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome) {
   outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
   if (Usable(solution_.status)) return;
   for (qp::ContactTerm& c : problem_.contacts)
     c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
-  solve();
+  SolveOnce(settings, outcome);
   outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
 }
@@ -304,7 +289,9 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   const double v_ref = std::max(speed_floor, fastest);
   if (settings.model == Model::kCoulomb && fastest <= 1e-12 * v_ref) return outcome;
   draft_ = false;
-  SolveOnce(settings, v_ref, &outcome);
+  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  SolveOnce(solver_settings, &outcome);
+  AcceptOrComply(solver_settings, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);

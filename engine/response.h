@@ -68,7 +68,8 @@ class IslandResponder {
 
  private:
   void Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest, ResponseOutcome* outcome);
-  void SolveOnce(const Settings& settings, double v_ref, ResponseOutcome* outcome);
+  void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
+  void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
   bool HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                      double speed_floor, double rest_limit, std::span<const Body> bodies, qp::InVain* in_vain);
