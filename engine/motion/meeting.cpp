@@ -6,9 +6,9 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kAdvances = 100;   // of one pair; one that grazes meets after so many, while still apart
-constexpr int kHalvings = 24;    // for pairs that touch when the piece begins
-constexpr double kRounding = 1e-6;  // of `near`
+constexpr int kAdvances = 200;   // of one pair
+constexpr int kTouches = 12;     // of them in a row without leaving: they touch
+constexpr int kHalvings = 40;
 constexpr double kFar = 1e300;   // [m] gap of what is out of reach
 
 // [m/s] fastest closing of the gap along the normal (from a to b) from t on: a relative velocity that changes linearly is
@@ -36,50 +36,42 @@ double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3
 }
 
 double Meeting::First(const MeetingQuery& query) {
+  const double h = query.duration, floor = query.gap - query.deep;
+  double t = 0, reach = kFar;
   Vector3 normal = Vector3::UnitZ();
-  const Vector3 relative = query.path_b.velocity_W - query.path_a.velocity_W;
-  const Vector3 bend = query.path_b.half_acceleration_W - query.path_a.half_acceleration_W;
-  const double h = query.duration;
-  const double reach = h * (relative.norm() + 2 * h * bend.norm() + query.path_a.TurnSpeed(0, h) + query.path_b.TurnSpeed(0, h)) +
-                       4 * query.near;
-  const double gap = GapAt(query, 0, reach, &normal);
-  if (gap >= kFar) return h;
-  return gap <= 2 * query.near ? FirstOfNear(query) : Advance(query, 0, gap, normal);
-}
-
-double Meeting::Advance(const MeetingQuery& query, double t, double gap, Vector3 normal) {
-  for (int k = 0; k < kAdvances; ++k) {
+  for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
+    const double gap = GapAt(query, t, reach, &normal);
+    if (gap >= kFar) return h;
+    if (gap < floor + 0.5 * query.deep && t > 0) return t;
     const double closing = ClosingSpeed(query, t, normal);
-    if (closing <= 0) return query.duration;
-    t += (gap - 0.5 * query.near) / closing;
-    if (t >= query.duration) return query.duration;
-    gap = GapAt(query, t, closing * (query.duration - t) + 2 * query.near, &normal);
-    if (gap >= kFar) return query.duration;
-    if (gap < query.near) return t;
+    touches = gap < query.gap + query.deep ? touches + 1 : 0;
+    if (closing <= 0) return h;
+    t += std::max(gap - floor, 0.0) / closing;
+    if (t >= h) return h;
+    reach = closing * (h - t) + 2 * query.deep;
   }
-  return t;
+  return AlongTouch(query, t, normal);
 }
 
-// A gap that opens is left alone until it is open; one that stays closed meets only where another feature comes down.
-double Meeting::FirstOfNear(const MeetingQuery& query) {
-  Vector3 normal = Vector3::UnitZ(), unused;
-  const double h = query.duration, reach = 8 * query.near;
-  GapAt(query, 0, reach, &normal);
-  const double opening = normal.dot(query.path_b.velocity_W - query.path_a.velocity_W);
-  for (double parted = opening > 0 ? 4 * query.near / opening : h; parted < h; parted *= 2) {
-    const double gap = GapAt(query, parted, kFar, &normal);
-    if (gap > 2 * query.near) return Advance(query, parted, gap, normal);
-    if (gap < -query.near) break;
+// What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
+double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal) {
+  constexpr int kLooks = 64;
+  const double h = query.duration, floor = query.gap - query.deep, size = std::min(query.a->size(), query.b->size());
+  for (int k = 0; t < h; ++k) {
+    const double closing = ClosingSpeed(query, t, normal);
+    const double next = k < kLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
+    if (GapAt(query, next, kFar, &normal) < floor) {
+      double low = t, high = next;
+      for (int i = 0; i < kHalvings; ++i) {
+        const double middle = 0.5 * (low + high), gap = GapAt(query, middle, kFar, &normal);
+        (gap < floor ? high : low) = middle;
+        if (gap < floor && gap > floor - query.deep) break;
+      }
+      return high;
+    }
+    t = next;
   }
-  const double deep = query.gap - (query.leaves ? kRounding : 1) * query.near;
-  if (GapAt(query, h, reach, &unused) >= 2 * deep - query.gap) return h;
-  double low = 0, high = h;
-  for (int k = 0; k < kHalvings; ++k) {
-    const double t = 0.5 * (low + high), gap = GapAt(query, t, reach, &unused);
-    (gap < deep ? high : low) = t;
-    if (gap < deep && gap > 2 * deep - query.gap) break;
-  }
-  return high;
+  return h;
 }
 
 }  // namespace islet::motion

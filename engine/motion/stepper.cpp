@@ -23,7 +23,8 @@ constexpr int kMostPieces = 600;    // of a step
 constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
-constexpr double kPolished = 1e-10; // of a size: gap at the moment of a blow
+constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
+constexpr double kPolished = 1e-13; // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
@@ -191,7 +192,7 @@ void Stepper::SelectHeld(double h) {
       return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
     };
     const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
-    if (WillHit(contact, opening)) {
+    if (WillHit(contact, opening) && !squeezed_[now_pair_[c]]) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
@@ -376,19 +377,19 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = guarded_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    if (static_cast<int>(p) == grazing_) continue;
+    if (static_cast<int>(p) == grazing_ || squeezed_[p]) continue;
     const GroupPair& pair = group_->pairs[p];
-    MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
-                       kNear * Size(pair), GapBefore(static_cast<int>(p)),
-                       freed_[p] == kHits || freed_[p] == kLeaves};
+    const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
+    const MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
+                             GapBefore(static_cast<int>(p)), (stays ? kNear : 0.5 * kOverlap) * Size(pair)};
     const Path &a = query.path_a, &b = query.path_b;
     const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
                          a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
-    if (moves * h < 0.5 * query.near && !query.leaves) continue;
+    if (moves * h < 0.5 * query.deep) continue;
     const double t = meeting_.First(query);
     if (t >= first) continue;
     probe_.clear();
-    CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * query.near, &probe_);
+    CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * kNear * Size(pair), &probe_);
     double approach = 0, cut = kFar;
     for (Contact& c : probe_) {
       Mix(pair, &c);
@@ -473,8 +474,18 @@ double Stepper::Shorten(double h, double moment) {
 void Stepper::DetectEnd() {
   end_.clear();
   end_pair_.clear();
-  for (size_t p = 0; p < group_->pairs.size(); ++p)
-    DetectPair(static_cast<int>(p), end_state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &end_, &end_pair_);
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    double reach = 4 * settings_.overlap_tolerance;
+    for (size_t c = 0; c < held_.size(); ++c)
+      if (held_of_[c].pair == static_cast<int>(p) && !impulse_W_[c].isZero(0)) reach = kNearby;
+    DetectPair(static_cast<int>(p), end_state_, reach * Size(group_->pairs[p]), &end_, &end_pair_);
+  }
+}
+
+bool Stepper::Touches(int pair) const {
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (now_pair_[c] == pair && now_[c].gap <= settings_.overlap_tolerance * Size(group_->pairs[pair])) return true;
+  return false;
 }
 
 double Stepper::GapBefore(int pair) const {
@@ -488,8 +499,20 @@ double Stepper::GapBefore(int pair) const {
 double Stepper::FreshOverlap() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
-    if (end_[c].gap < 0)
+    if (end_[c].gap < 0 && !squeezed_[end_pair_[c]])
       worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// Of a size: what the piece missed of gap(x1) = 0, or >= 0, by.
+double Stepper::Missed() const {
+  double worst = FreshOverlap();
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_[e].gap <= 0) continue;
+    for (size_t c = 0; c < held_.size(); ++c)
+      if (!impulse_W_[c].isZero(0) && SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e]))
+        worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
+  }
   return worst;
 }
 
@@ -497,7 +520,8 @@ double Stepper::FreshOverlap() const {
 double Stepper::DeepestSinceStart() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
-    worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+    if (!squeezed_[end_pair_[c]])
+      worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
 
@@ -531,7 +555,7 @@ void Stepper::NextTargets(double h) {
     bool asked = false;
     for (const int q : end_pair_) asked = asked || q == static_cast<int>(p);
     if (asked)
-      DetectPair(static_cast<int>(p), mean, 0.1 * Size(group_->pairs[p]), &halfway_, &halfway_pair_);
+      DetectPair(static_cast<int>(p), mean, kNearby * Size(group_->pairs[p]), &halfway_, &halfway_pair_);
   }
   next_.clear();
   next_of_.clear();
@@ -647,7 +671,7 @@ void Stepper::Strike() {
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
-    const bool hits = approach > CutSpeed(end_[e]);
+    const bool hits = approach > CutSpeed(end_[e]) && !squeezed_[end_pair_[e]];
     if (hits && end_[e].gap > kMet * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
@@ -679,7 +703,11 @@ void Stepper::Strike() {
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }
   ++out_->blows;
-  for (size_t c = 0; c < problem_.size(); ++c) strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
+    if (-NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]) > CutSpeed(problem_[c]))
+      squeezed_[end_pair_[problem_of_[c]]] = true;
+  }
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
     end_state_[i].linear_W = posed_[i].linear_velocity_W;
@@ -802,6 +830,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = 0;
+  squeezed_.assign(group->pairs.size(), false);
   StrikeAtStart();
   grazing_ = -1;
   bool pushes = false, jammed = false, instant = false, centred = false;
@@ -841,18 +870,18 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     }
     if (moment < h) h = Shorten(h, moment);
     DetectEnd();
-    double fresh = FreshOverlap();
+    double missed = Missed();
     const bool moves = centred || LeversMove(h);
-    for (int pass = 1; pass < kPasses && (fresh > kOverlap || (pass == 1 && moves)); ++pass) {
+    for (int pass = 1; pass < kPasses && (missed > kOverlap || (pass == 1 && moves)); ++pass) {
       ++out_->passes;
       NextTargets(h);
       Carry(h, false);
       Fly(h);
       DetectEnd();
-      const double before = std::exchange(fresh, FreshOverlap());
-      if (pass > 1 && fresh > kDeep && fresh > kNearer * before) break;  // a shorter piece gets there sooner
+      const double before = std::exchange(missed, Missed());
+      if (pass > 1 && missed > kDeep && missed > kNearer * before) break;  // a shorter piece gets there sooner
     }
-    const bool deep = std::max(fresh, DeepestSinceStart()) > kDeep;
+    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep;
     if (deep && level < kLevels) {
       ++level;
       ++out_->halvings;
@@ -871,7 +900,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       centred = true;
       continue;
     }
-    if (gain > kGain * EnergyAtHand() && level < kLevels) {
+    const bool squeezed = std::find(squeezed_.begin(), squeezed_.end(), true) != squeezed_.end();
+    if (gain > kGain * EnergyAtHand() && level < kLevels && !squeezed) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;

@@ -100,8 +100,10 @@ class Stepper {
   void EndAt(double at, double* h);
   double Shorten(double h, double moment);
   void DetectEnd();
+  bool Touches(int pair) const;
   double GapBefore(int pair) const;
   double FreshOverlap() const;
+  double Missed() const;
   double DeepestSinceStart() const;
   bool LeversMove(double h) const;
   void NextTargets(double h);
@@ -132,6 +134,7 @@ class Stepper {
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
+  std::vector<std::uint8_t> squeezed_;  // per pair: between walls that close, no velocity keeps it apart; it may overlap
   std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
