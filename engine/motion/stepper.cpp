@@ -29,9 +29,11 @@ constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly wit
 constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
 constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
-constexpr double kSettled = 0.05;   // of the tolerance: what velocities at the end may miss
+constexpr double kSettled = 0.002;   // of the tolerance: what velocities at the end may miss
 constexpr double kMet = 1e-8;       // of a size: gap at which a blow falls
+constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
+constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
@@ -111,6 +113,8 @@ void Stepper::LoadState() {
   spun_after_.resize(n);
   mean_W_.resize(n);
   posed_ = group_->bodies;
+  cut_.resize(n);
+  for (size_t i = 0; i < n; ++i) cut_[i] = !posed_[i].Moves();
 }
 
 // Walls are where their velocity takes them: poses at time t of the step, in `states` of those that do not move by contacts.
@@ -177,7 +181,8 @@ double Stepper::ChooseLength(double rest) {
   return fastest * rest > kTurn ? kTurn / fastest : rest;
 }
 
-// Contacts that may carry: what touches and does not leave.
+// Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
+// a ball that rolls over an edge is near it, and never meets it.
 void Stepper::SelectHeld(double h) {
   held_.clear();
   held_of_.clear();
@@ -200,11 +205,12 @@ void Stepper::SelectHeld(double h) {
       freed_[now_pair_[c]] = kLeaves;
       continue;
     }
-    held_.push_back(contact);
-    held_of_.push_back({now_pair_[c], -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     Vector3 guess = Vector3::Zero();
     for (size_t k = 0; k < last_.size(); ++k)
       if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
+    if (contact.gap > kMet * Size(pair) && guess.isZero(0)) continue;
+    held_.push_back(contact);
+    held_of_.push_back({now_pair_[c], -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     impulse_W_.push_back(guess);
   }
 }
@@ -216,8 +222,6 @@ void Stepper::SolveParts(std::span<const double> targets, double floor, std::vec
     frames_[c] = ContactFrame(problem_[c].normal_W);
     edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
   }
-  cut_.resize(posed_.size());
-  for (size_t i = 0; i < cut_.size(); ++i) cut_[i] = !posed_[i].Moves();
   islands::BuildPartition({cut_, edges_}, &partition_);
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
@@ -261,13 +265,14 @@ void Stepper::Carry(double h, bool first) {
     targets_[c] = held_of_[c].target;
     local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
   }
-  if (StillCarries()) return;
+  if (StillCarries(h)) return;
   SolveParts(targets_, floor_, &out_->carried);
   for (size_t c = 0; c < held_.size(); ++c) impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
 }
 
-// Whether the impulses at hand, those of the piece before, are an answer.
-bool Stepper::StillCarries() {
+// Whether the impulses at hand, those of the piece before, are an answer. It sinks nothing: what one piece sinks, the next sinks
+// again.
+bool Stepper::StillCarries(double h) {
   bool any = false;
   for (const Vector3& impulse : impulse_W_) any = any || !impulse.isZero(0);
   if (!any) return false;
@@ -280,7 +285,8 @@ bool Stepper::StillCarries() {
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t c = 0; c < held_.size(); ++c) {
     const Vector3 u = RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
-    if (impulse_W_[c].isZero(0) ? held_[c].normal_W.dot(u) < -still : !Agrees(held_[c], impulse_W_[c], u, still)) return false;
+    if (held_[c].normal_W.dot(u) < -kClosed * Size({held_[c].body_a, held_[c].body_b}) / h) return false;
+    if (!impulse_W_[c].isZero(0) && !Agrees(held_[c], impulse_W_[c], u, still)) return false;
   }
   return true;
 }
@@ -508,10 +514,7 @@ double Stepper::FreshOverlap() const {
 double Stepper::Missed() const {
   double worst = FreshOverlap();
   for (size_t e = 0; e < end_.size(); ++e) {
-    if (end_[e].gap <= 0) continue;
-    for (size_t c = 0; c < held_.size(); ++c)
-      if (!impulse_W_[c].isZero(0) && SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e]))
-        worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
+    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
   }
   return worst;
 }
@@ -525,11 +528,16 @@ double Stepper::DeepestSinceStart() const {
   return worst;
 }
 
-// Whether levers at the start of the piece do not describe it: what presses turns, or slides on what moves.
+// Whether levers and normals at the start of the piece do not describe it: what presses turns, or slides on what moves, or passes
+// an edge.
 bool Stepper::LeversMove(double h) const {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     const int a = held_[c].body_a, b = held_[c].body_b;
+    bool alike = false;
+    for (size_t e = 0; e < end_.size() && !alike; ++e)
+      alike = end_pair_[e] == held_of_[c].pair && (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
+    if (!alike) return true;
     for (const int i : {a, b}) {
       if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
       const Vector3& spin = group_->bodies[i].Moves() ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
@@ -544,7 +552,15 @@ bool Stepper::LeversMove(double h) const {
   return false;
 }
 
-// Contacts as they are halfway, with targets that correct what the last pass left at the end.
+// Whether it was there as the piece began.
+bool Stepper::WasClosed(const Contact& contact, int pair) const {
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (SameFeature(now_[c], now_pair_[c], contact, pair)) return now_[c].gap <= kMet * Size(group_->pairs[pair]);
+  return false;
+}
+
+// Contacts as they are in the middle of the time for which they are closed, with targets that correct what the last pass left at
+// the end: halfway, or at the end for those that close within the piece.
 void Stepper::NextTargets(double h) {
   std::vector<State>& mean = mean_state_;
   mean = state_;
@@ -564,7 +580,8 @@ void Stepper::NextTargets(double h) {
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
     bool found = false;
-    for (size_t k = 0; k < halfway_.size() && !found; ++k) {
+    const bool closed = WasClosed(contact, pair);
+    for (size_t k = 0; k < halfway_.size() && closed && !found; ++k) {
       if (!SameFeature(halfway_[k], halfway_pair_[k], contact, pair)) continue;
       found = true;
       contact.point_W = halfway_[k].point_W;
@@ -611,6 +628,13 @@ void Stepper::NextTargets(double h) {
   std::swap(impulse_W_, next_impulse_W_);
 }
 
+// [N s] what a contact at the end held in the piece.
+Vector3 Stepper::CarriedBy(size_t at_end) const {
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (SameFeature(held_[c], held_of_[c].pair, end_[at_end], end_pair_[at_end])) return impulse_W_[c];
+  return Vector3::Zero();
+}
+
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
 // hit are left to Strike.
 void Stepper::Settle(double h) {
@@ -629,10 +653,8 @@ void Stepper::Settle(double h) {
   bool settled = true;
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
-    if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
-    Vector3 carried = Vector3::Zero();
-    for (size_t c = 0; c < held_.size(); ++c)
-      if (SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e])) carried = impulse_W_[c];
+    Vector3 carried = CarriedBy(e);
+    if (end_[e].gap > kClosed * Size(group_->pairs[end_pair_[e]]) && carried.isZero(0)) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && WillHit(end_[e], normal)) continue;
@@ -715,18 +737,6 @@ void Stepper::Strike() {
   }
 }
 
-// What hits as the step begins.
-void Stepper::StrikeAtStart() {
-  end_ = now_;
-  end_pair_ = now_pair_;
-  cut_.resize(posed_.size());
-  for (size_t i = 0; i < cut_.size(); ++i) cut_[i] = !posed_[i].Moves();
-  Strike();
-  for (size_t e = 0; e < end_.size(); ++e)
-    if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], 0, 0});
-  state_ = end_state_;
-}
-
 double Stepper::Energy(std::span<const State> states) const {
   double sum = 0;
   for (size_t i = 0; i < states.size(); ++i) {
@@ -777,6 +787,13 @@ double Stepper::EnergyAtHand() const {
   return sum;
 }
 
+// [J] gain that is none: of what is at hand, and what solves of this accuracy leave.
+double Stepper::Allowed() const {
+  double pressed = 0;
+  for (const Vector3& impulse : impulse_W_) pressed += impulse.norm();
+  return kGain * EnergyAtHand() + settings_.tolerance * floor_ * pressed;
+}
+
 void Stepper::Commit(double t, double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
@@ -788,10 +805,7 @@ void Stepper::Commit(double t, double h) {
   last_pair_ = end_pair_;
   last_force_W_.resize(end_.size());
   for (size_t e = 0; e < end_.size(); ++e) {
-    Vector3 held = settle_W_[e];
-    for (size_t c = 0; c < held_.size(); ++c)
-      if (SameFeature(held_[c], held_of_[c].pair, end_[e], end_pair_[e])) held += impulse_W_[c];
-    last_force_W_[e] = held / h;
+    last_force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
     if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0});
     if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
   }
@@ -831,7 +845,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = 0;
   squeezed_.assign(group->pairs.size(), false);
-  StrikeAtStart();
   grazing_ = -1;
   bool pushes = false, jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
@@ -892,16 +905,16 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     const int blows = out_->blows;
     Strike();
     const double gain = Energy(end_state_) - energy - WorkDone(h);
-    if (gain > kGain * EnergyAtHand() && pushes && Pushed()) {  // nobody pays for pushing out: not now
+    if (gain > Allowed() && pushes && Pushed()) {  // nobody pays for pushing out: not now
       pushes = false;
       continue;
     }
-    if (gain > kGain * EnergyAtHand() && !moves) {  // levers of the start gain to first order of h, those of halfway to third
+    if (gain > Allowed() && !moves) {  // levers of the start gain to first order of h, those of halfway to third
       centred = true;
       continue;
     }
     const bool squeezed = std::find(squeezed_.begin(), squeezed_.end(), true) != squeezed_.end();
-    if (gain > kGain * EnergyAtHand() && level < kLevels && !squeezed) {
+    if (gain > Allowed() && level < kLevels && !squeezed) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;
@@ -916,7 +929,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     cuts_ += moment < h_whole;
     jammed = jammed || (instant && gain > -kStopped * EnergyAtHand());  // nothing was stopped: a false alarm, not to be given again
     const bool was_instant = std::exchange(instant, false);
-    pushes = gain < -kGain * EnergyAtHand();
+    pushes = gain < -Allowed();
     grazing_ = moment < h_whole && out_->blows == blows ? cut_pair_ : -1;
     most = level > 0 && !was_instant ? 2 * h : dt;
     level = std::max(0, level - 1);

@@ -91,7 +91,7 @@ class Stepper {
   void FindTouching();
   void SelectHeld(double h);
   void Carry(double h, bool first);
-  bool StillCarries();
+  bool StillCarries(double h);
   bool Jams(double h) const;
   void Fly(double h);
   Path PathOf(int i, double h) const;
@@ -106,14 +106,16 @@ class Stepper {
   double Missed() const;
   double DeepestSinceStart() const;
   bool LeversMove(double h) const;
+  bool WasClosed(const Contact& contact, int pair) const;
   void NextTargets(double h);
+  Vector3 CarriedBy(size_t at_end) const;
   void Settle(double h);
   void Record(Stage stage, QpStatus status);
   void Strike();
-  void StrikeAtStart();
   double Energy(std::span<const State> states) const;
   double WorkDone(double h) const;
   double EnergyAtHand() const;
+  double Allowed() const;
   bool Pushed() const;
   void Commit(double t, double h);
   void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
