@@ -21,7 +21,7 @@ constexpr double kDraftTolerance =
     1e-4;  // of the floor of v_ref: bodies wake by a thousandth of what gravity does in a step
 constexpr int kHoldingSweeps = 60;
 constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
-constexpr double kFallbackCompliance = 1e-2;  // of the contact's own W_nn
+constexpr double kFallbackCompliance = 1e-4;  // of the contact's own W_nn
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
 double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {

@@ -197,7 +197,7 @@ void Stepper::SelectHeld(double h) {
       return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
     };
     const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
-    if (WillHit(contact, opening) && !squeezed_[now_pair_[c]]) {
+    if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
@@ -210,7 +210,8 @@ void Stepper::SelectHeld(double h) {
       if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
     if (contact.gap > kMet * Size(pair) && guess.isZero(0)) continue;
     held_.push_back(contact);
-    held_of_.push_back({now_pair_[c], -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
+    const double yields = yields_[now_pair_[c]];
+    held_of_.push_back({now_pair_[c], yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     impulse_W_.push_back(guess);
   }
 }
@@ -383,7 +384,7 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = guarded_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    if (static_cast<int>(p) == grazing_ || squeezed_[p]) continue;
+    if (static_cast<int>(p) == grazing_ || yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     const MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
@@ -505,7 +506,7 @@ double Stepper::GapBefore(int pair) const {
 double Stepper::FreshOverlap() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
-    if (end_[c].gap < 0 && !squeezed_[end_pair_[c]])
+    if (end_[c].gap < 0 && yields_[end_pair_[c]] == 0)
       worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
@@ -523,7 +524,7 @@ double Stepper::Missed() const {
 double Stepper::DeepestSinceStart() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
-    if (!squeezed_[end_pair_[c]])
+    if (yields_[end_pair_[c]] == 0)
       worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
@@ -599,7 +600,7 @@ void Stepper::NextTargets(double h) {
     };
     const double u = contact.normal_W.dot(mean_velocity(b) - mean_velocity(a));
     double target = u - (contact.gap - (1 - push_out_) * GapBefore(pair)) / h;
-    target = std::min(target, kPush * floor_);
+    target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
     Vector3 guess = Vector3::Zero();
     for (size_t c = 0; c < held_.size(); ++c)
       if (SameFeature(held_[c], held_of_[c].pair, contact, pair)) guess = impulse_W_[c];
@@ -672,7 +673,8 @@ void Stepper::Settle(double h) {
     if (b.Moves()) b.ApplyImpulse(-carried_W_[c], problem_[c].point_W);
     local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
   }
-  targets_.assign(problem_.size(), 0.0);
+  targets_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
   SolveParts(targets_, floor_, &out_->settled);
   for (size_t c = 0; c < problem_.size(); ++c) settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
   for (size_t i = 0; i < bodies.size(); ++i) {
@@ -693,7 +695,7 @@ void Stepper::Strike() {
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
-    const bool hits = approach > CutSpeed(end_[e]) && !squeezed_[end_pair_[e]];
+    const bool hits = approach > CutSpeed(end_[e]) && yields_[end_pair_[e]] == 0;
     if (hits && end_[e].gap > kMet * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
@@ -727,8 +729,9 @@ void Stepper::Strike() {
   ++out_->blows;
   for (size_t c = 0; c < problem_.size(); ++c) {
     strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
-    if (-NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]) > CutSpeed(problem_[c]))
-      squeezed_[end_pair_[problem_of_[c]]] = true;
+    const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
+    double& yields = yields_[end_pair_[problem_of_[c]]];
+    if (approach > CutSpeed(problem_[c])) yields = std::max(yields, approach);
   }
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
@@ -844,7 +847,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = 0;
-  squeezed_.assign(group->pairs.size(), false);
+  yields_.assign(group->pairs.size(), 0.0);
   grazing_ = -1;
   bool pushes = false, jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
@@ -913,8 +916,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       centred = true;
       continue;
     }
-    const bool squeezed = std::find(squeezed_.begin(), squeezed_.end(), true) != squeezed_.end();
-    if (gain > Allowed() && level < kLevels && !squeezed) {
+    const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
+    if (gain > Allowed() && level < kLevels && !yields) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;

@@ -136,7 +136,7 @@ class Stepper {
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
-  std::vector<std::uint8_t> squeezed_;  // per pair: between walls that close, no velocity keeps it apart; it may overlap
+  std::vector<double> yields_;    // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
