@@ -24,6 +24,7 @@ constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
+constexpr double kSamePlace = 1e-2; // of a size
 constexpr double kPolished = 1e-13; // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
@@ -187,6 +188,7 @@ void Stepper::SelectHeld(double h) {
   held_.clear();
   held_of_.clear();
   impulse_W_.clear();
+  closed_.assign(now_.size(), false);
   const double g = settings_.gravity.norm();
   const double leaves = g > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
@@ -209,6 +211,7 @@ void Stepper::SelectHeld(double h) {
     for (size_t k = 0; k < last_.size(); ++k)
       if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
     if (contact.gap > kMet * Size(pair) && guess.isZero(0)) continue;
+    closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
     held_of_.push_back({now_pair_[c], yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
@@ -487,6 +490,7 @@ void Stepper::DetectEnd() {
       if (held_of_[c].pair == static_cast<int>(p) && !impulse_W_[c].isZero(0)) reach = kNearby;
     DetectPair(static_cast<int>(p), end_state_, reach * Size(group_->pairs[p]), &end_, &end_pair_);
   }
+  FollowHeld();
 }
 
 bool Stepper::Touches(int pair) const {
@@ -553,45 +557,72 @@ bool Stepper::LeversMove(double h) const {
   return false;
 }
 
-// Whether it was there as the piece began.
-bool Stepper::WasClosed(const Contact& contact, int pair) const {
-  for (size_t c = 0; c < now_.size(); ++c)
-    if (SameFeature(now_[c], now_pair_[c], contact, pair)) return now_[c].gap <= kMet * Size(group_->pairs[pair]);
-  return false;
+// Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
+void Stepper::FollowHeld() {
+  follows_.assign(held_.size(), -1);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const int pair = held_of_[c].pair;
+    double nearest = kSamePlace * Size(group_->pairs[pair]);
+    const Vector3 place = 
+        Carried(pair, held_[c].point_W, held_of_[c].at_start ? Moment::kStart : Moment::kMiddle, Moment::kEnd);
+    for (size_t e = 0; e < end_.size(); ++e) {
+      if (end_pair_[e] != pair) continue;
+      const double apart = end_[e].feature == held_[c].feature ? -1 : (end_[e].point_W - place).norm();
+      if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(e);
+    }
+  }
 }
 
-// Contacts as they are in the middle of the time for which they are closed, with targets that correct what the last pass left at
-// the end: halfway, or at the end for those that close within the piece.
-void Stepper::NextTargets(double h) {
-  std::vector<State>& mean = mean_state_;
-  mean = state_;
-  for (size_t i = 0; i < mean.size(); ++i) mean[i].pose = middle_[i];
-  halfway_.clear();
-  halfway_pair_.clear();
-  for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    bool asked = false;
-    for (const int q : end_pair_) asked = asked || q == static_cast<int>(p);
-    if (asked)
-      DetectPair(static_cast<int>(p), mean, kNearby * Size(group_->pairs[p]), &halfway_, &halfway_pair_);
+// Where a point of the two bodies is at another time of the piece.
+Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
+  const auto [a, b] = group_->pairs[pair];
+  const auto at = [&](int i, Moment moment) -> const Pose& {
+    return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
+  };
+  const auto with = [&](int i) -> Vector3 {
+    const Pose &x = at(i, from), &y = at(i, to);
+    return y.position_W + y.rotation_WB * (x.rotation_WB.conjugate() * (point - x.position_W));
+  };
+  return 0.5 * (with(a) + with(b));
+}
+
+// [m] of what moves with a contact, from halfway to the end.
+Vector3 Stepper::HalfWay(int pair) const {
+  const auto [a, b] = group_->pairs[pair];
+  const Vector3 way_a = end_state_[a].pose.position_W - middle_[a].position_W;
+  const Vector3 way_b = end_state_[b].pose.position_W - middle_[b].position_W;
+  return !group_->bodies[a].Moves() ? way_b : !group_->bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+}
+
+// The contact as the piece began, if it was closed.
+const Contact* Stepper::ClosedAtStart(size_t at_end) const {
+  const int pair = end_pair_[at_end];
+  const Contact* found = nullptr;
+  double nearest = kSamePlace * Size(group_->pairs[pair]);
+  const Vector3 place = Carried(pair, end_[at_end].point_W, Moment::kEnd, Moment::kStart);
+  for (size_t c = 0; c < now_.size(); ++c) {
+    if (now_pair_[c] != pair || !closed_[c]) continue;
+    const double apart = now_[c].feature == end_[at_end].feature ? -1 : (now_[c].point_W - place).norm();
+    if (apart < nearest) nearest = apart, found = &now_[c];
   }
+  return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;
+}
+
+// Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
+// begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
+// ends.
+void Stepper::NextTargets(double h) {
   next_.clear();
   next_of_.clear();
   next_impulse_W_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
-    bool found = false;
-    const bool closed = WasClosed(contact, pair);
-    for (size_t k = 0; k < halfway_.size() && closed && !found; ++k) {
-      if (!SameFeature(halfway_[k], halfway_pair_[k], contact, pair)) continue;
-      found = true;
-      contact.point_W = halfway_[k].point_W;
-      contact.normal_W = halfway_[k].normal_W;
-    }
-    if (!found) {
-      const Vector3 way_a = end_state_[a].pose.position_W - middle_[a].position_W;
-      const Vector3 way_b = end_state_[b].pose.position_W - middle_[b].position_W;
-      contact.point_W -= !group_->bodies[a].Moves() ? way_b : !group_->bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+    if (const Contact* start = ClosedAtStart(e)) {
+      contact.point_W = 0.5 * (start->point_W + contact.point_W);
+      contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+    } else {
+      contact.point_W -= HalfWay(pair);
     }
     const auto mean_velocity = [&](int i) -> Vector3 {
       const Vector3 lever = contact.point_W - middle_[i].position_W;
@@ -601,20 +632,13 @@ void Stepper::NextTargets(double h) {
     const double u = contact.normal_W.dot(mean_velocity(b) - mean_velocity(a));
     double target = u - (contact.gap - (1 - push_out_) * GapBefore(pair)) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
-    Vector3 guess = Vector3::Zero();
-    for (size_t c = 0; c < held_.size(); ++c)
-      if (SameFeature(held_[c], held_of_[c].pair, contact, pair)) guess = impulse_W_[c];
     next_.push_back(contact);
     next_of_.push_back({pair, target, 0, false});
-    next_impulse_W_.push_back(guess);
+    next_impulse_W_.push_back(CarriedBy(e));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.
   for (size_t c = 0; c < held_.size(); ++c) {
-    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges) continue;
-    bool found = false;
-    for (size_t e = 0; e < end_.size() && !found; ++e)
-      found = SameFeature(end_[e], end_pair_[e], held_[c], held_of_[c].pair);
-    if (found) continue;
+    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges || follows_[c] >= 0) continue;
     Held old = held_of_[c];
     ++old.age;
     Contact contact = held_[c];
@@ -631,9 +655,10 @@ void Stepper::NextTargets(double h) {
 
 // [N s] what a contact at the end held in the piece.
 Vector3 Stepper::CarriedBy(size_t at_end) const {
+  Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
-    if (SameFeature(held_[c], held_of_[c].pair, end_[at_end], end_pair_[at_end])) return impulse_W_[c];
-  return Vector3::Zero();
+    if (follows_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
+  return sum;
 }
 
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that

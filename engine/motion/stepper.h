@@ -106,7 +106,11 @@ class Stepper {
   double Missed() const;
   double DeepestSinceStart() const;
   bool LeversMove(double h) const;
-  bool WasClosed(const Contact& contact, int pair) const;
+  void FollowHeld();
+  enum class Moment { kStart, kMiddle, kEnd };
+  Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
+  Vector3 HalfWay(int pair) const;
+  const Contact* ClosedAtStart(size_t at_end) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   void Settle(double h);
@@ -146,13 +150,14 @@ class Stepper {
   std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
-  std::vector<Contact> now_, end_, halfway_, held_, next_, last_, probe_;
-  std::vector<int> now_pair_, end_pair_, halfway_pair_, last_pair_;
+  std::vector<Contact> now_, end_, held_, next_, last_, probe_;
+  std::vector<int> now_pair_, end_pair_, last_pair_;
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
+  std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins
+  std::vector<int> follows_;                                    // in end_, or -1
   std::vector<Vector3> last_force_W_;                           // [N] per contact of last_
   std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
-  std::vector<State> mean_state_;
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;
