@@ -210,7 +210,7 @@ void Stepper::SelectHeld(double h) {
     Vector3 guess = Vector3::Zero();
     for (size_t k = 0; k < last_.size(); ++k)
       if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
-    if (contact.gap > kMet * Size(pair) && guess.isZero(0)) continue;
+    if (contact.gap > kClosed * Size(pair) && guess.isZero(0)) continue;
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
