@@ -87,7 +87,7 @@ double Stepper::BodyRadius(int i) const {
 
 // [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight.
 double Stepper::CutSpeed(const Contact& contact) const {
-  const double g = settings_.gravity.norm();
+  const double g = pull_;
   if (g == 0) return threshold_;
   const double brief = contact.restitution > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ / contact.restitution : kFar;
   return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
@@ -97,7 +97,7 @@ double Stepper::CutSpeed(const Contact& contact) const {
 bool Stepper::WillHit(const Contact& contact, double opening) const {
   const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
   const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
-  return approach * approach + (closed ? 0 : 2 * settings_.gravity.norm() * contact.gap) > cut * cut;
+  return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
 }
 
 void Stepper::LoadState() {
@@ -162,7 +162,7 @@ double Stepper::ChooseLength(double rest) {
   for (const GroupPair& pair : group_->pairs) {
     const Body &a = group_->bodies[pair.a], &b = group_->bodies[pair.b];
     const double room = rest * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm() +
-                        2 * settings_.gravity.norm() * rest * rest;
+                        2 * pull_ * rest * rest;
     if (group_->shapes[pair.a]->kind() != ShapeKind::kHalfSpace &&
         group_->shapes[pair.b]->kind() != ShapeKind::kHalfSpace &&
         (state_[pair.b].pose.position_W - state_[pair.a].pose.position_W).norm() > a.radius + b.radius + room)
@@ -189,7 +189,7 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   closed_.assign(now_.size(), false);
-  const double g = settings_.gravity.norm();
+  const double g = pull_;
   const double leaves = g > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
@@ -298,7 +298,7 @@ bool Stepper::StillCarries(double h) {
 // Whether a contact that slid would be thrown back by more than what forces make in the piece: friction jams it (Painleve), and
 // stops it at once, however short the piece.
 bool Stepper::Jams(double h) const {
-  const double g = movers_ * std::max(settings_.gravity.norm() * h, threshold_);
+  const double g = movers_ * std::max(pull_ * h, threshold_);
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
     const auto velocity = [&](int i, const std::vector<State>& states, const Vector3& point) -> Vector3 {
@@ -726,8 +726,8 @@ void Stepper::Strike() {
     problem_of_.push_back(static_cast<int>(e));
     if (hits) {
       strikes = true;
-    } else if (settings_.gravity.norm() > 0 && approach > threshold_) {
-      const double brief = 0.5 * kBrief * settings_.gravity.norm() * dt_ / blow_budget_;
+    } else if (pull_ > 0 && approach > threshold_) {
+      const double brief = 0.5 * kBrief * pull_ * dt_ / blow_budget_;
       if (approach * end_[e].restitution < brief) problem_.back().restitution = 0;
     }
   }
@@ -851,7 +851,12 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   double fastest = 0;
   for (const Body& b : group->bodies)
     if (b.Moves()) fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
-  floor_ = std::max({settings.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
+  pull_ = settings.gravity.norm();
+  for (const Body& b : group->bodies) {
+    if (!b.Moves() || (b.force_W.isZero(0) && b.torque_W.isZero(0))) continue;
+    pull_ = std::max(pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+  }
+  floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
   movers_ = 0;
   for (const Body& b : group->bodies) movers_ += b.Moves();
