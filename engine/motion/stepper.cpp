@@ -27,7 +27,7 @@ constexpr double kNearby = 0.1;     // of a size: how far what presses is looked
 constexpr double kSamePlace = 1e-2; // of a size
 constexpr double kPolished = 1e-13; // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
-constexpr double kJam = 4;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
+constexpr double kJam = 1;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
 constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
 constexpr double kSettled = 0.002;   // of the tolerance: what velocities at the end may miss
@@ -485,10 +485,15 @@ void Stepper::DetectEnd() {
   end_.clear();
   end_pair_.clear();
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    double reach = 4 * settings_.overlap_tolerance;
-    for (size_t c = 0; c < held_.size(); ++c)
-      if (held_of_[c].pair == static_cast<int>(p) && !impulse_W_[c].isZero(0)) reach = kNearby;
-    DetectPair(static_cast<int>(p), end_state_, reach * Size(group_->pairs[p]), &end_, &end_pair_);
+    double reach = 4 * settings_.overlap_tolerance * Size(group_->pairs[p]);
+    for (size_t c = 0; c < held_.size(); ++c) {
+      if (held_of_[c].pair != static_cast<int>(p) || impulse_W_[c].isZero(0)) continue;
+      const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
+      const auto at_end = [&](int i) -> Vector3 { return CarriedWith(i, held_[c].point_W, from, Moment::kEnd); };
+      const double parted = held_[c].normal_W.dot(at_end(held_[c].body_b) - at_end(held_[c].body_a));
+      reach = std::max(reach, kNearby * Size(group_->pairs[p]) + std::abs(parted));
+    }
+    DetectPair(static_cast<int>(p), end_state_, reach, &end_, &end_pair_);
   }
   FollowHeld();
 }
@@ -573,17 +578,18 @@ void Stepper::FollowHeld() {
   }
 }
 
-// Where a point of the two bodies is at another time of the piece.
-Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
-  const auto [a, b] = group_->pairs[pair];
-  const auto at = [&](int i, Moment moment) -> const Pose& {
+// Where a point of a body, or of two, is at another time of the piece.
+Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to) const {
+  const auto at = [&](Moment moment) -> const Pose& {
     return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
   };
-  const auto with = [&](int i) -> Vector3 {
-    const Pose &x = at(i, from), &y = at(i, to);
-    return y.position_W + y.rotation_WB * (x.rotation_WB.conjugate() * (point - x.position_W));
-  };
-  return 0.5 * (with(a) + with(b));
+  const Pose &x = at(from), &y = at(to);
+  return y.position_W + y.rotation_WB * (x.rotation_WB.conjugate() * (point - x.position_W));
+}
+
+Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
+  const auto [a, b] = group_->pairs[pair];
+  return 0.5 * (CarriedWith(a, point, from, to) + CarriedWith(b, point, from, to));
 }
 
 // [m] of what moves with a contact, from halfway to the end.
@@ -592,6 +598,20 @@ Vector3 Stepper::HalfWay(int pair) const {
   const Vector3 way_a = end_state_[a].pose.position_W - middle_[a].position_W;
   const Vector3 way_b = end_state_[b].pose.position_W - middle_[b].position_W;
   return !group_->bodies[a].Moves() ? way_b : !group_->bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+}
+
+// Between these points of start and end, on the arc about each body's axis.
+Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
+  const auto about = [&](int i) -> Vector3 {
+    const Vector3 before = start - state_[i].pose.position_W, after = end - end_state_[i].pose.position_W;
+    const Vector3 axis = (end_state_[i].pose.rotation_WB * state_[i].pose.rotation_WB.conjugate()).vec().stableNormalized();
+    const Vector3 mean = 0.5 * (before + after), across = mean - axis.dot(mean) * axis;
+    const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
+    const double chord = across.norm();
+    return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
+  };
+  const auto [a, b] = group_->pairs[pair];
+  return !group_->bodies[a].Moves() ? about(b) : !group_->bodies[b].Moves() ? about(a) : Vector3(0.5 * (about(a) + about(b)));
 }
 
 // The contact as the piece began, if it was closed.
@@ -619,7 +639,7 @@ void Stepper::NextTargets(double h) {
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
     if (const Contact* start = ClosedAtStart(e)) {
-      contact.point_W = 0.5 * (start->point_W + contact.point_W);
+      contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
     } else {
       contact.point_W -= HalfWay(pair);

@@ -108,8 +108,10 @@ class Stepper {
   bool LeversMove(double h) const;
   void FollowHeld();
   enum class Moment { kStart, kMiddle, kEnd };
+  Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   Vector3 HalfWay(int pair) const;
+  Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
