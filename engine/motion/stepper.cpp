@@ -13,7 +13,7 @@ constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
 constexpr double kNear = 5e-5;      // of a size: gap at which bodies have met
 constexpr double kOverlap = 5e-6;   // of a size: passes end when no pair overlaps by more than it did, and this
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
-constexpr double kDeep = 2e-3;      // of a size: an overlap that is never left
+constexpr double kDeep = 2.5e-4;      // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -32,6 +32,7 @@ constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what
 constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
 constexpr double kSettled = 0.002;   // of the tolerance: what velocities at the end may miss
 constexpr double kMet = 1e-8;       // of a size: gap at which a blow falls
+constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
@@ -57,8 +58,8 @@ bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& veloc
   const double press = n.dot(impulse), opening = n.dot(velocity);
   const Vector3 friction = impulse - press * n, slip = velocity - opening * n;
   if (std::abs(opening) > still) return false;
-  if (slip.norm() <= still) return true;
   constexpr double kAlike = 1e-6;  // of the normal impulse
+  if (slip.norm() <= still) return friction.norm() <= (1 + kAlike) * contact.friction * press;
   return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
 }
 
@@ -353,7 +354,8 @@ void Stepper::Fly(double h) {
     acted_at_[c] = contact.point_W;
     if (held_of_[c].at_start) {  // found where the piece begins: it moves along
       const Vector3 way_a = middle_[a].position_W - state_[a].pose.position_W, way_b = middle_[b].position_W - state_[b].pose.position_W;
-      acted_at_[c] += !bodies[a].Moves() ? way_b : !bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+      const double share = ShareOfA(held_of_[c].pair);
+      acted_at_[c] += share * way_a + (1 - share) * way_b;
     }
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
@@ -435,7 +437,8 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
     const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W), with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = group_->pairs[number].a;
     c.body_b = group_->pairs[number].b;
-    c.point_W = !group_->bodies[c.body_a].Moves() ? with_b : !group_->bodies[c.body_b].Moves() ? with_a : Vector3(0.5 * (with_a + with_b));
+    const double share = ShareOfA(number);
+    c.point_W = share * with_a + (1 - share) * with_b;
     guards_.push_back(c);
     guard_of_.push_back({number, gap});
     guarded_ = true;
@@ -592,12 +595,13 @@ Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to)
   return 0.5 * (CarriedWith(a, point, from, to) + CarriedWith(b, point, from, to));
 }
 
-// [m] of what moves with a contact, from halfway to the end.
-Vector3 Stepper::HalfWay(int pair) const {
+// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
+// does not: so the normal impulse on it passes through its centre.
+double Stepper::ShareOfA(int pair) const {
   const auto [a, b] = group_->pairs[pair];
-  const Vector3 way_a = end_state_[a].pose.position_W - middle_[a].position_W;
-  const Vector3 way_b = end_state_[b].pose.position_W - middle_[b].position_W;
-  return !group_->bodies[a].Moves() ? way_b : !group_->bodies[b].Moves() ? way_a : Vector3(0.5 * (way_a + way_b));
+  if (!group_->bodies[a].Moves()) return 0;
+  if (!group_->bodies[b].Moves()) return 1;
+  return BodyRadius(a) == 0 && BodyRadius(b) > 0 ? 1 : BodyRadius(b) == 0 && BodyRadius(a) > 0 ? 0 : 0.5;
 }
 
 // Between these points of start and end, on the arc about each body's axis.
@@ -610,8 +614,8 @@ Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) con
     const double chord = across.norm();
     return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
   };
-  const auto [a, b] = group_->pairs[pair];
-  return !group_->bodies[a].Moves() ? about(b) : !group_->bodies[b].Moves() ? about(a) : Vector3(0.5 * (about(a) + about(b)));
+  const double share = ShareOfA(pair);
+  return share * about(group_->pairs[pair].a) + (1 - share) * about(group_->pairs[pair].b);
 }
 
 // The contact as the piece began, if it was closed.
@@ -641,8 +645,15 @@ void Stepper::NextTargets(double h) {
     if (const Contact* start = ClosedAtStart(e)) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+    } else if (BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves()) {
+      probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
+      CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);
+      contact.point_W = probe_[0].point_W;
+      contact.normal_W = probe_[0].normal_W;
     } else {
-      contact.point_W -= HalfWay(pair);
+      const double share = ShareOfA(pair);
+      contact.point_W -= share * (end_state_[a].pose.position_W - middle_[a].position_W) +
+                         (1 - share) * (end_state_[b].pose.position_W - middle_[b].position_W);
     }
     const auto mean_velocity = [&](int i) -> Vector3 {
       const Vector3 lever = contact.point_W - middle_[i].position_W;
@@ -732,7 +743,6 @@ void Stepper::Settle(double h) {
 
 // Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
-  strike_W_.assign(end_.size(), Vector3::Zero());
   const std::vector<Body>& bodies = group_->bodies;
   problem_.clear();
   problem_of_.clear();
@@ -741,7 +751,7 @@ void Stepper::Strike() {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const bool hits = approach > CutSpeed(end_[e]) && yields_[end_pair_[e]] == 0;
-    if (hits && end_[e].gap > kMet * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
+    if (hits && end_[e].gap > kTogether * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
     if (hits) {
@@ -956,7 +966,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     }
     Settle(h);
     const int blows = out_->blows;
-    Strike();
+    strike_W_.assign(end_.size(), Vector3::Zero());
+    if (moment < h_whole) Strike();
     const double gain = Energy(end_state_) - energy - WorkDone(h);
     if (gain > Allowed() && pushes && Pushed()) {  // nobody pays for pushing out: not now
       pushes = false;

@@ -110,7 +110,7 @@ class Stepper {
   enum class Moment { kStart, kMiddle, kEnd };
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
-  Vector3 HalfWay(int pair) const;
+  double ShareOfA(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   void NextTargets(double h);
