@@ -272,7 +272,15 @@ void Stepper::Carry(double h, bool first) {
   }
   if (StillCarries(h)) return;
   SolveParts(targets_, floor_, &out_->carried);
-  for (size_t c = 0; c < held_.size(); ++c) impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
+    if (impulse_W_[c].norm() < settings_.tolerance * floor_ * LighterMass(held_[c])) impulse_W_[c].setZero();  // it does not press
+  }
+}
+
+double Stepper::LighterMass(const Contact& contact) const {
+  const Body &a = posed_[contact.body_a], &b = posed_[contact.body_b];
+  return !a.Moves() ? b.mass : !b.Moves() ? a.mass : std::min(a.mass, b.mass);
 }
 
 // Whether the impulses at hand, those of the piece before, are an answer. It sinks nothing: what one piece sinks, the next sinks
@@ -711,7 +719,7 @@ void Stepper::Settle(double h) {
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     Vector3 carried = CarriedBy(e);
-    if (end_[e].gap > kClosed * Size(group_->pairs[end_pair_[e]]) && carried.isZero(0)) continue;
+    if (end_[e].gap > (carried.isZero(0) ? kClosed : kOverlap) * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && WillHit(end_[e], normal)) continue;

@@ -91,6 +91,7 @@ class Stepper {
   void FindTouching();
   void SelectHeld(double h);
   void Carry(double h, bool first);
+  double LighterMass(const Contact& contact) const;
   bool StillCarries(double h);
   bool Jams(double h) const;
   void Fly(double h);
