@@ -36,6 +36,8 @@ constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow ta
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
+constexpr double kOffLine = 1e-14;    // [rad]
+constexpr int kLineRounds = 20;
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
@@ -61,6 +63,13 @@ bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& veloc
   constexpr double kAlike = 1e-6;  // of the normal impulse
   if (slip.norm() <= still) return friction.norm() <= (1 + kAlike) * contact.friction * press;
   return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
+}
+
+Vector3 WithinCone(const Contact& contact, const Vector3& impulse) {
+  const double press = std::max(0.0, contact.normal_W.dot(impulse));
+  const Vector3 friction = impulse - contact.normal_W.dot(impulse) * contact.normal_W;
+  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
+  return press * contact.normal_W + share * friction;
 }
 
 // The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
@@ -215,7 +224,7 @@ void Stepper::SelectHeld(double h) {
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
-    held_of_.push_back({now_pair_[c], yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     impulse_W_.push_back(guess);
   }
 }
@@ -326,29 +335,50 @@ bool Stepper::Jams(double h) const {
   return false;
 }
 
+// Positions and velocities of centres.
+void Stepper::MoveCentres(double h) {
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].Moves()) end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    if (bodies[a].Moves()) end_state_[a].linear_W -= impulse_W_[c] / bodies[a].mass;
+    if (bodies[b].Moves()) end_state_[b].linear_W += impulse_W_[c] / bodies[b].mass;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    mean_W_[i] = 0.5 * (state_[i].linear_W + end_state_[i].linear_W);
+    end_state_[i].pose.position_W = state_[i].pose.position_W + h * mean_W_[i];
+    middle_[i].position_W = state_[i].pose.position_W + 0.5 * h * mean_W_[i];
+  }
+}
+
+// Normals between two bodies that turn in themselves, with their impulses, into the line of centres halfway, where they spin
+// neither. Whether any turned.
+bool Stepper::TurnIntoLine() {
+  bool turned = false;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    Contact& contact = held_[c];
+    if (impulse_W_[c].isZero(0) || !TurnInThemselves(held_of_[c].pair)) continue;
+    const Vector3 line = (middle_[contact.body_b].position_W - middle_[contact.body_a].position_W).normalized();
+    if ((line - contact.normal_W).squaredNorm() < kOffLine * kOffLine) continue;
+    impulse_W_[c] = Quaternion::FromTwoVectors(contact.normal_W, line) * impulse_W_[c];
+    contact.normal_W = line;
+    turned = true;
+  }
+  return turned;
+}
+
 // The piece under these impulses: parabolas, free turns, and half-way a kick to each angular momentum. Both bodies of a contact
 // take their impulse at one point.
 void Stepper::Fly(double h) {
   const std::vector<Body>& bodies = group_->bodies;
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    if (!bodies[i].Moves()) continue;
-    end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
-  }
-  for (size_t c = 0; c < held_.size(); ++c) {
-    const auto push = [&](int i, double sign) {
-      if (bodies[i].Moves()) end_state_[i].linear_W += sign / bodies[i].mass * impulse_W_[c];
-    };
-    push(held_[c].body_a, -1);
-    push(held_[c].body_b, 1);
-  }
+  for (int round = 0; round == 0 || (TurnIntoLine() && round < kLineRounds); ++round) MoveCentres(h);
   spin_gain_.assign(bodies.size(), Vector3::Zero());
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& b = bodies[i];
     const State& s = state_[i];
     if (!b.Moves()) continue;
-    mean_W_[i] = 0.5 * (s.linear_W + end_state_[i].linear_W);
-    end_state_[i].pose.position_W = s.pose.position_W + h * mean_W_[i];
-    middle_[i].position_W = s.pose.position_W + 0.5 * h * mean_W_[i];
     turned_[i].rotation_WB = Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
     spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
     spin_gain_[i] = h * b.torque_W;
@@ -360,11 +390,7 @@ void Stepper::Fly(double h) {
     const Contact& contact = held_[c];
     const int a = contact.body_a, b = contact.body_b;
     acted_at_[c] = contact.point_W;
-    if (held_of_[c].at_start) {  // found where the piece begins: it moves along
-      const Vector3 way_a = middle_[a].position_W - state_[a].pose.position_W, way_b = middle_[b].position_W - state_[b].pose.position_W;
-      const double share = ShareOfA(held_of_[c].pair);
-      acted_at_[c] += share * way_a + (1 - share) * way_b;
-    }
+    acted_at_[c] += CentreHalfway(held_of_[c].pair) - held_of_[c].centre;  // it moves along
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
@@ -448,7 +474,7 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
     const double share = ShareOfA(number);
     c.point_W = share * with_a + (1 - share) * with_b;
     guards_.push_back(c);
-    guard_of_.push_back({number, gap});
+    guard_of_.push_back({number, Vector3::Zero(), gap});
     guarded_ = true;
   }
 }
@@ -603,6 +629,11 @@ Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to)
   return 0.5 * (CarriedWith(a, point, from, to) + CarriedWith(b, point, from, to));
 }
 
+bool Stepper::TurnInThemselves(int pair) const {
+  const auto [a, b] = group_->pairs[pair];
+  return BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves();
+}
+
 // How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
 // does not: so the normal impulse on it passes through its centre.
 double Stepper::ShareOfA(int pair) const {
@@ -610,6 +641,16 @@ double Stepper::ShareOfA(int pair) const {
   if (!group_->bodies[a].Moves()) return 0;
   if (!group_->bodies[b].Moves()) return 1;
   return BodyRadius(a) == 0 && BodyRadius(b) > 0 ? 1 : BodyRadius(b) == 0 && BodyRadius(a) > 0 ? 0 : 0.5;
+}
+
+// [m] what a contact moves along with.
+Vector3 Stepper::CentreAtStart(int pair) const {
+  const double share = ShareOfA(pair);
+  return share * state_[group_->pairs[pair].a].pose.position_W + (1 - share) * state_[group_->pairs[pair].b].pose.position_W;
+}
+Vector3 Stepper::CentreHalfway(int pair) const {
+  const double share = ShareOfA(pair);
+  return share * middle_[group_->pairs[pair].a].position_W + (1 - share) * middle_[group_->pairs[pair].b].position_W;
 }
 
 // Between these points of start and end, on the arc about each body's axis.
@@ -653,7 +694,7 @@ void Stepper::NextTargets(double h) {
     if (const Contact* start = ClosedAtStart(e)) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
-    } else if (BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves()) {
+    } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);
       contact.point_W = probe_[0].point_W;
@@ -672,8 +713,8 @@ void Stepper::NextTargets(double h) {
     double target = u - (contact.gap - (1 - push_out_) * GapBefore(pair)) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
     next_.push_back(contact);
-    next_of_.push_back({pair, target, 0, false});
-    next_impulse_W_.push_back(CarriedBy(e));
+    next_of_.push_back({pair, CentreHalfway(pair), target, 0, false});
+    next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.
   for (size_t c = 0; c < held_.size(); ++c) {
@@ -683,6 +724,7 @@ void Stepper::NextTargets(double h) {
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
     old.at_start = false;
+    old.centre = CentreHalfway(old.pair);
     next_.push_back(contact);
     next_of_.push_back(old);
     next_impulse_W_.push_back(impulse_W_[c]);
@@ -702,7 +744,7 @@ Vector3 Stepper::CarriedBy(size_t at_end) const {
 
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
 // hit are left to Strike.
-void Stepper::Settle(double h) {
+void Stepper::Settle() {
   settle_W_.assign(end_.size(), Vector3::Zero());
   const std::vector<Body>& bodies = group_->bodies;
   for (size_t i = 0; i < bodies.size(); ++i) {
@@ -718,7 +760,7 @@ void Stepper::Settle(double h) {
   bool settled = true;
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
-    Vector3 carried = CarriedBy(e);
+    Vector3 carried = WithinCone(end_[e], CarriedBy(e));
     if (end_[e].gap > (carried.isZero(0) ? kClosed : kOverlap) * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
@@ -741,17 +783,30 @@ void Stepper::Settle(double h) {
   for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
   SolveParts(targets_, floor_, &out_->settled);
   for (size_t c = 0; c < problem_.size(); ++c) settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    if (!bodies[i].Moves()) continue;
+  ApplyAtEnd(settle_W_);
+}
+
+// Velocities follow from the impulses, not from the solver that found them.
+void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    posed_[i].linear_velocity_W = posed_[i].Moves() ? end_state_[i].linear_W : posed_[i].linear_velocity_W;
+    posed_[i].angular_velocity_W = posed_[i].Moves() ? end_state_[i].angular_W : posed_[i].angular_velocity_W;
+  }
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (impulses_W[e].isZero(0)) continue;
+    Body &a = posed_[end_[e].body_a], &b = posed_[end_[e].body_b];
+    if (a.Moves()) a.ApplyImpulse(-impulses_W[e], end_[e].point_W);
+    if (b.Moves()) b.ApplyImpulse(impulses_W[e], end_[e].point_W);
+  }
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    if (!posed_[i].Moves()) continue;
     end_state_[i].linear_W = posed_[i].linear_velocity_W;
     end_state_[i].angular_W = posed_[i].angular_velocity_W;
   }
-  (void)h;
 }
 
 // Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
-  const std::vector<Body>& bodies = group_->bodies;
   problem_.clear();
   problem_of_.clear();
   bool strikes = false;
@@ -796,11 +851,7 @@ void Stepper::Strike() {
     double& yields = yields_[end_pair_[problem_of_[c]]];
     if (approach > CutSpeed(problem_[c])) yields = std::max(yields, approach);
   }
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    if (!bodies[i].Moves()) continue;
-    end_state_[i].linear_W = posed_[i].linear_velocity_W;
-    end_state_[i].angular_W = posed_[i].angular_velocity_W;
-  }
+  ApplyAtEnd(strike_W_);
 }
 
 double Stepper::Energy(std::span<const State> states) const {
@@ -938,7 +989,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       SelectHeld(h);
       for (size_t g = 0; g < guards_.size(); ++g) {
         held_.push_back(guards_[g]);
-        held_of_.push_back({guard_of_[g].pair, -guard_of_[g].target / h});
+        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].target / h});
         impulse_W_.push_back(Vector3::Zero());
       }
       Carry(h, true);
@@ -972,7 +1023,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       most = 0.5 * h;
       continue;
     }
-    Settle(h);
+    Settle();
     const int blows = out_->blows;
     strike_W_.assign(end_.size(), Vector3::Zero());
     if (moment < h_whole) Strike();

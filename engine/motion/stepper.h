@@ -75,6 +75,7 @@ class Stepper {
  private:
   struct Held {              // a contact that carries in this piece
     int pair;
+    Vector3 centre;          // [m] of the bodies that its point moves along with, where that was found
     double target;           // [m/s] least normal mean velocity
     int age = 0;             // passes since it was last seen
     bool at_start = true;    // its point is that of the start of the piece, not halfway
@@ -94,6 +95,8 @@ class Stepper {
   double LighterMass(const Contact& contact) const;
   bool StillCarries(double h);
   bool Jams(double h) const;
+  void MoveCentres(double h);
+  bool TurnIntoLine();
   void Fly(double h);
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
@@ -111,12 +114,16 @@ class Stepper {
   enum class Moment { kStart, kMiddle, kEnd };
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
+  bool TurnInThemselves(int pair) const;
   double ShareOfA(int pair) const;
+  Vector3 CentreAtStart(int pair) const;
+  Vector3 CentreHalfway(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
-  void Settle(double h);
+  void Settle();
+  void ApplyAtEnd(std::span<const Vector3> impulses_W);
   void Record(Stage stage, QpStatus status);
   void Strike();
   double Energy(std::span<const State> states) const;
