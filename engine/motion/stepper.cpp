@@ -225,7 +225,7 @@ void Stepper::SelectHeld(double h) {
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
     held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
-    impulse_W_.push_back(guess);
+    impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
 
@@ -353,14 +353,17 @@ void Stepper::MoveCentres(double h) {
   }
 }
 
-// Normals between two bodies that turn in themselves, with their impulses, into the line of centres halfway, where they spin
-// neither. Whether any turned.
+// Contacts between two bodies that turn in themselves, with their impulses, into the line of centres halfway, where a normal impulse
+// spins neither. Whether any turned.
 bool Stepper::TurnIntoLine() {
   bool turned = false;
   for (size_t c = 0; c < held_.size(); ++c) {
     Contact& contact = held_[c];
     if (impulse_W_[c].isZero(0) || !TurnInThemselves(held_of_[c].pair)) continue;
     const Vector3 line = (middle_[contact.body_b].position_W - middle_[contact.body_a].position_W).normalized();
+    const Vector3& from = middle_[contact.body_a].position_W;
+    const Vector3 place = contact.point_W + CentreHalfway(held_of_[c].pair) - held_of_[c].centre;
+    contact.point_W += from + line.dot(place - from) * line - place;
     if ((line - contact.normal_W).squaredNorm() < kOffLine * kOffLine) continue;
     impulse_W_[c] = Quaternion::FromTwoVectors(contact.normal_W, line) * impulse_W_[c];
     contact.normal_W = line;
@@ -657,8 +660,10 @@ Vector3 Stepper::CentreHalfway(int pair) const {
 Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
   const auto about = [&](int i) -> Vector3 {
     const Vector3 before = start - state_[i].pose.position_W, after = end - end_state_[i].pose.position_W;
-    const Vector3 axis = (end_state_[i].pose.rotation_WB * state_[i].pose.rotation_WB.conjugate()).vec().stableNormalized();
-    const Vector3 mean = 0.5 * (before + after), across = mean - axis.dot(mean) * axis;
+    const Vector3 turn = (end_state_[i].pose.rotation_WB * state_[i].pose.rotation_WB.conjugate()).vec();
+    const Vector3 mean = 0.5 * (before + after);
+    if (BodyRadius(i) == 0 || turn.norm() < kNormalMoves) return middle_[i].position_W + mean;
+    const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;
     const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
     const double chord = across.norm();
     return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
