@@ -513,9 +513,8 @@ double Stepper::Shorten(double h, double moment) {
     if (std::abs(gap) >= nearest) break;
     nearest = std::abs(gap);
     best = at;
-    const double next = at + gap / approach;
-    if (nearest <= kPolished * Size(pair) || approach <= 0 || !(next > 0 && next <= whole)) break;
-    at = next;
+    if (nearest <= kPolished * Size(pair) || approach <= 0) break;
+    at = std::clamp(at + gap / approach, 1e-9 * dt_, whole);
   }
   if (h != best) EndAt(best, &h);
   return h;
