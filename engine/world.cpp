@@ -487,7 +487,7 @@ StepReport World::Step(double dt) {
   report.seconds.detect += Seconds() - start;
   const double moving = Seconds();
   const bool grouped = w.MovesGroups();
-  if (grouped) w.group_motion.Step(dt, w.bodies, w.shapes, w.mix, w.observer, &w.groups, &report);
+  if (grouped) w.group_motion.Step(dt, w.bodies, w.shapes, w.mix, w.flights.unflown, w.observer, &w.groups, &report);
   report.seconds.move += Seconds() - moving - report.seconds.static_qp - report.seconds.collision_qp;
   if (!grouped || w.group_motion.any_crowd()) {
     const bool apart = grouped;

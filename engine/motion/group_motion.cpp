@@ -13,6 +13,7 @@ constexpr int kRounds = 6;         // of rooms
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kNone = 1e-8;     // of |g| dt: a velocity that is rounding
+constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
 constexpr int kCalmSteps = 2;      // without becoming faster, before a body may rest
 constexpr double kCalm = 10;       // times the tolerance, of |g| dt: velocity that a body at rest may be left with
 
@@ -54,11 +55,17 @@ GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) :
   workers_.resize(pool->num_workers());
 }
 
+// A body to which a crowd's step owes time is still one of it.
+bool GroupMotion::IsCrowd(std::span<const int> members) const {
+  return members.size() > static_cast<size_t>(settings_.group_bodies) ||
+         std::any_of(members.begin(), members.end(), [&](int i) { return unflown_[i] > 0; });
+}
+
 // A body of a crowd may become as fast as the fastest of it.
 void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
-    if (members.size() <= static_cast<size_t>(settings_.group_bodies)) continue;
+    if (!IsCrowd(members)) continue;
     double fastest = 0;
     for (const int i : members)
       if (bodies[i].Moves()) fastest = std::max(fastest, bodies[i].linear_velocity_W.norm());
@@ -131,7 +138,7 @@ void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<co
   any_crowd_ = false;
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
-    if (members.size() > static_cast<size_t>(settings_.group_bodies)) {
+    if (IsCrowd(members)) {
       for (const int i : members) crowd_[i] = 1;
       any_crowd_ = true;
       continue;
@@ -180,7 +187,9 @@ bool GroupMotion::KeptToRooms(std::span<const Body> bodies, std::span<const Shap
 }
 
 void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-                       const ProblemObserver& observer, GroupMemory* memory, StepReport* report) {
+                       std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory,
+                       StepReport* report) {
+  unflown_ = unflown;
   memory->Resize(bodies.size());
   rooms_.assign(bodies.size(), 0.0);
   was_frozen_.resize(bodies.size());
@@ -294,6 +303,27 @@ void GroupMotion::Commit(double dt, const MixMaterial& mix, Job* job, std::span<
 }
 
 // A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
+// What is remembered of the contacts holds every body, while it rests.
+bool GroupMotion::IsBalanced(const Job& job) const {
+  const GroupOutcome& outcome = job.outcome;
+  for (size_t i = 0; i < job.group.bodies.size(); ++i) {
+    const Body& b = job.group.bodies[i];
+    if (!b.Moves()) continue;
+    Vector3 force = b.mass * settings_.gravity + b.force_W, torque = b.torque_W;
+    double loads = force.norm();
+    for (size_t c = 0; c < outcome.touching.size(); ++c) {
+      const Contact& contact = outcome.touching[c];
+      const double sign = contact.body_b == static_cast<int>(i) ? 1 : contact.body_a == static_cast<int>(i) ? -1 : 0;
+      if (sign == 0) continue;
+      force += sign * outcome.touching_force_W[c];
+      torque += sign * (contact.point_W - b.position_W).cross(outcome.touching_force_W[c]);
+      loads += outcome.touching_force_W[c].norm();
+    }
+    if (force.norm() > kBalanced * loads || torque.norm() > kBalanced * loads * b.radius) return false;
+  }
+  return true;
+}
+
 void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
   const double calm = kCalm * settings_.tolerance * std::max(settings_.gravity.norm() * dt, 1e-12);
   bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
@@ -318,7 +348,7 @@ void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupM
             speed <= calm;
   }
   for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
-  if (!rests) return;
+  if (!rests || !IsBalanced(job)) return;
   for (const int i : job.members) {
     SetTwist({}, &bodies[i]);
     bodies[i].frozen = true;

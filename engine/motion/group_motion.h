@@ -40,9 +40,9 @@ class GroupMotion {
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
-  // observer may be empty. report: counts, certificates and times are added to.
+  // unflown: [s] per body that its last step as one of a crowd owes it. observer may be empty. report: counts, certificates and times are added to.
   void Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-            const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
+            std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
   // Of the last step. crowd: per body, whether its group was too large.
   std::span<const std::uint8_t> crowd() const { return crowd_; }
@@ -60,6 +60,7 @@ class GroupMotion {
   struct Worker {
     Stepper stepper;
   };
+  bool IsCrowd(std::span<const int> members) const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
   void MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
@@ -67,6 +68,7 @@ class GroupMotion {
   bool KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, const MixMaterial& mix, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
+  bool IsBalanced(const Job& job) const;
   void Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const;
 
   Settings settings_;
@@ -77,6 +79,7 @@ class GroupMotion {
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_;
   bool any_crowd_ = false;
+  std::span<const double> unflown_;  // of Step, while it is under way
   std::vector<LedgerImpulse> impulses_;
 };
 
