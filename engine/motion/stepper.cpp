@@ -430,7 +430,7 @@ double Stepper::FindMeeting(double h) {
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     const MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
-                             GapBefore(static_cast<int>(p)), (stays ? kNear : 0.5 * kOverlap) * Size(pair)};
+                             GapOfBlow(static_cast<int>(p)), (stays ? kNear : 0.5 * kOverlap) * Size(pair)};
     const Path &a = query.path_a, &b = query.path_b;
     const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
                          a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
@@ -493,7 +493,7 @@ void Stepper::EndAt(double at, double* h) {
 // long as they get nearer.
 double Stepper::Shorten(double h, double moment) {
   const GroupPair& pair = group_->pairs[cut_pair_];
-  const double before = GapBefore(cut_pair_), whole = h;
+  const double before = GapOfBlow(cut_pair_), whole = h;
   double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
   for (int k = 0; k < 6; ++k) {
     EndAt(at, &h);
@@ -543,11 +543,18 @@ bool Stepper::Touches(int pair) const {
   return false;
 }
 
+// [m] <= 0: overlap as the piece begins.
 double Stepper::GapBefore(int pair) const {
   double gap = 0;
   for (size_t c = 0; c < now_.size(); ++c)
     if (now_pair_[c] == pair) gap = std::min(gap, now_[c].gap);
   return gap;
+}
+
+// [m] <= 0: gap at which the pair meets. Where it bounces, an overlap too small to be met is none, or bounces would sink, one by one.
+double Stepper::GapOfBlow(int pair) const {
+  const double gap = GapBefore(pair);
+  return freed_[pair] != kStays && gap > -0.5 * kOverlap * Size(group_->pairs[pair]) ? 0 : gap;
 }
 
 // Of a size: overlap that the piece made.

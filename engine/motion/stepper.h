@@ -106,6 +106,7 @@ class Stepper {
   void DetectEnd();
   bool Touches(int pair) const;
   double GapBefore(int pair) const;
+  double GapOfBlow(int pair) const;
   double FreshOverlap() const;
   double Missed() const;
   double DeepestSinceStart() const;
