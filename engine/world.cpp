@@ -112,6 +112,7 @@ struct World::Impl : WorldState {
   void CarryKinematic(double dt);
   void SetApart(bool apart);
   bool CrowdChanged() const;
+  void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
   void AddGroups(double dt, StepReport* report);
@@ -414,6 +415,12 @@ bool World::Impl::CrowdChanged() const {
   return !std::equal(crowd.begin(), crowd.end(), group_motion.crowd().begin(), group_motion.crowd().end());
 }
 
+// What rested in a small group is new to the crowd, which does not know what held it.
+void World::Impl::WakeNewcomers() {
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (group_motion.crowd()[i] && (i >= crowd.size() || !crowd[i])) bodies[i].frozen = false;
+}
+
 // Bodies of small groups are not there for the crowd.
 void World::Impl::SetApart(bool apart) {
   if (apart) frozen_apart.assign(bodies.size(), 0);
@@ -493,6 +500,7 @@ StepReport World::Step(double dt) {
     const bool apart = grouped;
     if (apart) {
       w.stale = w.stale || w.CrowdChanged();
+      w.WakeNewcomers();
       w.crowd.assign(w.group_motion.crowd().begin(), w.group_motion.crowd().end());
       w.SetApart(true);
     }

@@ -110,6 +110,7 @@ void CheckNumbers(const RunOptions& o) {
   if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
   if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance > 0 && *o.tolerance <= 0.1, "in (0, 0.1]");
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
+  if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
   if (o.picture_time) {
     RequireRange("--picture-time", *o.picture_time, *o.picture_time >= 0 && *o.picture_time <= kLongestRun,
@@ -182,6 +183,8 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--bounce-limit", o.bounce_limit, "N|auto",
       "bounces per island before the QP takes over (default auto)");
   add(kMethod, "--freeze", o.freeze, "NAME", "off, paper or certified (default certified)");
+  add(kMethod, "--group-bodies", o.group_bodies, "N",
+      "groups of up to so many bodies move by the law of the step (default 0: none)");
   add(kMethod, "--freeze-count", o.freeze_count, "N",
       "paper freezing: frames at low energy before a body freezes (default 3)");
   command
@@ -218,6 +221,7 @@ Settings MakeSettings(const RunOptions& o) {
   if (o.freeze) settings.freezing = Choose("--freeze", *o.freeze, kFreezings);
   if (o.freeze_count) settings.freeze_count = *o.freeze_count;
   if (o.tolerance) settings.tolerance = *o.tolerance;
+  if (o.group_bodies) settings.group_bodies = *o.group_bodies;
   const int threads = o.threads.value_or(0);
   settings.threads = threads > 0 ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;

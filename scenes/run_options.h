@@ -30,7 +30,7 @@ struct RunOptions {
   std::optional<int> threads;                                            // 0: all cores
   std::optional<std::string> model, cone, tier, ladder, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
-  std::optional<int> freeze_count;
+  std::optional<int> freeze_count, group_bodies;
   bool paper = false;
 
   std::string report;                  // file, "-" for the standard output, empty for none

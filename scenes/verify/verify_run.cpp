@@ -62,6 +62,7 @@ Settings EngineSettings(const std::string& model, const std::string& freeze, con
   if (model == "coulomb") engine.tier = base.tier;
   engine.tolerance = base.tolerance;
   engine.threads = base.threads;
+  engine.group_bodies = base.group_bodies;
   return engine;
 }
 

@@ -32,6 +32,7 @@ struct VerifyBase {
   double tolerance = 1e-6;
   Tier tier = Tier::kCertified;
   int threads = 0;  // 0: all cores
+  int group_bodies = 0;
   bool quick = false;
 };
 

@@ -139,6 +139,53 @@ TEST(Stepper, StackStandsStillAndFreezes) {
   EXPECT_NEAR(testing::ImpulseOn(world, 0).z(), -10 * kGravity / 60, 1e-6);
 }
 
+// A tower of 15 cubes that leans by a thousandth falls back about its edge, faster in each step: its far corners are near the
+// ground, and press nothing.
+TEST(Stepper, LeaningTowerFallsAboutItsEdge) {
+  constexpr int kCubes = 15;
+  constexpr double kLean = 1e-3, dt = 1.0 / 30;
+  World world(Grouped());
+  world.Add(Floor());
+  const Quaternion turn = testing::Turn(kLean, Vector3::UnitY());
+  for (int i = 0; i < kCubes; ++i) {
+    BodyDefinition cube = Cube(Vector3(0.5, 0, 0) + turn * Vector3(-0.5, 0, 0.5 + i));
+    cube.rotation_WB = turn;
+    world.Add(cube);
+  }
+  const double torque = kGravity * (0.5 - 0.5 * kCubes * kLean), inertia = (kCubes * kCubes + 1) / 3.0;  // of a kg
+  for (int frame = 1; frame <= 3; ++frame) {
+    world.Step(dt);
+    for (const int body : {1, kCubes})
+      EXPECT_NEAR(world.body(body).angular_velocity_W.y(), -frame * dt * torque / inertia, 0.02 * frame * dt * torque / inertia);
+  }
+}
+
+// Without friction a ball that slides off another one takes no spin from it, nor does the other.
+TEST(Stepper, FrictionlessBallsTakeNoSpin) {
+  World world(Grouped());
+  world.Add(Floor(0));
+  world.Add(Ball({0, 0, 0.5}, 0.5, 0));
+  world.Add(Ball({0.05, 0.02, 1.2}, 0.2, 0));
+  for (int i = 0; i < 60; ++i) {
+    world.Step(1.0 / 30);
+    for (const int ball : {1, 2}) EXPECT_LT(world.body(ball).angular_velocity_W.norm(), 1e-9) << i;
+  }
+  EXPECT_LT(world.body(2).position_W.z(), 0.3);
+}
+
+// What held a cube a step ago is no answer once its friction is gone.
+TEST(Stepper, SlidesInTheStepInWhichFrictionIsTakenAway) {
+  const double incline = std::atan(0.4), dt = 1.0 / 60;
+  World world(Grouped());
+  world.Add(Floor(0.5, 0, incline));
+  world.Add(testing::CubeOnIncline(incline, 0.5));
+  StepClean(&world, dt, 5);
+  EXPECT_LT(world.body(1).linear_velocity_W.norm(), 1e-9);
+  world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0.1, 0}; });
+  world.Step(dt);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * dt, 1e-6);
+}
+
 TEST(Stepper, SameBitsForAnyNumberOfThreads) {
   std::uint64_t first = 0;
   for (const int threads : {1, 2, 4}) {
