@@ -18,6 +18,7 @@ constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
 constexpr double kGain = 1e-8;      // of the energy at hand: a piece that gains more is done again, shorter
+constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
 constexpr int kMostPieces = 600;    // of a step
 constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
@@ -919,7 +920,7 @@ double Stepper::EnergyAtHand() const {
 double Stepper::Allowed() const {
   double pressed = 0;
   for (const Vector3& impulse : impulse_W_) pressed += impulse.norm();
-  return kGain * EnergyAtHand() + settings_.tolerance * floor_ * pressed;
+  return kGain * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed;
 }
 
 void Stepper::Commit(double t, double h) {
