@@ -754,6 +754,12 @@ Vector3 Stepper::CarriedBy(size_t at_end) const {
   return sum;
 }
 
+bool Stepper::Presses(int pair) const {
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (held_of_[c].pair == pair && !impulse_W_[c].isZero(0)) return true;
+  return false;
+}
+
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
 // hit are left to Strike.
 void Stepper::Settle() {
@@ -773,7 +779,8 @@ void Stepper::Settle() {
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     Vector3 carried = WithinCone(end_[e], CarriedBy(e));
-    if (end_[e].gap > (carried.isZero(0) ? kClosed : kOverlap) * Size(group_->pairs[end_pair_[e]])) continue;
+    const double closed = !carried.isZero(0) ? kOverlap : Presses(end_pair_[e]) ? kMet : kClosed;
+    if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && WillHit(end_[e], normal)) continue;

@@ -123,6 +123,7 @@ class Stepper {
   const Contact* ClosedAtStart(size_t at_end) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
+  bool Presses(int pair) const;
   void Settle();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   void Record(Stage stage, QpStatus status);

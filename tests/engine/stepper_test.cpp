@@ -173,6 +173,20 @@ TEST(Stepper, FrictionlessBallsTakeNoSpin) {
   EXPECT_LT(world.body(2).position_W.z(), 0.3);
 }
 
+// A plate that starts to move takes two cubes along, within what friction can; they are on the brink of tipping, and do not.
+TEST(Stepper, PlateThatStartsTakesItsLoadAlong) {
+  World world(Grouped());
+  world.Add({.shape = Shape::Box({5, 5, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5});
+  for (int i = 0; i < 2; ++i) world.Add(Cube({0, 0, i + 0.5}, 0.5));
+  testing::StepTimes(&world, 10);
+  world.SetVelocity(0, {0.05, 0, 0}, Vector3::Zero());
+  world.Step(1.0 / 60);
+  for (const int cube : {1, 2}) {
+    EXPECT_NEAR(world.body(cube).linear_velocity_W.x(), 0.05, 1e-6);
+    EXPECT_LT(world.body(cube).angular_velocity_W.norm(), 1e-6);
+  }
+}
+
 // What held a cube a step ago is no answer once its friction is gone.
 TEST(Stepper, SlidesInTheStepInWhichFrictionIsTakenAway) {
   const double incline = std::atan(0.4), dt = 1.0 / 60;
