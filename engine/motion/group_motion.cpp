@@ -302,7 +302,6 @@ void GroupMotion::Commit(double dt, const MixMaterial& mix, Job* job, std::span<
   report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
 }
 
-// A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
 // What is remembered of the contacts holds every body, while it rests.
 bool GroupMotion::IsBalanced(const Job& job) const {
   const GroupOutcome& outcome = job.outcome;
@@ -324,6 +323,7 @@ bool GroupMotion::IsBalanced(const Job& job) const {
   return true;
 }
 
+// A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
 void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
   const double calm = kCalm * settings_.tolerance * std::max(settings_.gravity.norm() * dt, 1e-12);
   bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;

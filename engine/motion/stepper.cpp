@@ -10,10 +10,10 @@ namespace islet::motion {
 namespace {
 
 constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
-constexpr double kNear = 5e-5;      // of a size: gap at which bodies have met
-constexpr double kOverlap = 5e-6;   // of a size: passes end when no pair overlaps by more than it did, and this
+constexpr double kNear = 5e-5;      // of a size: overlap by which what rests on each other has met anew
+constexpr double kOverlap = 5e-6;   // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
-constexpr double kDeep = 2.5e-4;      // of a size: an overlap that is never left
+constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -25,20 +25,20 @@ constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
-constexpr double kSamePlace = 1e-2; // of a size
+constexpr double kSamePlace = 1e-2; // of a size: how far from where a contact is looked for it is found again
 constexpr double kPolished = 1e-13; // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 1;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
 constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
-constexpr double kSettled = 0.002;   // of the tolerance: what velocities at the end may miss
-constexpr double kMet = 1e-8;       // of a size: gap at which a blow falls
+constexpr double kSettled = 0.002;  // of the tolerance: what velocities at the end may miss
+constexpr double kMet = 1e-8;       // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
-constexpr double kOffLine = 1e-14;    // [rad]
-constexpr int kLineRounds = 20;
+constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
+constexpr int kLineRounds = 20;       // each takes some ten times off the angle
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
@@ -50,6 +50,12 @@ Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& mome
   return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
 }
 Quaternion Turned(const Vector3& turn, const Quaternion& rotation) { return (Exp(turn) * rotation).normalized(); }
+
+void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies) {
+  Body &a = (*bodies)[contact.body_a], &b = (*bodies)[contact.body_b];
+  if (a.Moves()) a.ApplyImpulse(-impulse_W, contact.point_W);
+  if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
+}
 
 bool SameFeature(const Contact& x, int pair_x, const Contact& y, int pair_y) {
   return pair_x == pair_y && x.feature == y.feature;
@@ -66,6 +72,7 @@ bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& veloc
   return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
 }
 
+// What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse) {
   const double press = std::max(0.0, contact.normal_W.dot(impulse));
   const Vector3 friction = impulse - contact.normal_W.dot(impulse) * contact.normal_W;
@@ -98,10 +105,9 @@ double Stepper::BodyRadius(int i) const {
 
 // [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight.
 double Stepper::CutSpeed(const Contact& contact) const {
-  const double g = pull_;
-  if (g == 0) return threshold_;
-  const double brief = contact.restitution > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ / contact.restitution : kFar;
-  return std::max(threshold_, std::ldexp(std::min(brief, g * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
+  if (pull_ == 0) return threshold_;
+  const double brief = contact.restitution > 0 ? least_rebound_ / contact.restitution : kFar;
+  return std::max(threshold_, std::ldexp(std::min(brief, pull_ * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
 }
 
 // Whether it is a blow, when it gets there: as fast as it is, or falls by then.
@@ -200,16 +206,12 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   closed_.assign(now_.size(), false);
-  const double g = pull_;
-  const double leaves = g > 0 ? 0.5 * kBrief * g * dt_ / blow_budget_ : threshold_;
+  const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
     if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
-    const auto velocity = [&](int i) -> Vector3 {
-      return state_[i].linear_W + state_[i].angular_W.cross(contact.point_W - state_[i].pose.position_W);
-    };
-    const double opening = contact.normal_W.dot(velocity(pair.b) - velocity(pair.a));
+    const double opening = contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
     if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
@@ -230,7 +232,8 @@ void Stepper::SelectHeld(double h) {
   }
 }
 
-void Stepper::SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes) {
+// The contact frames and the islands of the problem at hand.
+void Stepper::PartProblem() {
   frames_.resize(problem_.size());
   edges_.clear();
   for (size_t c = 0; c < problem_.size(); ++c) {
@@ -238,6 +241,10 @@ void Stepper::SolveParts(std::span<const double> targets, double floor, std::vec
     edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
   }
   islands::BuildPartition({cut_, edges_}, &partition_);
+}
+
+void Stepper::SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes) {
+  PartProblem();
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
     if (view.contacts.empty()) continue;
@@ -300,11 +307,7 @@ bool Stepper::StillCarries(double h) {
   for (const Vector3& impulse : impulse_W_) any = any || !impulse.isZero(0);
   if (!any) return false;
   trial_ = posed_;
-  for (size_t c = 0; c < held_.size(); ++c) {
-    Body &a = trial_[held_[c].body_a], &b = trial_[held_[c].body_b];
-    if (a.Moves()) a.ApplyImpulse(-0.5 * impulse_W_[c], held_[c].point_W);
-    if (b.Moves()) b.ApplyImpulse(0.5 * impulse_W_[c], held_[c].point_W);
-  }
+  for (size_t c = 0; c < held_.size(); ++c) ApplyTo(held_[c], 0.5 * impulse_W_[c], &trial_);
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t c = 0; c < held_.size(); ++c) {
     const Vector3 u = RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
@@ -320,15 +323,12 @@ bool Stepper::Jams(double h) const {
   const double g = movers_ * std::max(pull_ * h, threshold_);
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
-    const auto velocity = [&](int i, const std::vector<State>& states, const Vector3& point) -> Vector3 {
-      return states[i].linear_W + states[i].angular_W.cross(point - states[i].pose.position_W);
-    };
     const int a = held_[c].body_a, b = held_[c].body_b;
     const Vector3& n = held_[c].normal_W;
-    Vector3 before = velocity(b, state_, held_[c].point_W) - velocity(a, state_, held_[c].point_W);
+    Vector3 before = state_[b].VelocityAt(held_[c].point_W) - state_[a].VelocityAt(held_[c].point_W);
     const Vector3 shift = end_state_[b].pose.position_W - state_[b].pose.position_W;
     const Vector3 at_end = group_->bodies[b].Moves() ? Vector3(held_[c].point_W + shift) : held_[c].point_W;
-    Vector3 after = velocity(b, end_state_, at_end) - velocity(a, end_state_, at_end);
+    Vector3 after = end_state_[b].VelocityAt(at_end) - end_state_[a].VelocityAt(at_end);
     before -= n.dot(before) * n;
     after -= n.dot(after) * n;
     if (before.dot(after) < 0 && after.norm() > kJam * (1 + held_[c].friction) * g) return true;
@@ -393,8 +393,7 @@ void Stepper::Fly(double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];
     const int a = contact.body_a, b = contact.body_b;
-    acted_at_[c] = contact.point_W;
-    acted_at_[c] += CentreHalfway(held_of_[c].pair) - held_of_[c].centre;  // it moves along
+    acted_at_[c] = contact.point_W + (CentreHalfway(held_of_[c].pair) - held_of_[c].centre);  // it moves along
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
@@ -463,7 +462,7 @@ double Stepper::FindMeeting(double h) {
 // A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
 // these points have where the piece begins.
 void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
-  for (const Held& guard : guard_of_)
+  for (const Guarded& guard : guard_of_)
     if (guard.pair == number) return;
   const Pose at_a = a.At(t), at_b = b.At(t);
   for (Contact c : probe_) {
@@ -475,10 +474,9 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
     const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W), with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = group_->pairs[number].a;
     c.body_b = group_->pairs[number].b;
-    const double share = ShareOfA(number);
-    c.point_W = share * with_a + (1 - share) * with_b;
+    c.point_W = Shared(number, with_a, with_b);
     guards_.push_back(c);
-    guard_of_.push_back({number, Vector3::Zero(), gap});
+    guard_of_.push_back({number, gap});
     guarded_ = true;
   }
 }
@@ -505,10 +503,7 @@ double Stepper::Shorten(double h, double moment) {
     for (const Contact& c : probe_) {
       if (c.gap >= gap) continue;
       gap = c.gap;
-      const auto velocity = [&](int i) -> Vector3 {
-        return end_state_[i].linear_W + end_state_[i].angular_W.cross(c.point_W - end_state_[i].pose.position_W);
-      };
-      approach = -c.normal_W.dot(velocity(pair.b) - velocity(pair.a));
+      approach = -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
     }
     gap -= before;
     if (std::abs(gap) >= nearest) break;
@@ -567,21 +562,21 @@ double Stepper::FreshOverlap() const {
   return worst;
 }
 
-// Of a size: what the piece missed of gap(x1) = 0, or >= 0, by.
-double Stepper::Missed() const {
-  double worst = FreshOverlap();
-  for (size_t e = 0; e < end_.size(); ++e) {
-    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
-  }
-  return worst;
-}
-
 // The same since the step began.
 double Stepper::DeepestSinceStart() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
     if (yields_[end_pair_[c]] == 0)
       worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// Of a size: what the piece missed of gap(x1) = 0, or >= 0, by.
+double Stepper::Missed() const {
+  double worst = FreshOverlap();
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
+  }
   return worst;
 }
 
@@ -615,7 +610,7 @@ void Stepper::FollowHeld() {
   for (size_t c = 0; c < held_.size(); ++c) {
     const int pair = held_of_[c].pair;
     double nearest = kSamePlace * Size(group_->pairs[pair]);
-    const Vector3 place = 
+    const Vector3 place =
         Carried(pair, held_[c].point_W, held_of_[c].at_start ? Moment::kStart : Moment::kMiddle, Moment::kEnd);
     for (size_t e = 0; e < end_.size(); ++e) {
       if (end_pair_[e] != pair) continue;
@@ -653,14 +648,18 @@ double Stepper::ShareOfA(int pair) const {
   return BodyRadius(a) == 0 && BodyRadius(b) > 0 ? 1 : BodyRadius(b) == 0 && BodyRadius(a) > 0 ? 0 : 0.5;
 }
 
+// Of what the two bodies of a contact do, what the contact does.
+Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
+  const double share = ShareOfA(pair);
+  return share * of_a + (1 - share) * of_b;
+}
+
 // [m] what a contact moves along with.
 Vector3 Stepper::CentreAtStart(int pair) const {
-  const double share = ShareOfA(pair);
-  return share * state_[group_->pairs[pair].a].pose.position_W + (1 - share) * state_[group_->pairs[pair].b].pose.position_W;
+  return Shared(pair, state_[group_->pairs[pair].a].pose.position_W, state_[group_->pairs[pair].b].pose.position_W);
 }
 Vector3 Stepper::CentreHalfway(int pair) const {
-  const double share = ShareOfA(pair);
-  return share * middle_[group_->pairs[pair].a].position_W + (1 - share) * middle_[group_->pairs[pair].b].position_W;
+  return Shared(pair, middle_[group_->pairs[pair].a].position_W, middle_[group_->pairs[pair].b].position_W);
 }
 
 // Between these points of start and end, on the arc about each body's axis.
@@ -675,8 +674,7 @@ Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) con
     const double chord = across.norm();
     return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
   };
-  const double share = ShareOfA(pair);
-  return share * about(group_->pairs[pair].a) + (1 - share) * about(group_->pairs[pair].b);
+  return Shared(pair, about(group_->pairs[pair].a), about(group_->pairs[pair].b));
 }
 
 // The contact as the piece began, if it was closed.
@@ -712,9 +710,8 @@ void Stepper::NextTargets(double h) {
       contact.point_W = probe_[0].point_W;
       contact.normal_W = probe_[0].normal_W;
     } else {
-      const double share = ShareOfA(pair);
-      contact.point_W -= share * (end_state_[a].pose.position_W - middle_[a].position_W) +
-                         (1 - share) * (end_state_[b].pose.position_W - middle_[b].position_W);
+      contact.point_W -= Shared(pair, end_state_[a].pose.position_W - middle_[a].position_W,
+                                end_state_[b].pose.position_W - middle_[b].position_W);
     }
     const auto mean_velocity = [&](int i) -> Vector3 {
       const Vector3 lever = contact.point_W - middle_[i].position_W;
@@ -760,18 +757,22 @@ bool Stepper::Presses(int pair) const {
   return false;
 }
 
+// The bodies of the contact problems, as they are at the end.
+void Stepper::PoseAtEnd() {
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    posed_[i].position_W = end_state_[i].pose.position_W;
+    posed_[i].rotation_WB = end_state_[i].pose.rotation_WB;
+    if (!posed_[i].Moves()) continue;
+    posed_[i].linear_velocity_W = end_state_[i].linear_W;
+    posed_[i].angular_velocity_W = end_state_[i].angular_W;
+  }
+}
+
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
 // hit are left to Strike.
 void Stepper::Settle() {
   settle_W_.assign(end_.size(), Vector3::Zero());
-  const std::vector<Body>& bodies = group_->bodies;
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    posed_[i].position_W = end_state_[i].pose.position_W;
-    posed_[i].rotation_WB = end_state_[i].pose.rotation_WB;
-    if (!bodies[i].Moves()) continue;
-    posed_[i].linear_velocity_W = end_state_[i].linear_W;
-    posed_[i].angular_velocity_W = end_state_[i].angular_W;
-  }
+  PoseAtEnd();
   problem_.clear();
   problem_of_.clear();
   carried_W_.clear();
@@ -793,9 +794,7 @@ void Stepper::Settle() {
   if (settled) return;
   local_impulses_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
-    Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
-    if (a.Moves()) a.ApplyImpulse(carried_W_[c], problem_[c].point_W);
-    if (b.Moves()) b.ApplyImpulse(-carried_W_[c], problem_[c].point_W);
+    ApplyTo(problem_[c], -carried_W_[c], &posed_);
     local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
   }
   targets_.resize(problem_.size());
@@ -807,16 +806,9 @@ void Stepper::Settle() {
 
 // Velocities follow from the impulses, not from the solver that found them.
 void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
-  for (size_t i = 0; i < posed_.size(); ++i) {
-    posed_[i].linear_velocity_W = posed_[i].Moves() ? end_state_[i].linear_W : posed_[i].linear_velocity_W;
-    posed_[i].angular_velocity_W = posed_[i].Moves() ? end_state_[i].angular_W : posed_[i].angular_velocity_W;
-  }
-  for (size_t e = 0; e < end_.size(); ++e) {
-    if (impulses_W[e].isZero(0)) continue;
-    Body &a = posed_[end_[e].body_a], &b = posed_[end_[e].body_b];
-    if (a.Moves()) a.ApplyImpulse(-impulses_W[e], end_[e].point_W);
-    if (b.Moves()) b.ApplyImpulse(impulses_W[e], end_[e].point_W);
-  }
+  PoseAtEnd();
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (!impulses_W[e].isZero(0)) ApplyTo(end_[e], impulses_W[e], &posed_);
   for (size_t i = 0; i < posed_.size(); ++i) {
     if (!posed_[i].Moves()) continue;
     end_state_[i].linear_W = posed_[i].linear_velocity_W;
@@ -838,19 +830,12 @@ void Stepper::Strike() {
     problem_of_.push_back(static_cast<int>(e));
     if (hits) {
       strikes = true;
-    } else if (pull_ > 0 && approach > threshold_) {
-      const double brief = 0.5 * kBrief * pull_ * dt_ / blow_budget_;
-      if (approach * end_[e].restitution < brief) problem_.back().restitution = 0;
+    } else if (pull_ > 0 && approach > threshold_ && approach * end_[e].restitution < least_rebound_) {
+      problem_.back().restitution = 0;
     }
   }
   if (!strikes) return;
-  frames_.resize(problem_.size());
-  edges_.clear();
-  for (size_t c = 0; c < problem_.size(); ++c) {
-    frames_[c] = ContactFrame(problem_[c].normal_W);
-    edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
-  }
-  islands::BuildPartition({cut_, edges_}, &partition_);
+  PartProblem();
   bounces_.assign(problem_.size(), Vector3::Zero());
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
@@ -969,6 +954,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   movers_ = 0;
   for (const Body& b : group->bodies) movers_ += b.Moves();
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
+  least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
   last_.clear();
   last_pair_.clear();
@@ -1008,7 +994,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       SelectHeld(h);
       for (size_t g = 0; g < guards_.size(); ++g) {
         held_.push_back(guards_[g]);
-        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].target / h});
+        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].gap / h});
         impulse_W_.push_back(Vector3::Zero());
       }
       Carry(h, true);
@@ -1016,13 +1002,13 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       moment = FindMeeting(h);
       if (!returned_ && (!guarded_ || moment < h)) break;
     }
-    const double h_whole = h;
+    const bool cut = moment < h;
     if (!jammed && !instant && Jams(h)) {
       instant = true;
       most = kInstant * h;
       continue;
     }
-    if (moment < h) h = Shorten(h, moment);
+    if (cut) h = Shorten(h, moment);
     DetectEnd();
     double missed = Missed();
     const bool moves = centred || LeversMove(h);
@@ -1045,7 +1031,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     Settle();
     const int blows = out_->blows;
     strike_W_.assign(end_.size(), Vector3::Zero());
-    if (moment < h_whole) Strike();
+    if (cut) Strike();
     const double gain = Energy(end_state_) - energy - WorkDone(h);
     if (gain > Allowed() && pushes && Pushed()) {  // nobody pays for pushing out: not now
       pushes = false;
@@ -1068,11 +1054,11 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     }
     Commit(t, h);
     t += h;
-    cuts_ += moment < h_whole;
+    cuts_ += cut;
     jammed = jammed || (instant && gain > -kStopped * EnergyAtHand());  // nothing was stopped: a false alarm, not to be given again
     const bool was_instant = std::exchange(instant, false);
     pushes = gain < -Allowed();
-    grazing_ = moment < h_whole && out_->blows == blows ? cut_pair_ : -1;
+    grazing_ = cut && out_->blows == blows ? cut_pair_ : -1;
     most = level > 0 && !was_instant ? 2 * h : dt;
     level = std::max(0, level - 1);
   }

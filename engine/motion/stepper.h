@@ -80,9 +80,14 @@ class Stepper {
     int age = 0;             // passes since it was last seen
     bool at_start = true;    // its point is that of the start of the piece, not halfway
   };
+  struct Guarded {           // a pair that meets within the piece
+    int pair;
+    double gap;              // [m] where the piece begins
+  };
   struct State {             // of one body while the step is under way
     Pose pose;
     Vector3 linear_W, angular_W;
+    Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
   };
   void LoadState();
   double ChooseLength(double rest);
@@ -117,6 +122,7 @@ class Stepper {
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   bool TurnInThemselves(int pair) const;
   double ShareOfA(int pair) const;
+  Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
   Vector3 CentreAtStart(int pair) const;
   Vector3 CentreHalfway(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
@@ -124,6 +130,7 @@ class Stepper {
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;
+  void PoseAtEnd();
   void Settle();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   void Record(Stage stage, QpStatus status);
@@ -134,6 +141,7 @@ class Stepper {
   double Allowed() const;
   bool Pushed() const;
   void Commit(double t, double h);
+  void PartProblem();
   void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
   double Size(const GroupPair& pair) const;
   double CutSpeed(const Contact& contact) const;
@@ -148,6 +156,7 @@ class Stepper {
   int movers_ = 0;        // bodies that contacts can move
   int cuts_ = 0;          // pieces that ended at one
   double push_out_ = 0;   // of an overlap, what the piece takes back
+  double least_rebound_ = 0;  // [m/s] a slower one is none
   double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
@@ -175,7 +184,7 @@ class Stepper {
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;
   std::vector<Contact> guards_;
-  std::vector<Held> guard_of_;  // target: the gap [m] where the piece begins
+  std::vector<Guarded> guard_of_;
   // Scratch of contact problems.
   std::vector<Body> posed_, trial_;
   std::vector<Contact> problem_;
