@@ -115,7 +115,7 @@ struct World::Impl : WorldState {
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
-  void AddGroups(double dt, StepReport* report);
+  void AddGroups(StepReport* report);
   void CheckTouching();
   void Changed();
 };
@@ -343,8 +343,7 @@ void World::Impl::CheckTouching() {
 }
 
 // The contacts and impulses of small groups, beside those of the crowd.
-void World::Impl::AddGroups(double dt, StepReport* report) {
-  (void)dt;
+void World::Impl::AddGroups(StepReport* report) {
   if (!MovesGroups()) return;
   for (const LedgerImpulse& j : group_motion.impulses()) {
     resolved.push_back(j.contact);
@@ -516,7 +515,7 @@ StepReport World::Step(double dt) {
     w.stale = true;
   }
   w.KeepLedger(dt, &report);
-  w.AddGroups(dt, &report);
+  w.AddGroups(&report);
   w.time += dt;
   return report;
 }

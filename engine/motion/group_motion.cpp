@@ -129,9 +129,8 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
   return hash | 1;
 }
 
-void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes,
                            const GroupMemory& memory) {
-  (void)dt;
   std::swap(jobs_, before_);
   jobs_.clear();
   crowd_.assign(bodies.size(), 0);
@@ -198,11 +197,11 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
   jobs_.clear();
   for (int round = 0; round < kRounds; ++round) {
     groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
-    MakeJobs(dt, bodies, shapes, *memory);
+    MakeJobs(bodies, shapes, *memory);
     if (any_crowd_) {
       WidenCrowds(dt, bodies);
       groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
-      MakeJobs(dt, bodies, shapes, *memory);
+      MakeJobs(bodies, shapes, *memory);
     }
     RunJobs(dt, mix, static_cast<bool>(observer));
     if (KeptToRooms(bodies, shapes)) break;
@@ -210,7 +209,7 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
   impulses_.clear();
   std::vector<Contact> contacts;
   std::vector<Vector3> forces;
-  for (Job& job : jobs_) Commit(dt, mix, &job, bodies, memory, report);
+  for (Job& job : jobs_) Commit(dt, &job, bodies, memory, report);
   for (const Job& job : jobs_) {
     const std::vector<Contact>& local = job.rests ? job.group.remembered : job.outcome.touching;
     const std::vector<Vector3>& held = job.rests ? job.group.remembered_force_W : job.outcome.touching_force_W;
@@ -235,9 +234,8 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
   }
 }
 
-void GroupMotion::Commit(double dt, const MixMaterial& mix, Job* job, std::span<Body> bodies, GroupMemory* memory,
+void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory,
                          StepReport* report) {
-  (void)mix;
   const Group& group = job->group;
   const auto world = [&](Contact c) {
     c.body_a = group.numbers[c.body_a];

@@ -62,12 +62,12 @@ class GroupMotion {
   };
   bool IsCrowd(std::span<const int> members) const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
-  void MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
+  void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
   void RunJobs(double dt, const MixMaterial& mix, bool record);
   bool KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes);
   std::uint64_t MarkOf(const Group& group) const;
-  void Commit(double dt, const MixMaterial& mix, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
+  void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(const Job& job) const;
   void Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const;
 
