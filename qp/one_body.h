@@ -21,7 +21,7 @@ namespace islet::qp {
 
 class OneBody {
  public:
-  static constexpr int kMostContacts = 16;
+  static constexpr int kMostContacts = 128;
 
   // Whether the island is of this kind at all.
   static bool Fits(const Problem& problem);

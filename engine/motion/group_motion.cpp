@@ -206,6 +206,8 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
     RunJobs(dt, mix, static_cast<bool>(observer));
     if (KeptToRooms(bodies, shapes)) break;
   }
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (crowd_[i]) memory->mark[i] = GroupMemory::kAwake;  // a crowd forgets what held it
   impulses_.clear();
   std::vector<Contact> contacts;
   std::vector<Vector3> forces;

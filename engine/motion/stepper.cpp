@@ -17,7 +17,7 @@ constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
-constexpr double kGain = 1e-8;      // of the energy at hand: a piece that gains more is done again, shorter
+constexpr double kGain = 1e-11;      // of the energy at hand: a piece that gains more is done again, shorter
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
 constexpr int kMostPieces = 600;    // of a step
@@ -31,7 +31,7 @@ constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly wit
 constexpr double kJam = 1;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
 constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
-constexpr double kSettled = 0.002;  // of the tolerance: what velocities at the end may miss
+constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
 constexpr double kMet = 1e-8;       // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
@@ -227,7 +227,7 @@ void Stepper::SelectHeld(double h) {
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
-    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : contact.gap <= kClosed * Size(pair) && contact.gap >= 0 ? 0 : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
     impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
@@ -751,6 +751,10 @@ Vector3 Stepper::CarriedBy(size_t at_end) const {
   return sum;
 }
 
+bool Stepper::WasHeld(size_t at_end) const {
+  return std::find(follows_.begin(), follows_.end(), static_cast<int>(at_end)) != follows_.end();
+}
+
 bool Stepper::Presses(int pair) const {
   for (size_t c = 0; c < held_.size(); ++c)
     if (held_of_[c].pair == pair && !impulse_W_[c].isZero(0)) return true;
@@ -780,7 +784,7 @@ void Stepper::Settle() {
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     Vector3 carried = WithinCone(end_[e], CarriedBy(e));
-    const double closed = !carried.isZero(0) ? kOverlap : Presses(end_pair_[e]) ? kMet : kClosed;
+    const double closed = !carried.isZero(0) ? kOverlap : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kClosed;
     if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);

@@ -130,6 +130,7 @@ class Stepper {
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;
+  bool WasHeld(size_t at_end) const;
   void PoseAtEnd();
   void Settle();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);

@@ -143,7 +143,7 @@ void MeasureDisk(const CheckSettings& settings, Measurements* out) {
 // a = e k - r z. A contact force F gives L' = a x F, so (L . a)' = L . a' = e L . (w x k), and this vanishes: L lies in the plane of
 // w and k. So Jellett's J = -L . a is kept by any force at the contact.
 constexpr double kTopRadius = 0.02, kTopMass = 0.02, kTopTilt = 0.1, kTopFriction = 0.1;
-constexpr int kTopSteps = 32;  // in a dt
+constexpr int kTopSteps = 32;  // in a 60th of a second, or in a dt that is shorter: how these bodies move is the check's own
 
 Ellipsoid TippeTop() {
   return {.semi_axes = {kTopRadius, kTopRadius, kTopRadius},
@@ -191,7 +191,7 @@ TopState SpunTop(const Ellipsoid& top, double spin) {
 void MeasureTippeTop(const CheckSettings& settings, Measurements* out) {
   constexpr double kFast = 100, kSlow = 20, kSeconds = 2.5;  // [rad/s], [rad/s], [s]
   const Ellipsoid top = TippeTop();
-  const double h = settings.dt / kTopSteps;
+  const double h = std::min(settings.dt, 1.0 / 60) / kTopSteps;
   ReferenceTop reference(top, kTopFriction, SpunTop(top, kFast));
   const TopRun expected = WatchTop(top, 2e-5, kSeconds, &reference);
   SuiteRoller roller(settings.engine, top, kTopFriction, SpunTop(top, kFast));
@@ -210,7 +210,7 @@ void MeasureTippeTop(const CheckSettings& settings, Measurements* out) {
 // Ellipsoid whose axes of inertia are turned against its axes in the plane, after Kane and Levinson. Its rolling keeps the
 // energy but has no mirror: spin feeds rocking, and rocking feeds spin back the other way round, along one of two modes according
 // to the sense of the spin. Without losses both senses come to reverse; the one that feeds pitching does it four times as soon.
-constexpr int kStoneSteps = 96;  // in a dt; half as many where it must be quick
+constexpr int kStoneSteps = 96;  // likewise; half as many where it must be quick
 
 Ellipsoid Rattleback() {
   Matrix3 inertia;
@@ -241,7 +241,7 @@ void MeasureRattleback(const CheckSettings& settings, Measurements* out) {
   constexpr double kSpin = 5, kTilt = 0.5 * kPi / 180;
   const double seconds = settings.quick ? 3 : 5;
   const Ellipsoid stone = Rattleback();
-  const double h = settings.dt / (settings.quick ? kStoneSteps / 2 : kStoneSteps);
+  const double h = std::min(settings.dt, 1.0 / 60) / (settings.quick ? kStoneSteps / 2 : kStoneSteps);
   for (const double spin : {-kSpin, kSpin}) {
     const std::string name = spin < 0 ? "against its sense: " : "with its sense: ";
     const TopState start = Rolling(stone, Turn(kTilt, Vector3::UnitY()), {0, 0, spin});
