@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/rotation.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
@@ -12,6 +13,7 @@ namespace {
 constexpr int kPerTask = 64;          // bodies
 constexpr double kTurn = 0.04;        // [rad] of one step of the rotation's integration
 constexpr double kCore = 0.9;         // of a shape: what no other body's centre may pass
+constexpr double kLook = 0.2;         // [rad] by which the other body turns between two looks at what goes through it
 constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
@@ -53,6 +55,30 @@ double SignOn(const LedgerImpulse& impulse, int body) { return impulse.contact.b
 int RootOf(std::vector<int>* parent, int i) {
   while ((*parent)[i] != i) i = (*parent)[i] = (*parent)[(*parent)[i]];
   return i;
+}
+
+// Whether the straight way from a to b, in the frame of a shape, goes through its core.
+bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
+  const Vector3 way = b - a;
+  if (shape.kind() == ShapeKind::kSphere) {
+    const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+    return (a + u * way).norm() < kDeepSphere * shape.radius();
+  }
+  double enter = 0, leave = 1;  // of the way
+  const Polytope& polytope = shape.polytope();
+  for (size_t f = 0; f < polytope.faces.size(); ++f) {
+    const Vector3& normal = polytope.face_normals[f];
+    const double most = kCore * normal.dot(polytope.vertices[polytope.faces[f][0]]);
+    const double at = normal.dot(a) - most, slope = normal.dot(way);
+    if (slope == 0) {
+      if (at > 0) enter = 2;
+    } else if (slope < 0) {
+      enter = std::max(enter, -at / slope);
+    } else {
+      leave = std::min(leave, -at / slope);
+    }
+  }
+  return enter < leave;
 }
 
 }  // namespace
@@ -139,11 +165,23 @@ Vector3 LedgerKeeper::PositionAt(const Account& account, double time) const {
   return a.position_W + u * h * a.velocity_W + u * u * (b.position_W - a.position_W - h * a.velocity_W);
 }
 
+Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time) const {
+  const Body& body = step.before[number];
+  const std::vector<Spin>& spins = accounts_[number].spins;
+  if (spins.empty()) return Exp(time * body.angular_velocity_W) * body.rotation_WB;
+  size_t s = 0;
+  while (s + 1 < spins.size() && spins[s + 1].time <= time) ++s;
+  return Turn(body, spins[s].rotation_WB, spins[s].momentum_W, time - spins[s].time);
+}
+
 void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* account) {
   const Body &before = step.before[number], &after = step.after[number];
   std::vector<Moment> course = std::move(account->course);
+  std::vector<Spin> spins = std::move(account->spins);
   *account = {};
   account->course = std::move(course);
+  account->spins = std::move(spins);
+  account->spins.clear();
   FindCourse(step, number, account);
   if (!IsOurs(before)) return;
   const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
@@ -177,17 +215,20 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   Vector3 momentum = before.AngularMomentumW();
   Quaternion rotation = before.rotation_WB;
   double t = 0;
+  account->spins.push_back({0, rotation, momentum});
   for (const Kick& kick : kicks) {
     rotation = Turn(before, rotation, momentum, kick.time - t);
     momentum += kick.moment;
     t = std::max(t, kick.time);
+    account->spins.push_back({t, rotation, momentum});
   }
   rotation = Turn(before, rotation, momentum, step.dt - t);
   const double fall = before.mass * step.gravity_W.norm() * step.dt;
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
                       std::max({before.mass * before.linear_velocity_W.norm(), before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
   account->angular = (momentum - after.AngularMomentumW()).norm() /
-                     std::max({before.AngularMomentumW().norm(), after.AngularMomentumW().norm(), turned, fall * before.radius, 1e-300});
+                     std::max({before.AngularMomentumW().norm(), after.AngularMomentumW().norm(), turned,
+                               (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
   const double angle = 2 * std::asin(std::min(1.0, off.vec().norm()));
   account->way = (end.position_W - after.position_W).norm() +
@@ -290,34 +331,19 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   const Account &account = accounts_[body], &partner = accounts_[other];
   const Shape& shape = step.shapes[other];
   const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it
-    const double share = time / step.dt;
-    const Quaternion rotation = step.before[other].rotation_WB.slerp(share, step.after[other].rotation_WB);
-    return rotation.conjugate() * (PositionAt(account, time) - PositionAt(partner, time));
+    return RotationAt(step, other, time).conjugate() * (PositionAt(account, time) - PositionAt(partner, time));
   };
+  const double rate = std::max(step.before[other].angular_velocity_W.norm(), step.after[other].angular_velocity_W.norm());
   for (size_t s = 0; s + 1 < account.course.size(); ++s) {
-    const double from = account.course[s].time, to = account.course[s + 1].time;
-    if (to <= from) continue;
-    const Vector3 a = inside(from), b = inside(to), way = b - a;
-    if (shape.kind() == ShapeKind::kSphere) {
-      const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
-      if ((a + u * way).norm() < kDeepSphere * shape.radius()) return true;
-      continue;
+    const double begin = account.course[s].time, end = account.course[s + 1].time;
+    if (end <= begin) continue;
+    const int parts = shape.kind() == ShapeKind::kSphere ? 1 : 1 + static_cast<int>(std::min(1e3, rate * (end - begin) / kLook));
+    Vector3 b = inside(begin);
+    for (int k = 1; k <= parts; ++k) {
+      const Vector3 a = b;
+      b = inside(begin + k * (end - begin) / parts);
+      if (CrossesCore(shape, a, b)) return true;
     }
-    double enter = 0, leave = 1;  // of the way, within the core
-    const Polytope& polytope = shape.polytope();
-    for (size_t f = 0; f < polytope.faces.size(); ++f) {
-      const Vector3& normal = polytope.face_normals[f];
-      const double most = kCore * normal.dot(polytope.vertices[polytope.faces[f][0]]);
-      const double at = normal.dot(a) - most, slope = normal.dot(way);
-      if (slope == 0) {
-        if (at > 0) enter = 2;
-      } else if (slope < 0) {
-        enter = std::max(enter, -at / slope);
-      } else {
-        leave = std::min(leave, -at / slope);
-      }
-    }
-    if (enter < leave) return true;
   }
   return false;
 }

@@ -33,6 +33,7 @@ struct LedgerImpulse {
   Vector3 impulse_W;   // [N s] on body_b
   double time = 0;     // [s] from the start of the step
   double duration = 0; // [s]
+  int corrects = -1;   // place of the spread impulse of the same contact that it takes something back of, -1: none
 };
 
 struct LedgerStep {
@@ -56,14 +57,21 @@ class LedgerKeeper {
     double time;               // [s]
     Vector3 position_W, velocity_W;
   };
+  struct Spin {                // from a kick on: turns freely
+    double time;               // [s]
+    Quaternion rotation_WB;
+    Vector3 momentum_W;        // [N m s]
+  };
   struct Account {             // of one body
     double gain = 0, at_hand = 0, allowed = 0;  // [J] beyond the work done on it; what it has; what solves may create
     double momentum = 0, angular = 0, way = 0;
     std::vector<Moment> course;
+    std::vector<Spin> spins;  // of one that contacts move
   };
   void JudgeBody(const LedgerStep& step, int body, Account* account);
   void FindCourse(const LedgerStep& step, int body, Account* account) const;
   Vector3 PositionAt(const Account& account, double time) const;
+  Quaternion RotationAt(const LedgerStep& step, int body, double time) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);
   void JudgeSides(const LedgerStep& step, Ledger* ledger) const;
   static bool Sinks(const LedgerStep& step, size_t body, size_t plane);

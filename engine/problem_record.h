@@ -15,8 +15,10 @@ namespace islet {
 enum class Stage { kCollision, kStatic };
 
 struct ProblemRecord {
-  int round = 0;   // 0; in certified freezing then 1, 2 for islands that are solved again because bodies woke into them
-  int island = 0;  // in the partition of this round; numbered by smallest body
+  // Of a small group: which of its problems in this step. Of a crowd: 0; in certified freezing then 1, 2 for islands that are solved
+  // again because bodies woke into them.
+  int round = 0;
+  int island = 0;  // of a small group: its smallest body; of a crowd: in the partition of this round, numbered by smallest body
   Stage stage = Stage::kCollision;
   QpStatus status = QpStatus::kNone;
   qp::Problem problem;  // with the bounces that were asked for in the end

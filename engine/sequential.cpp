@@ -147,14 +147,10 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
   }
 }
 
-// Coulomb contacts with Newton's rebounds, all at once. False, and nothing has changed, if there is no such answer or if it
-// would hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does. A symmetric blow is resolved in
-// its plane: then the impulses are symmetric too, and so is what later steps conclude from them.
-bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
-                                        std::span<Vector3> impulses) {
-  GatherTies(group_contacts, contacts);
+// Coulomb contacts with Newton's rebounds, all at once, in the plane of the problem or as it is. Whether there is an answer, which
+// must not hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
+bool SequentialResolver::SolveTies(bool flat) {
   const double approach = -queue_.top_key();
-  const bool flat = tied_plane_.Reduce(tied_problem_, approach);
   const qp::Problem& problem = flat ? tied_plane_.problem() : tied_problem_;
   qp::Solution& solution = flat ? flat_solution_ : tied_solution_;
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
@@ -191,7 +187,16 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
     gain += 0.5 * j.dot(before + after);
     work += std::abs(j.dot(before));
   }
-  if (!(gain <= kEnergySlack * work)) return false;
+  return gain <= kEnergySlack * work;
+}
+
+// False, and nothing has changed, if there is no answer. A symmetric blow is resolved in its plane: then the impulses are symmetric
+// too, and so is what later steps conclude from them. One that is nearly so may gain by what it is off, and is then solved as it is.
+bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
+                                        std::span<Vector3> impulses) {
+  GatherTies(group_contacts, contacts);
+  const bool flat = tied_plane_.Reduce(tied_problem_, -queue_.top_key());
+  if (!(flat && SolveTies(true)) && !SolveTies(false)) return false;
   for (size_t k = 0; k < tied_.size(); ++k) {
     const int number = group_contacts[tied_[k]];
     impulses[number] += tied_solution_.impulses[k];

@@ -49,6 +49,7 @@ class SequentialResolver {
   double KeyOf(int local_contact, const Contact& contact) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
+  bool SolveTies(bool flat);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);

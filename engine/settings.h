@@ -57,9 +57,8 @@ struct Settings {
   // Performance
   int threads = 0;  // 0: all cores
   // Bodies that may meet in a step and are no more than this move by the law of the step (engine/motion/README.md), exact Coulomb
-  // friction only. Larger groups are a crowd: the same contact problems, moved by motion.h. 0: all are. What is open there, so that
-  // it is not the default yet, is in its README.
-  int group_bodies = 0;
+  // friction only. Larger groups are a crowd: the same contact problems, moved by motion.h. 0: all are.
+  int group_bodies = 20;
 
   void Validate() const;    // throws std::invalid_argument
   static Settings Paper();  // kinetic, octagon, Eq. 5, paper freezing                       [SM04]

@@ -72,6 +72,7 @@ struct World::Impl : WorldState {
   std::vector<Body> before;  // the step
   std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
+  std::vector<int> group_places;  // in impulses, of those of small groups
   LadderReport spared;  // what detection was spared in this step
 
   Impl(const Settings& s, parallel::WorkerPool* p)
@@ -345,7 +346,13 @@ void World::Impl::CheckTouching() {
 // The contacts and impulses of small groups, beside those of the crowd.
 void World::Impl::AddGroups(StepReport* report) {
   if (!MovesGroups()) return;
+  group_places.clear();
   for (const LedgerImpulse& j : group_motion.impulses()) {
+    group_places.push_back(j.corrects < 0 ? static_cast<int>(impulses.size()) : group_places[j.corrects]);
+    if (j.corrects >= 0) {
+      impulses[group_places.back()] += j.impulse_W;
+      continue;
+    }
     resolved.push_back(j.contact);
     impulses.push_back(j.impulse_W);
   }
@@ -397,8 +404,8 @@ void World::Impl::Changed() {
 
 // The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
 bool World::Impl::MovesGroups() const {
-  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.bounce_law == BounceLaw::kExact &&
-         settings.freezing != Freezing::kPaper;
+  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.cone == Cone::kCircular &&
+         settings.bounce_law == BounceLaw::kExact && settings.freezing != Freezing::kPaper;
 }
 
 void World::Impl::CarryKinematic(double dt) {

@@ -95,16 +95,19 @@ bool FclibExport::Wants(int frame) const {
 }
 
 void FclibExport::Write(int frame, const ProblemRecord& record) {
-  const std::string place = "frame " + std::to_string(frame) + ", round " + std::to_string(record.round) + ", island " +
+  int round = record.round;
+  std::string name;
+  do {  // a crowd's island and a small group may have the same number
+    name = "frame_" + Padded(frame, 6) + "_round_" + std::to_string(round++) + "_island_" + Padded(record.island, 5) + "_" +
+           NameOf(record.stage) + ".hdf5";
+  } while (!names_.insert(name).second);
+  const std::string place = "frame " + std::to_string(frame) + ", round " + std::to_string(round - 1) + ", island " +
                             std::to_string(record.island) + ", stage " + NameOf(record.stage);
-  const std::string name = "frame_" + Padded(frame, 6) + "_round_" + std::to_string(record.round) + "_island_" +
-                           Padded(record.island, 5) + "_" + NameOf(record.stage) + ".hdf5";
   const FclibExample example = ToFclib(record.problem, record.solution);
   WriteFclib((fs::path(folder_) / name).string(), example.problem,
              record.status == QpStatus::kFailed ? nullptr : &example.solution, "islet " + label_ + ", " + place,
              label_ + "; " + place + "; status " + ToString(record.status) +
                  "; units m, kg, s; impulses in N s; /solution is islet's answer");
-  ++files_;
 }
 
 }  // namespace islet

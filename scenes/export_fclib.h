@@ -9,6 +9,7 @@
 //   errors: std::invalid_argument for a folder that cannot be written, before the run; std::runtime_error for a write that fails
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,13 +34,13 @@ class FclibExport {
 
   bool Wants(int frame) const;
   void Write(int frame, const ProblemRecord& record);
-  int files() const { return files_; }
+  int files() const { return static_cast<int>(names_.size()); }
 
  private:
   std::string folder_;
   std::vector<int> frames_;
   std::string label_;
-  int files_ = 0;
+  std::set<std::string> names_;  // of the files so far
 };
 
 }  // namespace islet

@@ -184,7 +184,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "bounces per island before the QP takes over (default auto)");
   add(kMethod, "--freeze", o.freeze, "NAME", "off, paper or certified (default certified)");
   add(kMethod, "--group-bodies", o.group_bodies, "N",
-      "groups of up to so many bodies move by the law of the step (default 0: none)");
+      "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
   add(kMethod, "--freeze-count", o.freeze_count, "N",
       "paper freezing: frames at low energy before a body freezes (default 3)");
   command

@@ -259,7 +259,9 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
     body = group.bodies[k];
   }
-  for (const TimedImpulse& j : outcome.impulses) impulses_.push_back({world(j.contact), j.impulse_W, j.time, j.duration});
+  const int first = static_cast<int>(impulses_.size());
+  for (const TimedImpulse& j : outcome.impulses)
+    impulses_.push_back({world(j.contact), j.impulse_W, j.time, j.duration, j.corrects < 0 ? -1 : first + j.corrects});
   Rest(dt, *job, bodies, memory);
   for (const int i : job->members) {
     (bodies[i].frozen ? report->frozen : report->awake) += 1;

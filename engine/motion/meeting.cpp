@@ -36,12 +36,15 @@ double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3
 }
 
 double Meeting::First(const MeetingQuery& query) {
-  const double h = query.duration, floor = query.gap - query.deep;
-  double t = 0, reach = kFar;
+  const double h = query.duration;
+  double t = 0, reach = kFar, floor = query.gap - query.deep;
   Vector3 normal = Vector3::UnitZ();
   for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
     const double gap = GapAt(query, t, reach, &normal);
     if (gap >= kFar) return h;
+    // What overlaps as it begins may part, and has not met again before it is as deep once more, or comes back.
+    if (gap >= query.gap) floor = query.gap - query.deep;
+    if (t == 0 && gap < query.gap) floor = gap - query.deep;
     if (gap < floor + 0.5 * query.deep && t > 0) return t;
     const double closing = ClosingSpeed(query, t, normal);
     touches = gap < query.gap + query.deep ? touches + 1 : 0;
@@ -50,13 +53,13 @@ double Meeting::First(const MeetingQuery& query) {
     if (t >= h) return h;
     reach = closing * (h - t) + 2 * query.deep;
   }
-  return AlongTouch(query, t, normal);
+  return AlongTouch(query, t, normal, floor);
 }
 
 // What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
-double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal) {
+double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
   constexpr int kLooks = 64;
-  const double h = query.duration, floor = query.gap - query.deep, size = std::min(query.a->size(), query.b->size());
+  const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);
     const double next = k < kLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;

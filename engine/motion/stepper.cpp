@@ -17,12 +17,12 @@ constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
-constexpr double kGain = 1e-11;      // of the energy at hand: a piece that gains more is done again, shorter
+constexpr double kGain = 2e-13;     // of the energy at hand, times the pieces so far: one that gains more is done again, shorter
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
-constexpr int kMostPieces = 600;    // of a step
+constexpr int kMostWork = 200000;   // of a step: pairs looked at, and contacts solved, which are so much dearer
+constexpr int kSolveWork = 4;
 constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
-constexpr double kSag = 8;          // times the least extent: turn^2 radius / sag may bulge between the ends of a piece
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
 constexpr double kSamePlace = 1e-2; // of a size: how far from where a contact is looked for it is found again
@@ -117,6 +117,11 @@ bool Stepper::WillHit(const Contact& contact, double opening) const {
   return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
 }
 
+// [m/s] approach when they met, of what is faster now that it has fallen on into an overlap.
+double Stepper::WhenItMet(double approach, double overlap) const {
+  return approach <= 0 ? 0 : std::sqrt(std::max(0.0, approach * approach - 2 * pull_ * std::max(0.0, overlap)));
+}
+
 void Stepper::LoadState() {
   const size_t n = group_->bodies.size();
   state_.resize(n);
@@ -173,9 +178,16 @@ void Stepper::FindTouching() {
     DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_, &now_pair_);
 }
 
-// A turn bends the way of a corner; where something is near, a piece is no longer than what one lever describes.
+// [m/s] fastest that the turn moves a point of the box around a body.
+double Stepper::WhirlOf(int i) const {
+  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W).cwiseAbs(), e = group_->shapes[i]->half_extents();
+  return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
+}
+
+// A turn bends the way of a corner; where something is near, a piece is no longer than what one lever describes, and no way bends
+// farther than its body is thick.
 double Stepper::ChooseLength(double rest) {
-  double fastest = 0;  // [rad/s], of what is near, weighed by how thin it is
+  double most = rest;
   for (const GroupPair& pair : group_->pairs) {
     const Body &a = group_->bodies[pair.a], &b = group_->bodies[pair.b];
     const double room = rest * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm() +
@@ -185,18 +197,19 @@ double Stepper::ChooseLength(double rest) {
         (state_[pair.b].pose.position_W - state_[pair.a].pose.position_W).norm() > a.radius + b.radius + room)
       continue;
     for (const int i : {pair.a, pair.b}) {
-      const double radius = BodyRadius(i);
-      if (radius == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
+      if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
       const int other = i == pair.a ? pair.b : pair.a;
       if (group_->shapes[other]->kind() == ShapeKind::kHalfSpace) {
         const Vector3 up = state_[other].pose.rotation_WB * Vector3::UnitZ();
         if (up.dot(state_[i].pose.position_W - state_[other].pose.position_W) > group_->bodies[i].radius + room) continue;
       }
-      const double thin = std::sqrt(kSag * group_->shapes[i]->size() / radius) / kTurn;
-      fastest = std::max(fastest, state_[i].angular_W.norm() * std::max(1.0, 1 / thin));
+      const double turn = state_[i].angular_W.norm();
+      if (turn * most > kTurn) most = kTurn / turn;
+      const double bend = turn * WhirlOf(i) / 8;  // [m/s^2]
+      if (bend * most * most > group_->shapes[i]->size()) most = std::sqrt(group_->shapes[i]->size() / bend);
     }
   }
-  return fastest * rest > kTurn ? kTurn / fastest : rest;
+  return most;
 }
 
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
@@ -256,7 +269,7 @@ void Stepper::SolveParts(std::span<const double> targets, double floor, std::vec
 
 void Stepper::Record(Stage stage, QpStatus status) {
   if (!out_->record || status == QpStatus::kNone) return;
-  out_->records.push_back({out_->pieces, group_->numbers[0], stage, status, responder_.problem(), responder_.solution()});
+  out_->records.push_back({static_cast<int>(out_->records.size()), group_->numbers[0], stage, status, responder_.problem(), responder_.solution()});
 }
 
 // Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
@@ -288,6 +301,7 @@ void Stepper::Carry(double h, bool first) {
     local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
   }
   if (StillCarries(h)) return;
+  work_ += kSolveWork * static_cast<int>(held_.size());
   SolveParts(targets_, floor_, &out_->carried);
   for (size_t c = 0; c < held_.size(); ++c) {
     impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
@@ -426,7 +440,7 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = guarded_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    if (static_cast<int>(p) == grazing_ || yields_[p] > 0) continue;
+    if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     const MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
@@ -445,10 +459,10 @@ double Stepper::FindMeeting(double h) {
       const auto velocity = [&](const Path& path) -> Vector3 {
         return path.VelocityAt(t) + path.RateAt(t).cross(c.point_W - path.At(t).position_W);
       };
-      approach = std::max(approach, -c.normal_W.dot(velocity(b) - velocity(a)));
+      approach = std::max(approach, WhenItMet(-c.normal_W.dot(velocity(b) - velocity(a)), query.gap - c.gap));
       cut = CutSpeed(c);
     }
-    if (approach <= cut) {  // too slow for a blow: it carries when it is there
+    if (approach <= cut || static_cast<int>(p) == grazing_) {  // too slow for a blow: it carries when it is there
       if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
       Guard(static_cast<int>(p), t, a, b);
       continue;
@@ -500,16 +514,16 @@ double Stepper::Shorten(double h, double moment) {
     CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
                   end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
     double gap = kFar, approach = 0;
-    for (const Contact& c : probe_) {
-      if (c.gap >= gap) continue;
-      gap = c.gap;
-      approach = -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
+    for (Contact& c : probe_) {  // of what hits; other corners of the pair may rest
+      Mix(pair, &c);
+      const double speed = -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
+      if (c.gap < gap && WhenItMet(speed, before - c.gap) > CutSpeed(c)) gap = c.gap, approach = speed;
     }
     gap -= before;
     if (std::abs(gap) >= nearest) break;
     nearest = std::abs(gap);
     best = at;
-    if (nearest <= kPolished * Size(pair) || approach <= 0) break;
+    if (nearest <= kPolished * Size(pair)) break;
     at = std::clamp(at + gap / approach, 1e-9 * dt_, whole);
   }
   if (h != best) EndAt(best, &h);
@@ -820,6 +834,15 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
   }
 }
 
+// Near enough to a blow to take part in it.
+bool Stepper::IsThere(size_t at_end) const { return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]); }
+
+bool Stepper::HasMet(int pair) const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_pair_[e] == pair && IsThere(e)) return true;
+  return false;
+}
+
 // Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
   problem_.clear();
@@ -829,7 +852,7 @@ void Stepper::Strike() {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const bool hits = approach > CutSpeed(end_[e]) && yields_[end_pair_[e]] == 0;
-    if (hits && end_[e].gap > kTogether * Size(group_->pairs[end_pair_[e]])) continue;  // not there yet
+    if (hits && !IsThere(e)) continue;
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
     if (hits) {
@@ -916,14 +939,16 @@ double Stepper::EnergyAtHand() const {
 double Stepper::Allowed() const {
   double pressed = 0;
   for (const Vector3& impulse : impulse_W_) pressed += impulse.norm();
-  return kGain * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed;
+  return kGain * out_->pieces * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed;
 }
 
 void Stepper::Commit(double t, double h) {
+  carried_at_.assign(end_.size(), -1);
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
+    if (follows_[c] >= 0) carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }
   last_ = end_;
@@ -931,7 +956,7 @@ void Stepper::Commit(double t, double h) {
   last_force_W_.resize(end_.size());
   for (size_t e = 0; e < end_.size(); ++e) {
     last_force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
-    if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0});
+    if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0, carried_at_[e]});
     if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
   }
   state_ = end_state_;
@@ -974,16 +999,18 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   FindTouching();
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
-  cuts_ = 0;
+  cuts_ = work_ = 0;
   yields_.assign(group->pairs.size(), 0.0);
   grazing_ = -1;
   bool pushes = false, jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
-    if (++out_->pieces > kMostPieces) {
+    ++out_->pieces;
+    if (work_ > kMostWork) {
       out_->unstepped = dt - t;
       break;
     }
+    work_ += static_cast<int>(group->pairs.size());
     time_of_piece_ = t;
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));
@@ -1062,7 +1089,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     jammed = jammed || (instant && gain > -kStopped * EnergyAtHand());  // nothing was stopped: a false alarm, not to be given again
     const bool was_instant = std::exchange(instant, false);
     pushes = gain < -Allowed();
-    grazing_ = cut && out_->blows == blows ? cut_pair_ : -1;
+    grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;
     most = level > 0 && !was_instant ? 2 * h : dt;
     level = std::max(0, level - 1);
   }

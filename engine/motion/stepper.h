@@ -37,6 +37,7 @@ struct TimedImpulse {
   Vector3 impulse_W;   // [N s] on body_b
   double time;         // [s] from the start of the step
   double duration;     // [s]
+  int corrects = -1;   // place of the spread impulse that it takes something back of, -1: none
 };
 
 struct GroupPair {
@@ -90,6 +91,7 @@ class Stepper {
     Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
   };
   void LoadState();
+  double WhirlOf(int i) const;
   double ChooseLength(double rest);
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
@@ -135,6 +137,8 @@ class Stepper {
   void Settle();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   void Record(Stage stage, QpStatus status);
+  bool IsThere(size_t at_end) const;
+  bool HasMet(int pair) const;
   void Strike();
   double Energy(std::span<const State> states) const;
   double WorkDone(double h) const;
@@ -148,6 +152,7 @@ class Stepper {
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
   bool WillHit(const Contact& contact, double opening) const;
+  double WhenItMet(double approach, double overlap) const;
 
   // Of the step.
   double dt_ = 0;         // [s]
@@ -156,6 +161,7 @@ class Stepper {
   int blow_budget_ = 0;   // blows in this step at which they have to be faster
   int movers_ = 0;        // bodies that contacts can move
   int cuts_ = 0;          // pieces that ended at one
+  int work_ = 0;          // so far
   double push_out_ = 0;   // of an overlap, what the piece takes back
   double least_rebound_ = 0;  // [m/s] a slower one is none
   double threshold_ = 0;  // [m/s] approaches below it are none
@@ -179,6 +185,7 @@ class Stepper {
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
   std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins
   std::vector<int> follows_;                                    // in end_, or -1
+  std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
   std::vector<Vector3> last_force_W_;                           // [N] per contact of last_
   std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };

@@ -24,7 +24,7 @@ struct VerifyOptions {
   std::string gate;  // "G1,G2"; empty: all
   double tolerance = 1e-6;
   std::optional<int> threads;  // 0: all cores
-  int group_bodies = 0;
+  int group_bodies = 20;
   bool quick = false, all_settings = false, list = false;
   std::string report;  // file, "-" for the standard output, empty for none
 };

@@ -32,7 +32,7 @@ struct VerifyBase {
   double tolerance = 1e-6;
   Tier tier = Tier::kCertified;
   int threads = 0;  // 0: all cores
-  int group_bodies = 0;
+  int group_bodies = 20;
   bool quick = false;
 };
 

@@ -45,8 +45,8 @@ int FramesUntilFrozen(World* world, int most, double dt = kDt) {
 }
 
 // A stack of n cubes, frozen. Body 0 is the floor.
-World FrozenStack(int n, double friction = 0.5) {
-  World world(OneThread());
+World FrozenStack(int n, double friction = 0.5, const Settings& settings = OneThread()) {
+  World world(settings);
   world.Add(Floor(friction));
   for (int i = 0; i < n; ++i) world.Add(Cube({0, 0, i + 0.5}, friction));
   EXPECT_LE(FramesUntilFrozen(&world, 60), 60);
@@ -79,7 +79,7 @@ TEST(CertifiedFreezing, DoesNotFreezeWhileItsLoadChanges) {
 
 // A ball of a gram rolls along a slab at rest: the load hardly changes, and still the slab waits, since something moves on it.
 TEST(CertifiedFreezing, IsPatientBesideWhatMoves) {
-  World world(OneThread());
+  World world(testing::AsCrowd(OneThread()));
   world.Add(Floor());
   world.Add({.shape = Shape::Box({10, 1, 0.1}), .mass = 10, .position_W = {0, 0, 0.1}, .friction = 0.5});
   BodyDefinition ball = Ball({-3, 0, 0.3}, 0.1);
@@ -414,14 +414,17 @@ TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
               1e-4);
 }
 
+// A crowd's bodies sleep on; a small group is awake as a whole.
 TEST(CertifiedFreezing, LoadPlacedOnAFrozenStackIsCarried) {
-  World world = FrozenStack(4);
-  const int load = world.Add(Cube({0.1, 0, 4.5}));
-  world.Step(kDt);
-  EXPECT_NEAR(ImpulseOn(world, 0).z(), -5 * kGravity * kDt, 2e-3 * kGravity * kDt);
-  for (int body = 1; body <= 4; ++body) EXPECT_TRUE(world.body(body).frozen) << body;
-  EXPECT_LE(FramesUntilFrozen(&world, 30), 30);
-  EXPECT_NEAR((world.body(load).position_W - Vector3(0.1, 0, 4.5)).norm(), 0, 1e-4);
+  for (const bool crowd : {false, true}) {
+    World world = FrozenStack(4, 0.5, crowd ? testing::AsCrowd(OneThread()) : OneThread());
+    const int load = world.Add(Cube({0.1, 0, 4.5}));
+    world.Step(kDt);
+    EXPECT_NEAR(ImpulseOn(world, 0).z(), -5 * kGravity * kDt, 2e-3 * kGravity * kDt);
+    for (int body = 1; body <= 4; ++body) EXPECT_EQ(world.body(body).frozen, crowd) << body;
+    EXPECT_LE(FramesUntilFrozen(&world, 30), 30);
+    EXPECT_NEAR((world.body(load).position_W - Vector3(0.1, 0, 4.5)).norm(), 0, 1e-4);
+  }
 }
 
 // The end of a frozen plank: holds m, tips under more than its own moment allows.
@@ -510,7 +513,7 @@ TEST(CertifiedFreezing, BallOnTheSlightestSlopeRolls) {
 // is, also beside a spin, however small. (What is no balance stays awake by itself.)
 TEST(CertifiedFreezing, TheSlightestTorqueOnTheSpotIsNoAcceleration) {
   const auto run = [](const Vector3& torque, const Vector3& spin) {
-    World world(OneThread());
+    World world(testing::AsCrowd(OneThread()));
     world.Add(Floor());
     BodyDefinition ball = Ball({0, 0, 0.5});
     ball.angular_velocity_W = spin;
@@ -658,11 +661,13 @@ TEST(CertifiedFreezing, SetVelocityAndForceOnAFrozenBody) {
   EXPECT_FALSE(world.body(2).frozen);
   world.Step(kDt);
   EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 1 - 0.5 * kGravity * kDt, 1e-4);
-  World lifted = FrozenStack(2);
-  lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
-  lifted.Step(kDt);
-  EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
-  EXPECT_TRUE(lifted.body(1).frozen);
+  for (const bool crowd : {false, true}) {
+    World lifted = FrozenStack(2, 0.5, crowd ? testing::AsCrowd(OneThread()) : OneThread());
+    lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
+    lifted.Step(kDt);
+    EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
+    EXPECT_EQ(lifted.body(1).frozen, crowd);
+  }
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 namespace islet {
 namespace {
 
+using testing::AsCrowd;
 using testing::Awake;
 using testing::Cube;
 using testing::Floor;
@@ -25,7 +26,7 @@ Settings OffTheLadder(Settings settings) {
 
 // Without `merged`, which is of first order in dt.
 Settings Climbing() {
-  Settings settings = Awake();
+  Settings settings = AsCrowd(Awake());
   settings.ladder = settings.ladder.Without(qp::Rung::kMerged);
   return settings;
 }
@@ -67,7 +68,7 @@ std::vector<int> InCompany(const World& world) {
 // Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may
 // have several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
-  World off = Heap(OffTheLadder(Awake())), climbing = Heap(Climbing());
+  World off = Heap(OffTheLadder(AsCrowd(Awake()))), climbing = Heap(Climbing());
   std::int64_t problems = 0, swept = 0, others = 0;
   int same = 0, nearly = 0, all = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -100,11 +101,11 @@ TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
 // apart, which changes what is asked.
 TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
   constexpr double kLongStep = 1.0 / 30;
-  Settings climbs = Awake();
+  Settings climbs = AsCrowd(Awake());
   climbs.ladder = climbs.ladder.Without(qp::Rung::kMerged);
   for (const double restitution : {0.0, 0.2, 0.5}) {
     for (const double drop : {0.05, 0.1, 0.3}) {
-      World off(OffTheLadder(Awake())), climbing(climbs);
+      World off(OffTheLadder(AsCrowd(Awake()))), climbing(climbs);
       for (World* world : {&off, &climbing}) {
         world->Add(Floor(0.5, restitution));
         for (int i = 0; i < 10; ++i) world->Add(Cube({0, 0, 0.5 + i + drop * (i + 1)}, 0.5, restitution));
@@ -131,7 +132,7 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
 TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
   constexpr double kLongStep = 1.0 / 30;
   for (const Ladder& ladder : {Ladder(), Ladder().Without(qp::Rung::kColumn), Ladder::Off()}) {
-    Settings settings;
+    Settings settings = AsCrowd({});
     settings.ladder = ladder;
     World world(settings);
     world.Add(Floor(0.5, 0.2));
@@ -157,7 +158,7 @@ TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
 // Cubes that lie beside each other: nothing approaches before gravity acts, so collisions are none; asked nevertheless, they
 // are none as well.
 TEST(Ladder, CollisionsOfWhatRestsAreNone) {
-  World world(OffTheLadder(Awake()));
+  World world(OffTheLadder(AsCrowd(Awake())));
   world.Add(Floor());
   for (int i = 0; i < 3; ++i) world.Add(Cube({1.0005 * i, 0, 0.5}));
   for (int frame = 0; frame < 30; ++frame) {
@@ -177,9 +178,9 @@ TEST(Ladder, MotionAndDetectionAreSparedWhatNobodyNeeds) {
   } kCases[] = {{qp::Rung::kKeptPairs, 1, 0}, {qp::Rung::kReach, 0.99, 0.01}, {qp::Rung::kFreeMotion, 1, 0}};
   for (const auto& [rung, least_same, bound] : kCases) {
     SCOPED_TRACE(qp::kRungNames[static_cast<int>(rung)]);
-    Settings without = Awake();
+    Settings without = AsCrowd(Awake());
     without.ladder = without.ladder.Without(rung);
-    World asked = Heap(without), spared = Heap(Awake());
+    World asked = Heap(without), spared = Heap(AsCrowd(Awake()));
     std::int64_t times = 0;
     int same = 0, all_bodies = 0;
     double farthest = 0;
@@ -202,7 +203,7 @@ TEST(Ladder, MotionAndDetectionAreSparedWhatNobodyNeeds) {
 }
 
 TEST(Ladder, OffEveryStepHasAPositionProblemForTheInteriorPoint) {
-  World off(OffTheLadder(Awake())), climbing(Awake());
+  World off(OffTheLadder(AsCrowd(Awake()))), climbing(AsCrowd(Awake()));
   for (World* world : {&off, &climbing}) {
     world->Add(Floor());
     for (int i = 0; i < 3; ++i) world->Add(Cube({3.0 * i, 0, 0.5}));

@@ -23,7 +23,7 @@ constexpr double kDt = 1.0 / 60;
 constexpr double kFall = kGravity * kDt;
 
 Settings Awake(bool merged) {
-  Settings settings;
+  Settings settings = testing::AsCrowd({});  // small groups have blows, however slight
   settings.freezing = Freezing::kOff;
   settings.threads = 1;
   if (!merged) settings.ladder = settings.ladder.Without(qp::Rung::kMerged);

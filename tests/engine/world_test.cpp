@@ -297,16 +297,14 @@ TEST(World, SqueezeBetweenKinematicWallsIsReported) {
   wall.linear_velocity_W.x() = -0.5;
   world.Add(wall);
   const int cube = world.Add(Cube({0, 0, 0}));
-  int failed = 0, motion_failures = 0;
+  int failed = 0;
   for (int i = 0; i < 10; ++i) {
     const StepReport report = world.Step(kDt);
-    failed += report.static_qp.failed;
-    motion_failures += report.motion_failures;
+    failed += report.collision_qp.failed;
     ASSERT_TRUE(world.body(cube).position_W.allFinite());
     EXPECT_LT(world.body(cube).linear_velocity_W.norm(), 1);
   }
-  EXPECT_GT(failed, 5);
-  EXPECT_GT(motion_failures, 5);
+  EXPECT_GE(failed, 9);  // once a step, from when they touch
   EXPECT_NEAR(world.body(0).position_W.x(), -1.0005 + 5 * kDt, 1e-12) << "the walls do as they are told";
 }
 
@@ -359,15 +357,13 @@ TEST(World, HashSeesEverything) {
   EXPECT_NE(base, hash([](World& w) { w.Teleport(1, {0, 0, 2}, Turn(1e-9, Vector3::UnitX())); }));
 }
 
-// A rod in a corner of two high walls, turning by five radians a step: the motion's passes part it from the walls only
-// most of the time. Where they do not it is held back; it used to end inside a wall in one trial of twenty, for good.
+// A rod in a corner of two high walls, turning by five radians a step.
 TEST(World, FastSpinInACornerLeavesNothingInsideTheWalls) {
   std::mt19937 rng(1);
   std::normal_distribution<double> normal;
   const auto random_direction = [&] { return Vector3(normal(rng), normal(rng), normal(rng)).normalized(); };
   Settings settings;
   settings.threads = 1;
-  int held_back = 0;
   for (int trial = 0; trial < 100; ++trial) {
     World world(settings);
     world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed});
@@ -380,12 +376,10 @@ TEST(World, FastSpinInACornerLeavesNothingInsideTheWalls) {
                .angular_velocity_W = 150 * random_direction()});
     for (int frame = 0; frame < 30; ++frame) {
       const StepReport report = world.Step(1.0 / 30);
-      EXPECT_EQ(report.motion_failures, report.held_back > 0) << trial << " " << frame;
-      held_back += report.held_back;
+      EXPECT_FALSE(report.Failed()) << trial << " " << frame;
       for (const Contact& c : world.contacts()) ASSERT_GE(c.gap, -1e-3 * 0.1) << trial << " " << frame;
     }
   }
-  EXPECT_GT(held_back, 0);  // and the reports say so
 }
 
 // Sweeps alone do not carry the load of hundreds of cubes to the floor.

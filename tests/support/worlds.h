@@ -21,6 +21,12 @@ inline Settings Awake() {
   return settings;
 }
 
+// The same moved as bodies of a crowd are, however few (Settings::group_bodies).
+inline Settings AsCrowd(Settings settings) {
+  settings.group_bodies = 0;
+  return settings;
+}
+
 // Half-space below z = 0, or turned by `incline` about y: it then falls towards +x.
 inline BodyDefinition Floor(double friction = 0.5, double restitution = 0, double incline = 0) {
   return {.shape = Shape::HalfSpace(),
