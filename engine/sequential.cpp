@@ -93,6 +93,12 @@ void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& i
   locals_[b].ApplyImpulse(impulse_W, contact.point_W);
 }
 
+// Whether it rests on an immovable body, which takes the blow with it.
+bool SequentialResolver::Answers(int c, double velocity) const {
+  const bool wall = !locals_[sides_[c].first].moves() || !locals_[sides_[c].second].moves();
+  return walls_answer_ && wall && std::abs(velocity) <= threshold_;
+}
+
 // The fastest contact and those as fast that chains of bodies between such contacts join to it. What is left as it is may be faster.
 void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   tied_.assign(1, queue_.top());
@@ -106,8 +112,8 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
       for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {
         const int c = touches_[t];
         const double velocity = NormalVelocityOf(c, contacts[group_contacts[c]]);
-        if (velocity <= slowest && velocity >= fastest && std::find(tied_.begin(), tied_.end(), c) == tied_.end())
-          tied_.push_back(c);
+        const bool ties = Answers(c, velocity) || (velocity <= slowest && velocity >= fastest);
+        if (ties && std::find(tied_.begin(), tied_.end(), c) == tied_.end()) tied_.push_back(c);
       }
     }
   }
@@ -176,7 +182,7 @@ bool SequentialResolver::SolveTies(bool flat) {
     if (solution.status != qp::Status::kSolved || !solution.coulomb_reached) return false;
   }
   if (flat) tied_plane_.Expand(tied_problem_, flat_solution_, &tied_solution_);
-  double gain = 0, work = 0;  // [J]
+  double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];
     Vector3 before = contact.drift;
@@ -186,8 +192,9 @@ bool SequentialResolver::SolveTies(bool flat) {
                   &j = tied_solution_.impulses[k];
     gain += 0.5 * j.dot(before + after);
     work += std::abs(j.dot(before));
+    if (Answers(tied_[k], before[0])) left += std::abs(j[0] * before[0]);
   }
-  return gain <= kEnergySlack * work;
+  return gain <= kEnergySlack * work + left;
 }
 
 // False, and nothing has changed, if there is no answer. A symmetric blow is resolved in its plane: then the impulses are symmetric
@@ -222,6 +229,8 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   const bool by_cost = exact && rule.limit == kAutoBounceLimit;
   Load(group_bodies, group_contacts, contacts, bodies);
   leave_ = rule.leave;
+  threshold_ = rule.threshold;
+  walls_answer_ = rule.walls_answer;
   keys_.resize(group_contacts.size());
   for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = KeyOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);

@@ -34,6 +34,7 @@ struct BounceRule {
   double threshold;               // [m/s] > 0; a contact collides if it approaches faster
   std::span<const double> leave;  // [m/s] per contact of the group: approaches up to it stay as they are; or empty
   int limit = kAutoBounceLimit;   // c_b, or by BounceLimit
+  bool walls_answer = false;      // what rests on an immovable body takes a blow with it, not before it
 };
 
 class SequentialResolver {
@@ -47,6 +48,7 @@ class SequentialResolver {
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
   double KeyOf(int local_contact, const Contact& contact) const;
+  bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   bool SolveTies(bool flat);
@@ -59,6 +61,8 @@ class SequentialResolver {
   std::vector<std::pair<int, int>> sides_;  // per contact of the group: its two bodies
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   std::span<const double> leave_;           // of the rule
+  double threshold_ = 0;                    // [m/s]
+  bool walls_answer_ = false;
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move

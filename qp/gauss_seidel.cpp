@@ -17,6 +17,7 @@ constexpr int kPrepareBatches = 32, kLoadBatches = 64, kLoadBodies = 128;  // in
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
 constexpr double kFlat = 1e-14;   // of W_nn: a tangent that moves nothing
+constexpr double kTrace = 1e-30;  // of the largest impulse: one that has faded so far is none, before its square is no number
 
 // Lower G with G G^T = a; a column of zeros where a has no more rank.
 Matrix3 Root(const Matrix3& a) {
@@ -331,6 +332,10 @@ void GaussSeidel::UnloadBatch(const SweepState<Number>& state, int number, std::
 template <typename Number>
 int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_sweeps, double tolerance,
                          std::vector<Vector3>* impulses, std::vector<double>* velocities, Pace pace) {
+  double largest = 0;
+  for (const Vector3& j : *impulses) largest = std::max(largest, j.cwiseAbs().maxCoeff());
+  for (Vector3& j : *impulses)
+    if (j.cwiseAbs().maxCoeff() < kTrace * largest) j.setZero();
   Load(problem, *impulses, *velocities, field);
   double theta = 1, last_change = INFINITY;
   Number momentum = 0;

@@ -18,6 +18,7 @@ constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
 constexpr double kGain = 2e-13;     // of the energy at hand, times the pieces so far: one that gains more is done again, shorter
+constexpr double kRounding = 1e-15; // of a position
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
 constexpr int kMostWork = 200000;   // of a step: pairs looked at, and contacts solved, which are so much dearer
@@ -870,7 +871,7 @@ void Stepper::Strike() {
     if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                                         {threshold_, {}, settings_.bounce_limit}, posed_, bounces_);
+                                         {threshold_, {}, settings_.bounce_limit, true}, posed_, bounces_);
     out_->struck.push_back(responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
@@ -935,11 +936,14 @@ double Stepper::EnergyAtHand() const {
   return sum;
 }
 
-// [J] gain that is none: of what is at hand, and what solves of this accuracy leave.
+// [J] gain that is none: of what is at hand, what solves of this accuracy leave, and what heights are rounded by.
 double Stepper::Allowed() const {
-  double pressed = 0;
+  double pressed = 0, rounding = 0;
   for (const Vector3& impulse : impulse_W_) pressed += impulse.norm();
-  return kGain * out_->pieces * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed;
+  for (const Vector3& impulse : strike_W_) pressed += impulse.norm();
+  for (size_t i = 0; i < state_.size(); ++i)
+    if (group_->bodies[i].Moves()) rounding += kRounding * group_->bodies[i].mass * pull_ * state_[i].pose.position_W.norm();
+  return kGain * out_->pieces * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed + rounding;
 }
 
 void Stepper::Commit(double t, double h) {
