@@ -18,7 +18,7 @@ std::vector<Check> JoinFamilies() {
   std::vector<Check> all;
   for (const std::span<const Check> family :
        {FrictionChecks(), RollingChecks(), ImpactChecks(), LoadChecks(), StructureChecks(), FreezingChecks(),
-        InvarianceChecks(), SpinChecks(), FlowChecks()})
+        InvarianceChecks(), SpinChecks(), FlowChecks(), MotionChecks()})
     all.insert(all.end(), family.begin(), family.end());
   std::stable_sort(all.begin(), all.end(), [](const Check& a, const Check& b) { return NumberOf(a) < NumberOf(b); });
   return all;

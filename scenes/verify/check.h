@@ -83,5 +83,6 @@ std::span<const Check> FreezingChecks();
 std::span<const Check> InvarianceChecks();
 std::span<const Check> SpinChecks();
 std::span<const Check> FlowChecks();
+std::span<const Check> MotionChecks();
 
 }  // namespace islet
