@@ -330,14 +330,16 @@ bool LedgerKeeper::Sinks(const LedgerStep& step, size_t body, size_t plane) {
 bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) const {
   const Account &account = accounts_[body], &partner = accounts_[other];
   const Shape& shape = step.shapes[other];
-  const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it
-    return RotationAt(step, other, time).conjugate() * (PositionAt(account, time) - PositionAt(partner, time));
+  const bool round = shape.kind() == ShapeKind::kSphere;
+  const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
+    const Vector3 apart = PositionAt(account, time) - PositionAt(partner, time);
+    return round ? apart : RotationAt(step, other, time).conjugate() * apart;
   };
   const double rate = std::max(step.before[other].angular_velocity_W.norm(), step.after[other].angular_velocity_W.norm());
   for (size_t s = 0; s + 1 < account.course.size(); ++s) {
     const double begin = account.course[s].time, end = account.course[s + 1].time;
     if (end <= begin) continue;
-    const int parts = shape.kind() == ShapeKind::kSphere ? 1 : 1 + static_cast<int>(std::min(1e3, rate * (end - begin) / kLook));
+    const int parts = round ? 1 : 1 + static_cast<int>(std::min(1e3, rate * (end - begin) / kLook));
     Vector3 b = inside(begin);
     for (int k = 1; k <= parts; ++k) {
       const Vector3 a = b;

@@ -89,6 +89,22 @@ TEST_F(LedgerTest, SeesABodyGoThrough) {
   EXPECT_EQ(Judge().sides_changed, 0);
 }
 
+// It stays beside a sphere, and beside a plate, that turn by half a turn and more in the step; as these see it, it goes round them.
+TEST_F(LedgerTest, APartnersTurnIsNoWayThroughIt) {
+  before[0].kind = after[0].kind = BodyKind::kKinematic;
+  before[0].angular_velocity_W = after[0].angular_velocity_W = {0, 31, 0};
+  before[1].linear_velocity_W = Vector3::Zero();
+  before[1].position_W = {1.5, 0, 0.1};
+  after[1] = before[1];
+  after[1].position_W += 0.5 * kDt * kDt * kGravity;
+  after[1].linear_velocity_W = kDt * kGravity;
+  after[0].rotation_WB = Quaternion(Eigen::AngleAxisd(3.1, Vector3::UnitY()));
+  EXPECT_EQ(Judge().sides_changed, 0);
+  shapes[0] = Shape::Sphere(1);
+  before[0].radius = after[0].radius = 1;
+  EXPECT_EQ(Judge().sides_changed, 0);
+}
+
 // A wall that moves does work: the body may gain what it did, and no more.
 TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
   before[0].kind = after[0].kind = BodyKind::kKinematic;
