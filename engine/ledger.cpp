@@ -18,32 +18,27 @@ constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
-Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum_W) {
-  const Vector3 momentum_B = rotation.conjugate() * momentum_W;
-  return rotation * Vector3(body.inertia_B.ldlt().solve(momentum_B));
-}
-
-Quaternion Rate(const Body& body, const Quaternion& rotation, const Vector3& momentum_W) {
-  const Vector3 w = SpinOf(body, rotation.normalized(), momentum_W);
-  Quaternion rate = Quaternion(0, w.x(), w.y(), w.z()) * rotation;
-  rate.coeffs() *= 0.5;
-  return rate;
-}
-
-// Runge-Kutta of fourth order with the angular momentum kept.
-Quaternion Turn(const Body& body, Quaternion rotation, const Vector3& momentum_W, double time) {
+// The rotation of a free body after a time, by Runge-Kutta of fourth order with the angular momentum kept; no step turns by more
+// than `longest` [rad].
+Quaternion Turn(const Body& body, Quaternion rotation, const Vector3& momentum_W, double time, double longest = kTurn) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
-  const double speed = SpinOf(body, rotation, momentum_W).norm();
-  const int steps = 1 + static_cast<int>(std::min(1e4, speed * time / kTurn));
+  const Matrix3 inverse = body.inertia_B.inverse();
+  const auto spin = [&](const Quaternion& q) -> Vector3 {
+    return q * Vector3(inverse * (q.conjugate() * momentum_W));
+  };
+  const auto rate = [&](const Quaternion& q) {
+    const Vector3 w = 0.5 * spin(q.normalized());
+    return Quaternion(0, w.x(), w.y(), w.z()) * q;
+  };
+  const int steps = 1 + static_cast<int>(std::min(1e4, spin(rotation).norm() * time / longest));
   const double h = time / steps;
-  const auto along = [&](const Quaternion& rate, double share) {
+  const auto along = [&](const Quaternion& by, double share) {
     Quaternion q = rotation;
-    q.coeffs() += share * h * rate.coeffs();
+    q.coeffs() += share * h * by.coeffs();
     return q;
   };
   for (int k = 0; k < steps; ++k) {
-    const Quaternion k1 = Rate(body, rotation, momentum_W), k2 = Rate(body, along(k1, 0.5), momentum_W),
-                     k3 = Rate(body, along(k2, 0.5), momentum_W), k4 = Rate(body, along(k3, 1), momentum_W);
+    const Quaternion k1 = rate(rotation), k2 = rate(along(k1, 0.5)), k3 = rate(along(k2, 0.5)), k4 = rate(along(k3, 1));
     rotation.coeffs() += h / 6 * (k1.coeffs() + 2 * k2.coeffs() + 2 * k3.coeffs() + k4.coeffs());
     rotation.normalize();
   }
@@ -165,13 +160,15 @@ Vector3 LedgerKeeper::PositionAt(const Account& account, double time) const {
   return a.position_W + u * h * a.velocity_W + u * u * (b.position_W - a.position_W - h * a.velocity_W);
 }
 
-Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time) const {
+Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time, Spin* last) const {
   const Body& body = step.before[number];
   const std::vector<Spin>& spins = accounts_[number].spins;
   if (spins.empty()) return Exp(time * body.angular_velocity_W) * body.rotation_WB;
-  size_t s = 0;
-  while (s + 1 < spins.size() && spins[s + 1].time <= time) ++s;
-  return Turn(body, spins[s].rotation_WB, spins[s].momentum_W, time - spins[s].time);
+  for (const Spin& spin : spins)
+    if (spin.time > last->time && spin.time <= time) *last = spin;
+  last->rotation_WB = Turn(body, last->rotation_WB, last->momentum_W, time - last->time, kLook);
+  last->time = time;
+  return last->rotation_WB;
 }
 
 void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* account) {
@@ -331,15 +328,23 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   const Account &account = accounts_[body], &partner = accounts_[other];
   const Shape& shape = step.shapes[other];
   const bool round = shape.kind() == ShapeKind::kSphere;
+  Spin last = partner.spins.empty() ? Spin{} : partner.spins.front();
   const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
     const Vector3 apart = PositionAt(account, time) - PositionAt(partner, time);
-    return round ? apart : RotationAt(step, other, time).conjugate() * apart;
+    return round ? apart : RotationAt(step, other, time, &last).conjugate() * apart;
   };
-  const double rate = std::max(step.before[other].angular_velocity_W.norm(), step.after[other].angular_velocity_W.norm());
-  for (size_t s = 0; s + 1 < account.course.size(); ++s) {
-    const double begin = account.course[s].time, end = account.course[s + 1].time;
+  double rate = step.before[other].angular_velocity_W.norm();  // [rad/s] fastest
+  for (const Spin& spin : partner.spins)
+    rate = std::max(rate, (step.before[other].inertia_B.inverse() * (spin.rotation_WB.conjugate() * spin.momentum_W)).norm());
+  thread_local std::vector<double> times;  // at which either changes its velocity
+  times.clear();
+  for (const Moment& moment : account.course) times.push_back(moment.time);
+  for (const Moment& moment : partner.course) times.push_back(moment.time);
+  std::sort(times.begin(), times.end());
+  for (size_t s = 0; s + 1 < times.size(); ++s) {
+    const double begin = times[s], end = times[s + 1];
     if (end <= begin) continue;
-    const int parts = round ? 1 : 1 + static_cast<int>(std::min(1e3, rate * (end - begin) / kLook));
+    const int parts = round ? 1 : 1 + static_cast<int>(std::min(1e5, rate * (end - begin) / kLook));
     Vector3 b = inside(begin);
     for (int k = 1; k <= parts; ++k) {
       const Vector3 a = b;

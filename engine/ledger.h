@@ -58,7 +58,7 @@ class LedgerKeeper {
     Vector3 position_W, velocity_W;
   };
   struct Spin {                // from a kick on: turns freely
-    double time;               // [s]
+    double time = 0;           // [s]
     Quaternion rotation_WB;
     Vector3 momentum_W;        // [N m s]
   };
@@ -71,7 +71,8 @@ class LedgerKeeper {
   void JudgeBody(const LedgerStep& step, int body, Account* account);
   void FindCourse(const LedgerStep& step, int body, Account* account) const;
   Vector3 PositionAt(const Account& account, double time) const;
-  Quaternion RotationAt(const LedgerStep& step, int body, double time) const;
+  // last: what was asked last, no later; is set to what is answered.
+  Quaternion RotationAt(const LedgerStep& step, int body, double time, Spin* last) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);
   void JudgeSides(const LedgerStep& step, Ledger* ledger) const;
   static bool Sinks(const LedgerStep& step, size_t body, size_t plane);

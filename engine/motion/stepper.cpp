@@ -241,7 +241,8 @@ void Stepper::SelectHeld(double h) {
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
-    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : contact.gap <= kClosed * Size(pair) && contact.gap >= 0 ? 0 : -(contact.gap > 0 ? 1 : push_out_) * contact.gap / h});
+    const double gap = contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -gap / h});
     impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
@@ -562,6 +563,11 @@ double Stepper::GapBefore(int pair) const {
   return gap;
 }
 
+// Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
+double Stepper::PushOut(int pair) const {
+  return pays_[pair] && GapBefore(pair) < -kOverlap * Size(group_->pairs[pair]) ? kPushOut : 0;
+}
+
 // [m] <= 0: gap at which the pair meets. Where it bounces, an overlap too small to be met is none, or bounces would sink, one by one.
 double Stepper::GapOfBlow(int pair) const {
   const double gap = GapBefore(pair);
@@ -706,6 +712,14 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;
 }
 
+// [m/s] of a body's point halfway.
+Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
+  const Vector3 lever = point - middle_[i].position_W;
+  const Body& b = group_->bodies[i];
+  if (!b.Moves()) return b.linear_velocity_W + b.angular_velocity_W.cross(lever);
+  return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
+}
+
 // Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
 // begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
 // ends.
@@ -728,13 +742,8 @@ void Stepper::NextTargets(double h) {
       contact.point_W -= Shared(pair, end_state_[a].pose.position_W - middle_[a].position_W,
                                 end_state_[b].pose.position_W - middle_[b].position_W);
     }
-    const auto mean_velocity = [&](int i) -> Vector3 {
-      const Vector3 lever = contact.point_W - middle_[i].position_W;
-      if (!group_->bodies[i].Moves()) return group_->bodies[i].linear_velocity_W + group_->bodies[i].angular_velocity_W.cross(lever);
-      return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
-    };
-    const double u = contact.normal_W.dot(mean_velocity(b) - mean_velocity(a));
-    double target = u - (contact.gap - (1 - push_out_) * GapBefore(pair)) / h;
+    const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
+    double target = u - (contact.gap - (1 - PushOut(pair)) * GapBefore(pair)) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
     next_.push_back(contact);
     next_of_.push_back({pair, CentreHalfway(pair), target, 0, false});
@@ -886,64 +895,105 @@ void Stepper::Strike() {
   ApplyAtEnd(strike_W_);
 }
 
-double Stepper::Energy(std::span<const State> states) const {
-  double sum = 0;
-  for (size_t i = 0; i < states.size(); ++i) {
-    const Body& b = group_->bodies[i];
-    if (!b.Moves()) continue;
-    const State& s = states[i];
-    sum += 0.5 * b.mass * s.linear_W.squaredNorm() +
-           0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W)) -
-           (b.mass * settings_.gravity + b.force_W).dot(s.pose.position_W - group_->bodies[i].position_W);
-  }
-  return sum;
+// [J] of a body, its height counted from where the step began.
+double Stepper::EnergyOf(int i, const State& s) const {
+  const Body& b = group_->bodies[i];
+  return 0.5 * b.mass * s.linear_W.squaredNorm() + 0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W)) -
+         (b.mass * settings_.gravity + b.force_W).dot(s.pose.position_W - b.position_W);
 }
 
-// [J] that torques and walls that move did in the piece.
-double Stepper::WorkDone(double h) const {
-  double work = 0;
+// What the piece gave to those who did something to each other, beyond the work of torques and of walls that move; what they had;
+// and what they may gain: of that, what solves of this accuracy leave, and what heights are rounded by.
+void Stepper::KeepAccounts(double h) {
   const std::vector<Body>& bodies = group_->bodies;
-  for (size_t i = 0; i < bodies.size(); ++i)
-    if (bodies[i].Moves()) work += 0.5 * h * bodies[i].torque_W.dot(spun_[i] + spun_after_[i]);
-  const auto pushed = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
-    for (const int i : {contact.body_a, contact.body_b}) {
+  accounts_.assign(bodies.size(), {});
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    accounts_[i].with = static_cast<int>(i);
+    if (!b.Moves()) continue;
+    const State& s = state_[i];
+    accounts_[i].gain = EnergyOf(static_cast<int>(i), end_state_[i]) - EnergyOf(static_cast<int>(i), s) -
+                        0.5 * h * b.torque_W.dot(spun_[i] + spun_after_[i]);
+    accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
+                           0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
+    accounts_[i].allowed = kGain * out_->pieces * accounts_[i].at_hand + kRounding * b.mass * pull_ * s.pose.position_W.norm();
+  }
+  const auto root = [&](int i) {
+    while (accounts_[i].with != i) i = accounts_[i].with;
+    return i;
+  };
+  const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
+    if (impulse.isZero(0)) return;
+    const int a = contact.body_a, b = contact.body_b, mover = bodies[a].Moves() ? a : b;
+    accounts_[mover].allowed += kLeft * settings_.tolerance * floor_ * impulse.norm();
+    for (const int i : {a, b}) {
       const Body& wall = bodies[i];
       if (wall.kind != BodyKind::kKinematic) continue;
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
-      const Vector3 velocity = wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre);
-      work += (i == contact.body_a ? 1 : -1) * impulse.dot(velocity);
+      accounts_[mover].gain += (i == b ? 1 : -1) * impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
     }
+    if (!bodies[a].Moves() || !bodies[b].Moves()) return;
+    const int x = root(a), y = root(b);
+    accounts_[std::max(x, y)].with = std::min(x, y);
   };
-  for (size_t c = 0; c < held_.size(); ++c) pushed(held_[c], acted_at_[c], impulse_W_[c], false);
-  for (size_t e = 0; e < end_.size(); ++e) pushed(end_[e], end_[e].point_W, settle_W_[e] + strike_W_[e], true);
-  return work;
+  for (size_t c = 0; c < held_.size(); ++c) act(held_[c], acted_at_[c], impulse_W_[c], false);
+  FindWork();
+  for (size_t p = 0; p < work_of_.size(); ++p) {  // what pushes an overlap out was paid before
+    const GroupPair& pair = group_->pairs[p];
+    if (PushOut(static_cast<int>(p)) > 0)
+      accounts_[bodies[pair.a].Moves() ? pair.a : pair.b].allowed += std::clamp(work_of_[p], 0.0, std::max(0.0, taken_[p]));
+  }
+  for (size_t e = 0; e < end_.size(); ++e) {
+    act(end_[e], end_[e].point_W, settle_W_[e], true);
+    act(end_[e], end_[e].point_W, strike_W_[e], true);
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const int to = root(static_cast<int>(i));
+    if (to == static_cast<int>(i)) continue;
+    accounts_[to].gain += accounts_[i].gain;
+    accounts_[to].at_hand += accounts_[i].at_hand;
+    accounts_[to].allowed += accounts_[i].allowed;
+  }
 }
 
-bool Stepper::Pushed() const {
-  for (const Contact& c : now_)
-    if (c.gap < 0) return true;
+bool Stepper::Gains() const {
+  for (size_t i = 0; i < accounts_.size(); ++i)
+    if (accounts_[i].with == static_cast<int>(i) && accounts_[i].gain > accounts_[i].allowed) return true;
   return false;
 }
 
-double Stepper::EnergyAtHand() const {
-  double sum = 0;
-  for (size_t i = 0; i < state_.size(); ++i) {
-    const Body& b = group_->bodies[i];
-    if (!b.Moves()) continue;
-    sum += 0.5 * b.mass * (state_[i].linear_W.squaredNorm() + floor_ * floor_) +
-           0.5 * state_[i].angular_W.dot(AngularMomentum(b, state_[i].pose.rotation_WB, state_[i].angular_W));
-  }
-  return sum;
+// Whether nobody lost what a jam takes.
+bool Stepper::LosesNothing() const {
+  for (size_t i = 0; i < accounts_.size(); ++i)
+    if (accounts_[i].with == static_cast<int>(i) && accounts_[i].gain < -kStopped * accounts_[i].at_hand) return false;
+  return true;
 }
 
-// [J] gain that is none: of what is at hand, what solves of this accuracy leave, and what heights are rounded by.
-double Stepper::Allowed() const {
-  double pressed = 0, rounding = 0;
-  for (const Vector3& impulse : impulse_W_) pressed += impulse.norm();
-  for (const Vector3& impulse : strike_W_) pressed += impulse.norm();
-  for (size_t i = 0; i < state_.size(); ++i)
-    if (group_->bodies[i].Moves()) rounding += kRounding * group_->bodies[i].mass * pull_ * state_[i].pose.position_W.norm();
-  return kGain * out_->pieces * EnergyAtHand() + kLeft * settings_.tolerance * floor_ * pressed + rounding;
+// [J] per pair: work of what carried in the piece.
+void Stepper::FindWork() {
+  work_of_.assign(group_->pairs.size(), 0.0);
+  for (size_t c = 0; c < held_.size(); ++c)
+    work_of_[held_of_[c].pair] += impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
+}
+
+// Which pairs took more in the step, by friction and where they sank, than a piece of this length would give them for their overlap.
+void Stepper::SeeWhoPays(double h) {
+  costs_.assign(group_->pairs.size(), 0.0);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const int pair = held_of_[c].pair;
+    costs_[pair] -= held_[c].normal_W.dot(impulse_W_[c]) * kPushOut * GapBefore(pair) / h;
+  }
+  for (size_t p = 0; p < costs_.size(); ++p) {
+    taken_[p] -= work_of_[p];
+    pays_[p] = taken_[p] > costs_[p];
+  }
+}
+
+// Whether any overlap was pushed out.
+bool Stepper::Pushed() const {
+  for (size_t p = 0; p < pays_.size(); ++p)
+    if (PushOut(static_cast<int>(p)) > 0) return true;
+  return false;
 }
 
 void Stepper::Commit(double t, double h) {
@@ -1006,7 +1056,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   cuts_ = work_ = 0;
   yields_.assign(group->pairs.size(), 0.0);
   grazing_ = -1;
-  bool pushes = false, jammed = false, instant = false, centred = false;
+  pays_.assign(group->pairs.size(), false);
+  taken_.assign(group->pairs.size(), 0.0);
+  bool jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     ++out_->pieces;
@@ -1019,8 +1071,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));
     if (dt - t - h < 0.2 * h) h = std::min(dt - t, 1.2 * h);
-    const double energy = Energy(state_);
-    push_out_ = pushes ? kPushOut : 0;
     freed_.assign(group->pairs.size(), kStays);
     double moment = h;
     guards_.clear();
@@ -1067,17 +1117,18 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     const int blows = out_->blows;
     strike_W_.assign(end_.size(), Vector3::Zero());
     if (cut) Strike();
-    const double gain = Energy(end_state_) - energy - WorkDone(h);
-    if (gain > Allowed() && pushes && Pushed()) {  // nobody pays for pushing out: not now
-      pushes = false;
+    KeepAccounts(h);
+    const bool gains = Gains();
+    if (gains && Pushed()) {  // it cost more than that: not now
+      pays_.assign(group->pairs.size(), false);
       continue;
     }
-    if (gain > Allowed() && !moves) {  // levers of the start gain to first order of h, those of halfway to third
+    if (gains && !moves) {  // levers of the start gain to first order of h, those of halfway to third
       centred = true;
       continue;
     }
     const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
-    if (gain > Allowed() && level < kLevels && !yields) {
+    if (gains && level < kLevels && !yields) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;
@@ -1090,9 +1141,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     Commit(t, h);
     t += h;
     cuts_ += cut;
-    jammed = jammed || (instant && gain > -kStopped * EnergyAtHand());  // nothing was stopped: a false alarm, not to be given again
+    jammed = jammed || (instant && LosesNothing());  // nothing was stopped: a false alarm, not to be given again
     const bool was_instant = std::exchange(instant, false);
-    pushes = gain < -Allowed();
+    SeeWhoPays(h);
     grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;
     most = level > 0 && !was_instant ? 2 * h : dt;
     level = std::max(0, level - 1);

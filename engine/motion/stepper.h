@@ -90,6 +90,10 @@ class Stepper {
     Vector3 linear_W, angular_W;
     Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
   };
+  struct Account {           // of a body, in the end of all that did something to each other in the piece
+    int with = 0;            // whose account this one goes into
+    double gain = 0, at_hand = 0, allowed = 0;  // [J]
+  };
   void LoadState();
   double WhirlOf(int i) const;
   double ChooseLength(double rest);
@@ -114,6 +118,7 @@ class Stepper {
   bool Touches(int pair) const;
   double GapBefore(int pair) const;
   double GapOfBlow(int pair) const;
+  double PushOut(int pair) const;
   double FreshOverlap() const;
   double Missed() const;
   double DeepestSinceStart() const;
@@ -129,6 +134,7 @@ class Stepper {
   Vector3 CentreHalfway(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   const Contact* ClosedAtStart(size_t at_end) const;
+  Vector3 MeanVelocity(int i, const Vector3& point) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;
@@ -140,10 +146,12 @@ class Stepper {
   bool IsThere(size_t at_end) const;
   bool HasMet(int pair) const;
   void Strike();
-  double Energy(std::span<const State> states) const;
-  double WorkDone(double h) const;
-  double EnergyAtHand() const;
-  double Allowed() const;
+  double EnergyOf(int i, const State& state) const;
+  void KeepAccounts(double h);
+  bool Gains() const;
+  bool LosesNothing() const;
+  void FindWork();
+  void SeeWhoPays(double h);
   bool Pushed() const;
   void Commit(double t, double h);
   void PartProblem();
@@ -162,7 +170,6 @@ class Stepper {
   int movers_ = 0;        // bodies that contacts can move
   int cuts_ = 0;          // pieces that ended at one
   int work_ = 0;          // so far
-  double push_out_ = 0;   // of an overlap, what the piece takes back
   double least_rebound_ = 0;  // [m/s] a slower one is none
   double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
@@ -170,6 +177,9 @@ class Stepper {
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
   std::vector<double> yields_;    // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
+  std::vector<Account> accounts_;
+  std::vector<double> work_of_, taken_, costs_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap
+  std::vector<std::uint8_t> pays_;               // per pair: whether that is enough
   std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
