@@ -13,6 +13,7 @@ namespace {
 constexpr int kPerTask = 64;          // bodies
 constexpr double kTurn = 0.04;        // [rad] of one step of the rotation's integration
 constexpr double kCore = 0.9;         // of a shape: what no other body's centre may pass
+constexpr double kSameTime = 1e-13;     // of a step
 constexpr double kLook = 0.2;         // [rad] by which the other body turns between two looks at what goes through it
 constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
 
@@ -124,15 +125,15 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     times.push_back(step.impulses[k].time + step.impulses[k].duration);
   }
   std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < 1e-13 * step.dt; }), times.end());
+  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kSameTime * step.dt; }), times.end());
   Moment now{0, body.position_W, body.linear_velocity_W};
   const Vector3 constant = step.gravity_W + body.force_W / body.mass;
   for (size_t s = 0; s < times.size(); ++s) {
-    const double t = times[s], tiny = 1e-12 * step.dt;
+    const double t = times[s], tiny = kSameTime * step.dt;
     now.time = t;
     for (const int k : own) {
       const LedgerImpulse& j = step.impulses[k];
-      if (j.duration == 0 && std::abs(j.time - t) <= tiny) now.velocity_W += SignOn(j, number) / body.mass * j.impulse_W;
+      if (j.duration < tiny && j.time >= t && j.time < t + tiny) now.velocity_W += SignOn(j, number) / body.mass * j.impulse_W;
     }
     course.push_back(now);
     if (s + 1 == times.size()) break;
@@ -140,7 +141,7 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     Vector3 acceleration = constant;
     for (const int k : own) {
       const LedgerImpulse& j = step.impulses[k];
-      if (j.duration > 0 && j.time <= t + tiny && j.time + j.duration >= t + h - tiny)
+      if (j.duration >= tiny && j.time <= t + tiny && j.time + j.duration >= t + h - tiny)
         acceleration += SignOn(j, number) / (body.mass * j.duration) * j.impulse_W;
     }
     now.position_W += h * now.velocity_W + 0.5 * h * h * acceleration;
@@ -165,7 +166,7 @@ Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double t
   const std::vector<Spin>& spins = accounts_[number].spins;
   if (spins.empty()) return Exp(time * body.angular_velocity_W) * body.rotation_WB;
   for (const Spin& spin : spins)
-    if (spin.time > last->time && spin.time <= time) *last = spin;
+    if (spin.time >= last->time && spin.time <= time) *last = spin;
   last->rotation_WB = Turn(body, last->rotation_WB, last->momentum_W, time - last->time, kLook);
   last->time = time;
   return last->rotation_WB;

@@ -15,7 +15,7 @@ constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what
 constexpr double kNone = 1e-8;     // of |g| dt: a velocity that is rounding
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
 constexpr int kCalmSteps = 2;      // without becoming faster, before a body may rest
-constexpr double kCalm = 10;       // times the tolerance, of |g| dt: velocity that a body at rest may be left with
+constexpr double kCalm = 0.01;     // times the tolerance, of |g| dt: velocity that a body at rest may be left with
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
