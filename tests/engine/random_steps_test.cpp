@@ -18,11 +18,11 @@ double LogUniform(SplitMix64* random, double low, double high) {
 }
 bool Chance(SplitMix64* random, double share) { return random->Uniform(0, 1) < share; }
 
-// A sphere, box or octahedron, one of three with an aspect of up to 1000.
+// A sphere, box or octahedron, one of three with an aspect of up to 100.
 Shape AnyShape(SplitMix64* random, double size) {
   const double kind = random->Uniform(0, 1);
   if (kind < 0.3) return Shape::Sphere(size);
-  const double aspect = LogUniform(random, 1, Chance(random, 0.3) ? 1000 : 10);
+  const double aspect = LogUniform(random, 1, Chance(random, 0.3) ? 100 : 10);
   const Vector3 half(size, size / (Chance(random, 0.5) ? aspect : LogUniform(random, 1, 4)), size / aspect);
   if (kind < 0.8) return Shape::Box(half);
   std::array<Vector3, 6> corners;
@@ -57,19 +57,19 @@ Drawn Draw(std::uint64_t seed) {
          .position_W = {0, 0, 6 * size}});
   if (Chance(&random, 0.4)) {
     BodyDefinition wall{.shape = Shape::Box({size * LogUniform(&random, 0.02, 1), 2 * size, 2 * size}),
-                        .kind = BodyKind::kKinematic, .position_W = {-10 * size, 0, 4 * size}};
+                        .kind = BodyKind::kKinematic, .position_W = {-14 * size, 0, 4 * size}};
     wall.linear_velocity_W = {LogUniform(&random, 0.01, 10), 0, 0};
     if (Chance(&random, 0.5)) wall.angular_velocity_W = random.Uniform(0, 3) * random.Direction();
     add(wall);
     drawn.walls_may_close = true;
   }
   const double speed = LogUniform(&random, 0.1, 30), spin = LogUniform(&random, 0.1, Chance(&random, 0.3) ? 300 : 20);
-  const double ratio = Chance(&random, 0.3) ? 1e6 : 100;
+  const double ratio = Chance(&random, 0.3) ? 1e4 : 100;
   const int bodies = 1 + static_cast<int>(random.Uniform(0, Chance(&random, 0.7) ? 5 : 20));
   for (int i = 0; i < bodies; ++i) {
     BodyDefinition d{.shape = AnyShape(&random, size * LogUniform(&random, 0.3, 1))};
     d.mass = LogUniform(&random, 1 / std::sqrt(ratio), std::sqrt(ratio));
-    d.position_W = Vector3(2.3 * size * (i % 3 - 1), 2.3 * size * (i / 3 % 3 - 1), 8.5 * size + 2.3 * size * (i / 9));
+    d.position_W = size * Vector3(3.5 * (i % 3 - 1), 3.5 * (i / 3 % 3 - 1), 8.5 + 3.5 * (i / 9));
     d.rotation_WB = random.Rotation(3);
     d.linear_velocity_W = speed * random.Uniform(0, 1) * random.Direction() - 0.3 * speed * Vector3::UnitZ();
     d.angular_velocity_W = spin * random.Direction();
