@@ -19,19 +19,21 @@ constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
+// In the frame of W.
+Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, const Vector3& momentum_W) {
+  return rotation * Vector3(inverse_inertia_B * (rotation.conjugate() * momentum_W));
+}
+
 // The rotation of a free body after a time, by Runge-Kutta of fourth order with the angular momentum kept; no step turns by more
 // than `longest` [rad].
 Quaternion Turn(const Body& body, Quaternion rotation, const Vector3& momentum_W, double time, double longest = kTurn) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
   const Matrix3 inverse = body.inertia_B.inverse();
-  const auto spin = [&](const Quaternion& q) -> Vector3 {
-    return q * Vector3(inverse * (q.conjugate() * momentum_W));
-  };
   const auto rate = [&](const Quaternion& q) {
-    const Vector3 w = 0.5 * spin(q.normalized());
+    const Vector3 w = 0.5 * SpinOf(inverse, q.normalized(), momentum_W);
     return Quaternion(0, w.x(), w.y(), w.z()) * q;
   };
-  const int steps = 1 + static_cast<int>(std::min(1e4, spin(rotation).norm() * time / longest));
+  const int steps = 1 + static_cast<int>(std::min(1e4, SpinOf(inverse, rotation, momentum_W).norm() * time / longest));
   const double h = time / steps;
   const auto along = [&](const Quaternion& by, double share) {
     Quaternion q = rotation;
@@ -174,11 +176,7 @@ Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double t
 
 void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* account) {
   const Body &before = step.before[number], &after = step.after[number];
-  std::vector<Moment> course = std::move(account->course);
-  std::vector<Spin> spins = std::move(account->spins);
-  *account = {};
-  account->course = std::move(course);
-  account->spins = std::move(spins);
+  account->gain = account->at_hand = account->allowed = account->momentum = account->angular = account->way = 0;
   account->spins.clear();
   FindCourse(step, number, account);
   if (!IsOurs(before)) return;
@@ -334,9 +332,12 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
     const Vector3 apart = PositionAt(account, time) - PositionAt(partner, time);
     return round ? apart : RotationAt(step, other, time, &last).conjugate() * apart;
   };
-  double rate = step.before[other].angular_velocity_W.norm();  // [rad/s] fastest
-  for (const Spin& spin : partner.spins)
-    rate = std::max(rate, (step.before[other].inertia_B.inverse() * (spin.rotation_WB.conjugate() * spin.momentum_W)).norm());
+  double rate = 0;  // [rad/s] fastest turn that matters
+  if (!round) {
+    rate = step.before[other].angular_velocity_W.norm();
+    const Matrix3 inverse = step.before[other].inertia_B.inverse();
+    for (const Spin& spin : partner.spins) rate = std::max(rate, SpinOf(inverse, spin.rotation_WB, spin.momentum_W).norm());
+  }
   thread_local std::vector<double> times;  // at which either changes its velocity
   times.clear();
   for (const Moment& moment : account.course) times.push_back(moment.time);
@@ -345,7 +346,7 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   for (size_t s = 0; s + 1 < times.size(); ++s) {
     const double begin = times[s], end = times[s + 1];
     if (end <= begin) continue;
-    const int parts = round ? 1 : 1 + static_cast<int>(std::min(1e5, rate * (end - begin) / kLook));
+    const int parts = 1 + static_cast<int>(std::min(1e5, rate * (end - begin) / kLook));
     Vector3 b = inside(begin);
     for (int k = 1; k <= parts; ++k) {
       const Vector3 a = b;

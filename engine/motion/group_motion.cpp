@@ -12,10 +12,8 @@ namespace {
 constexpr int kRounds = 6;         // of rooms
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
-constexpr double kNone = 1e-8;     // of |g| dt: a velocity that is rounding
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
-constexpr int kCalmSteps = 2;      // without becoming faster, before a body may rest
-constexpr double kCalm = 0.01;     // times the tolerance, of |g| dt: velocity that a body at rest may be left with
+constexpr double kCalm = 1e-8;     // of |g| dt: velocity that a body at rest may be left with, which the ledger does not miss
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
@@ -41,8 +39,6 @@ void GroupMemory::Resize(size_t bodies) {
   still.resize(bodies, 0);
   anchor.resize(bodies);
   load.resize(bodies, 0);
-  speed.resize(bodies, 0);
-  calm.resize(bodies, 0);
   mark.resize(bodies, kAwake);
 }
 
@@ -327,7 +323,7 @@ bool GroupMotion::IsBalanced(const Job& job) const {
 
 // A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
 void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
-  const double calm = kCalm * settings_.tolerance * std::max(settings_.gravity.norm() * dt, 1e-12);
+  const double calm = kCalm * std::max(settings_.gravity.norm() * dt, 1e-12);
   bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
   for (const int i : job.members) {
     Body& body = bodies[i];
@@ -340,14 +336,9 @@ void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupM
     } else {
       memory->still[i] += dt;
     }
-    // What becomes faster step by step, however slow it is, stands on an edge or a top and will fall.
-    const double speed = FastestPoint(TwistOf(body), body.radius);
-    memory->calm[i] = speed <= memory->speed[i] ? memory->calm[i] + 1 : 0;
-    memory->speed[i] = speed;
-    rests = rests && (memory->calm[i] >= kCalmSteps || speed <= kNone * settings_.gravity.norm() * dt);
     // What was at rest, and is left so under what has changed, need not wait.
     rests = rests && (memory->still[i] >= settings_.freeze_seconds || was_frozen_[i]) &&
-            speed <= calm;
+            FastestPoint(TwistOf(body), body.radius) <= calm;
   }
   for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
   if (!rests || !IsBalanced(job)) return;

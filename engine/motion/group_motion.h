@@ -25,8 +25,6 @@ struct GroupMemory {
   std::vector<double> still;              // [s] for which it has stood still
   std::vector<Pose> anchor;               // where
   std::vector<std::uint64_t> load;        // under which force
-  std::vector<double> speed;              // [m/s] of its fastest point
-  std::vector<int> calm;                  // steps in which it has not become faster
   std::vector<std::uint64_t> mark;        // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
   std::vector<Contact> contacts;          // near ones of small groups, by pair
   std::vector<Vector3> forces_W;          // [N] on body_b, that held there

@@ -907,9 +907,9 @@ double Stepper::EnergyOf(int i, const State& s) const {
 void Stepper::KeepAccounts(double h) {
   const std::vector<Body>& bodies = group_->bodies;
   accounts_.assign(bodies.size(), {});
+  edges_.clear();
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& b = bodies[i];
-    accounts_[i].with = static_cast<int>(i);
     if (!b.Moves()) continue;
     const State& s = state_[i];
     accounts_[i].gain = EnergyOf(static_cast<int>(i), end_state_[i]) - EnergyOf(static_cast<int>(i), s) -
@@ -918,10 +918,6 @@ void Stepper::KeepAccounts(double h) {
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
     accounts_[i].allowed = kGain * out_->pieces * accounts_[i].at_hand + kRounding * b.mass * pull_ * s.pose.position_W.norm();
   }
-  const auto root = [&](int i) {
-    while (accounts_[i].with != i) i = accounts_[i].with;
-    return i;
-  };
   const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
     if (impulse.isZero(0)) return;
     const int a = contact.body_a, b = contact.body_b, mover = bodies[a].Moves() ? a : b;
@@ -932,9 +928,7 @@ void Stepper::KeepAccounts(double h) {
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
       accounts_[mover].gain += (i == b ? 1 : -1) * impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
     }
-    if (!bodies[a].Moves() || !bodies[b].Moves()) return;
-    const int x = root(a), y = root(b);
-    accounts_[std::max(x, y)].with = std::min(x, y);
+    edges_.emplace_back(a, b);
   };
   for (size_t c = 0; c < held_.size(); ++c) act(held_[c], acted_at_[c], impulse_W_[c], false);
   FindWork();
@@ -947,26 +941,18 @@ void Stepper::KeepAccounts(double h) {
     act(end_[e], end_[e].point_W, settle_W_[e], true);
     act(end_[e], end_[e].point_W, strike_W_[e], true);
   }
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    const int to = root(static_cast<int>(i));
-    if (to == static_cast<int>(i)) continue;
-    accounts_[to].gain += accounts_[i].gain;
-    accounts_[to].at_hand += accounts_[i].at_hand;
-    accounts_[to].allowed += accounts_[i].allowed;
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  gains_ = loses_ = false;
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    Account sum;
+    for (const int i : partition_.bodies_of(island)) {
+      sum.gain += accounts_[i].gain;
+      sum.at_hand += accounts_[i].at_hand;
+      sum.allowed += accounts_[i].allowed;
+    }
+    gains_ = gains_ || sum.gain > sum.allowed;
+    loses_ = loses_ || sum.gain < -kStopped * sum.at_hand;
   }
-}
-
-bool Stepper::Gains() const {
-  for (size_t i = 0; i < accounts_.size(); ++i)
-    if (accounts_[i].with == static_cast<int>(i) && accounts_[i].gain > accounts_[i].allowed) return true;
-  return false;
-}
-
-// Whether nobody lost what a jam takes.
-bool Stepper::LosesNothing() const {
-  for (size_t i = 0; i < accounts_.size(); ++i)
-    if (accounts_[i].with == static_cast<int>(i) && accounts_[i].gain < -kStopped * accounts_[i].at_hand) return false;
-  return true;
 }
 
 // [J] per pair: work of what carried in the piece.
@@ -1118,17 +1104,16 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     strike_W_.assign(end_.size(), Vector3::Zero());
     if (cut) Strike();
     KeepAccounts(h);
-    const bool gains = Gains();
-    if (gains && Pushed()) {  // it cost more than that: not now
+    if (gains_ && Pushed()) {  // it cost more than that: not now
       pays_.assign(group->pairs.size(), false);
       continue;
     }
-    if (gains && !moves) {  // levers of the start gain to first order of h, those of halfway to third
+    if (gains_ && !moves) {  // levers of the start gain to first order of h, those of halfway to third
       centred = true;
       continue;
     }
     const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
-    if (gains && level < kLevels && !yields) {
+    if (gains_ && level < kLevels && !yields) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;
@@ -1141,7 +1126,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     Commit(t, h);
     t += h;
     cuts_ += cut;
-    jammed = jammed || (instant && LosesNothing());  // nothing was stopped: a false alarm, not to be given again
+    jammed = jammed || (instant && !loses_);  // nothing was stopped: a false alarm, not to be given again
     const bool was_instant = std::exchange(instant, false);
     SeeWhoPays(h);
     grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;

@@ -90,8 +90,7 @@ class Stepper {
     Vector3 linear_W, angular_W;
     Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
   };
-  struct Account {           // of a body, in the end of all that did something to each other in the piece
-    int with = 0;            // whose account this one goes into
+  struct Account {           // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
   void LoadState();
@@ -148,8 +147,6 @@ class Stepper {
   void Strike();
   double EnergyOf(int i, const State& state) const;
   void KeepAccounts(double h);
-  bool Gains() const;
-  bool LosesNothing() const;
   void FindWork();
   void SeeWhoPays(double h);
   bool Pushed() const;
@@ -178,6 +175,7 @@ class Stepper {
   GroupOutcome* out_ = nullptr;
   std::vector<double> yields_;    // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
+  bool gains_ = false, loses_ = false;  // some of them more than allowed; what a jam takes
   std::vector<double> work_of_, taken_, costs_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap
   std::vector<std::uint8_t> pays_;               // per pair: whether that is enough
   std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
