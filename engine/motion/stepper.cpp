@@ -728,6 +728,7 @@ void Stepper::NextTargets(double h) {
   next_of_.clear();
   next_impulse_W_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
+    if (Hits(e)) continue;
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
     if (const Contact* start = ClosedAtStart(e)) {
@@ -847,6 +848,13 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
 // Near enough to a blow to take part in it.
 bool Stepper::IsThere(size_t at_end) const { return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]); }
 
+// Whether a contact is the blow that ends the piece: it strikes, and carries nothing.
+bool Stepper::Hits(size_t at_end) const {
+  const Contact& c = end_[at_end];
+  if (cut_pair_ < 0 || !IsThere(at_end) || !CarriedBy(at_end).isZero(0)) return false;
+  return c.normal_W.dot(end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W)) > CutSpeed(c);
+}
+
 bool Stepper::HasMet(int pair) const {
   for (size_t e = 0; e < end_.size(); ++e)
     if (end_pair_[e] == pair && IsThere(e)) return true;
@@ -926,7 +934,9 @@ void Stepper::KeepAccounts(double h) {
       const Body& wall = bodies[i];
       if (wall.kind != BodyKind::kKinematic) continue;
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
-      accounts_[mover].gain += (i == b ? 1 : -1) * impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+      const double work = impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+      accounts_[mover].gain += (i == b ? 1 : -1) * work;
+      accounts_[mover].allowed += kGain * std::abs(work);
     }
     edges_.emplace_back(a, b);
   };

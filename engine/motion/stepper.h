@@ -143,6 +143,7 @@ class Stepper {
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   void Record(Stage stage, QpStatus status);
   bool IsThere(size_t at_end) const;
+  bool Hits(size_t at_end) const;
   bool HasMet(int pair) const;
   void Strike();
   double EnergyOf(int i, const State& state) const;

@@ -1,4 +1,4 @@
-// T52, T53, T56: bounces on whatever a slab is, and scenes seen from moving and turned frames.
+// T52, T53, T56, T58: bounces on whatever a slab is, a bat, and scenes seen from moving and turned frames.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -109,6 +109,34 @@ void MeasureElastic(const CheckSettings& s, Measurements* out) {
     out->Absolute(std::string(name) + ": bounces", "", most, bounces, 0);
     out->AtMost(std::string(name) + ": change of height", "", std::abs(HeightOf(b) / kDrop - 1), 1e-4);
     out->Absolute(std::string(name) + ": steps that the ledger calls failed", "", 0, failed, 0);
+  }
+}
+
+// A bat of 2 m that the user turns hits a ball at rest, weightless and without friction: along the bat's normal the ball leaves at
+// (1 + e) times the speed that the bat has there.
+void MeasureBat(const CheckSettings& s, Measurements* out) {
+  constexpr double kHalfThick = 0.03, kBall = 0.04;  // [m]
+  for (const double restitution : {0.3, 0.6, 1.0}) {  // less, and it catches up with the ball in the same step
+    double off = 0;
+    int failed = 0;
+    for (const double turn_of_step : {0.03, 0.3, 0.6}) {  // [rad]
+      const double turn = turn_of_step / s.dt;           // [rad/s]
+      for (int phase = 0; phase < 6; ++phase) {
+        Settings engine = s.engine;
+        engine.gravity.setZero();
+        World world(engine);
+        BodyDefinition bat{.shape = Shape::Box({1, kHalfThick, kHalfThick}), .kind = BodyKind::kKinematic, .friction = 0, .restitution = restitution};
+        bat.angular_velocity_W.z() = turn;
+        world.Add(bat);
+        const double along = 0.3 + 0.1 * phase, start = 0.2 + 0.13 * phase;  // [m], [rad] that it turns before it hits
+        const int ball = world.Add(Ball(Turn(start, Vector3::UnitZ()) * Vector3(along, kHalfThick + kBall, 0), kBall, 0, restitution));
+        for (int i = 0; i < 40 && world.body(ball).linear_velocity_W.isZero(0); ++i) failed += world.Step(s.dt).Failed();
+        off = std::max(off, std::abs(world.body(ball).linear_velocity_W.norm() / ((1 + restitution) * turn * along) - 1));
+      }
+    }
+    const std::string of = "e = " + std::to_string(restitution).substr(0, 3);
+    out->AtMost(of + ": speed off (1 + e) w r", "", off, 1e-6);
+    out->Absolute(of + ": steps that the ledger calls failed", "", 0, failed, 0);
   }
 }
 

@@ -36,6 +36,7 @@ std::span<const Check> MotionChecks() {
       {"T55", "bowling", Gate::kGate, "momentum of what the floor does not touch; nothing passes", MeasureBowling},
       {"T56", "moving and turned frames of reference", Gate::kGate, "the same motion", MeasureFrames},
       {"T57", "in a closed shell", Gate::kGate, "none escapes; e = 1 keeps the energy", MeasureClosedShell},
+      {"T58", "a bat", Gate::kGate, "a ball leaves it at (1 + e) w r", MeasureBat},
   };
   return kChecks;
 }

@@ -1,4 +1,4 @@
-// What the files of the motion family share: scenes in which bodies are thin, long or fast for their step (T46 to T57).
+// What the files of the motion family share: scenes in which bodies are thin, long or fast for their step (T46 to T58).
 #pragma once
 
 #include "engine/world.h"
@@ -19,6 +19,7 @@ void MeasurePassing(const CheckSettings& settings, Measurements* out);       // 
 void MeasureBowling(const CheckSettings& settings, Measurements* out);       // T55
 void MeasureFrames(const CheckSettings& settings, Measurements* out);        // T56
 void MeasureClosedShell(const CheckSettings& settings, Measurements* out);   // T57
+void MeasureBat(const CheckSettings& settings, Measurements* out);           // T58
 
 // Steps worlds and keeps the worst of what every one of these scenes must obey: energy that no wall brings never rises, and the
 // ledger, which neither solver nor motion writes, is clean.
