@@ -128,24 +128,30 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
   }
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kSameTime * step.dt; }), times.end());
+  // Every impulse between the moments that its own fall together with, so that none of it is lost where they do.
+  thread_local std::vector<std::pair<size_t, size_t>> when;
+  when.clear();
+  const auto moment_of = [&](double time) { return std::upper_bound(times.begin(), times.end(), time) - times.begin() - 1; };
+  for (const int k : own) {
+    const LedgerImpulse& j = step.impulses[k];
+    when.emplace_back(moment_of(j.time), moment_of(j.time + j.duration));
+  }
   Moment now{0, body.position_W, body.linear_velocity_W};
   const Vector3 constant = step.gravity_W + body.force_W / body.mass;
   for (size_t s = 0; s < times.size(); ++s) {
-    const double t = times[s], tiny = kSameTime * step.dt;
-    now.time = t;
-    for (const int k : own) {
-      const LedgerImpulse& j = step.impulses[k];
-      if (j.duration < tiny && j.time >= t && j.time < t + tiny) now.velocity_W += SignOn(j, number) / body.mass * j.impulse_W;
+    now.time = times[s];
+    Vector3 acceleration = constant;
+    for (size_t k = 0; k < own.size(); ++k) {
+      const auto [begin, end] = when[k];
+      if (s < begin || s > end) continue;
+      const LedgerImpulse& j = step.impulses[own[k]];
+      const Vector3 gain = SignOn(j, number) / body.mass * j.impulse_W;
+      if (begin == end && begin == s) now.velocity_W += gain;
+      if (s < end) acceleration += gain / (times[end] - times[begin]);
     }
     course.push_back(now);
     if (s + 1 == times.size()) break;
-    const double h = times[s + 1] - t;
-    Vector3 acceleration = constant;
-    for (const int k : own) {
-      const LedgerImpulse& j = step.impulses[k];
-      if (j.duration >= tiny && j.time <= t + tiny && j.time + j.duration >= t + h - tiny)
-        acceleration += SignOn(j, number) / (body.mass * j.duration) * j.impulse_W;
-    }
+    const double h = times[s + 1] - times[s];
     now.position_W += h * now.velocity_W + 0.5 * h * h * acceleration;
     now.velocity_W += h * acceleration;
   }

@@ -13,7 +13,7 @@ constexpr int kRounds = 6;         // of rooms
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
-constexpr double kCalm = 1e-8;     // of |g| dt: velocity that a body at rest may be left with, which the ledger does not miss
+constexpr double kCalm = 5e-10;    // of |g| dt: velocity that a body at rest may be left with, which the ledger does not miss
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;

@@ -104,11 +104,13 @@ double Stepper::BodyRadius(int i) const {
   return turns_in_itself ? 0 : shape.radius();
 }
 
-// [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight.
+// [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight. Where there have been too many
+// in the step, to be over soon is all the same whether weight ends a bounce or a turn.
 double Stepper::CutSpeed(const Contact& contact) const {
-  if (pull_ == 0) return threshold_;
-  const double brief = contact.restitution > 0 ? least_rebound_ / contact.restitution : kFar;
-  return std::max(threshold_, std::ldexp(std::min(brief, pull_ * dt_), std::min(60, std::max(0, cuts_ - blow_budget_))));
+  const double brief = contact.restitution > 0 ? least_rebound_ / contact.restitution : kFar, slow = std::min(brief, pull_ * dt_);
+  const int beyond = cuts_ - blow_budget_;
+  if (beyond <= 0) return std::max(threshold_, slow);
+  return std::max(threshold_, std::ldexp(std::max(slow, bend_ * dt_ / blow_budget_), std::min(60, beyond)));
 }
 
 // Whether it is a blow, when it gets there: as fast as it is, or falls by then.
@@ -1035,6 +1037,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
   least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
+  bend_ = 0;
+  for (size_t i = 0; i < group->bodies.size(); ++i)
+    if (BodyRadius(static_cast<int>(i)) > 0) bend_ = std::max(bend_, state_[i].angular_W.norm() * WhirlOf(static_cast<int>(i)));
   last_.clear();
   last_pair_.clear();
   last_force_W_.clear();

@@ -61,6 +61,21 @@ TEST_F(LedgerTest, SpreadImpulseOnTheWayIsExplained) {
   EXPECT_LT(ledger.displacement_without_velocity.value, 1e-12);
 }
 
+// The moments of a short push are rounded by more than it is long: 1e-16 of the step in 1e-9 of it.
+TEST_F(LedgerTest, AShortPushLosesNothing) {
+  LedgerImpulse push;
+  push.contact.body_a = 0, push.contact.body_b = 1;
+  push.impulse_W = {0, 0, 5};
+  push.time = 0.7 * kDt;
+  push.duration = 1e-9 * kDt;
+  push.contact.point_W = before[1].position_W + push.time * before[1].linear_velocity_W + 0.5 * push.time * push.time * kGravity;
+  impulses = {push};
+  after[1].linear_velocity_W += push.impulse_W;
+  after[1].position_W += 0.3 * kDt * push.impulse_W;
+  EXPECT_LT(Judge().momentum_unexplained.value, 1e-14);
+  EXPECT_LT(Judge().displacement_without_velocity.value, 1e-9);
+}
+
 TEST_F(LedgerTest, SeesEveryKindOfWrong) {
   after[1].linear_velocity_W.x() += 1e-3;
   EXPECT_GT(Judge().momentum_unexplained.value, 1e-4);
