@@ -58,7 +58,7 @@ double Meeting::First(const MeetingQuery& query) {
 
 // What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
-  constexpr int kLooks = 64;
+  constexpr int kLooks = 1000;
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);

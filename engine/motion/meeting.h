@@ -20,6 +20,12 @@ struct MeetingQuery {
   double duration;  // [s] of both paths
   double gap;       // [m] <= 0: overlap that there is, and may stay
   double deep;      // [m] by which it has to grow before the bodies have met
+  // [m] that no two points of the bodies move by more than against each other.
+  double Farthest() const {
+    return duration * ((path_b.velocity_W - path_a.velocity_W).norm() +
+                       duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm() + path_a.TurnSpeed(0, duration) +
+                       path_b.TurnSpeed(0, duration));
+  }
 };
 
 class Meeting {

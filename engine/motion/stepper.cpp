@@ -447,12 +447,9 @@ double Stepper::FindMeeting(double h) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
-    const MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), first,
-                             GapOfBlow(static_cast<int>(p)), (stays ? kNear : 0.5 * kOverlap) * Size(pair)};
+    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
-    const double moves = (b.velocity_W - a.velocity_W).norm() + h * (b.half_acceleration_W - a.half_acceleration_W).norm() +
-                         a.TurnSpeed(0, h) + b.TurnSpeed(0, h);
-    if (moves * h < 0.5 * query.deep) continue;
+    if (query.Farthest() < 0.5 * query.deep) continue;
     const double t = meeting_.First(query);
     if (t >= first) continue;
     probe_.clear();
@@ -475,6 +472,24 @@ double Stepper::FindMeeting(double h) {
     cut_pair_ = static_cast<int>(p);
   }
   return first;
+}
+
+// The query of a pair's way in the piece.
+MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, double deep) const {
+  const GroupPair& pair = group_->pairs[number];
+  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap, deep * Size(pair)};
+}
+
+// Whether the way of some pair leads through an overlap that is never left. What is seen at the end alone may have come to another
+// side.
+bool Stepper::WayIsBarred(double h) {
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    if (yields_[p] > 0) continue;
+    const int pair = static_cast<int>(p);
+    const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kDeep);
+    if (way.Farthest() > 0.5 * way.deep && meeting_.First(way) < h) return true;
+  }
+  return false;
 }
 
 // A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
@@ -1098,8 +1113,10 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     DetectEnd();
     double missed = Missed();
     const bool moves = centred || LeversMove(h);
+    bool redone = guarded_;  // the way is not the one that was searched
     for (int pass = 1; pass < kPasses && (missed > kOverlap || (pass == 1 && moves)); ++pass) {
       ++out_->passes;
+      redone = true;
       NextTargets(h);
       Carry(h, false);
       Fly(h);
@@ -1107,7 +1124,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       const double before = std::exchange(missed, Missed());
       if (pass > 1 && missed > kDeep && missed > kNearer * before) break;  // a shorter piece gets there sooner
     }
-    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep;
+    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(h));
     if (deep && level < kLevels) {
       ++level;
       ++out_->halvings;

@@ -110,6 +110,8 @@ class Stepper {
   void Fly(double h);
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
+  MeetingQuery WayOf(int number, double h, double until, double gap, double deep) const;
+  bool WayIsBarred(double h);
   void Guard(int number, double t, const Path& a, const Path& b);
   void EndAt(double at, double* h);
   double Shorten(double h, double moment);
