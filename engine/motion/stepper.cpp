@@ -36,6 +36,8 @@ constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the
 constexpr double kMet = 1e-8;       // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
+constexpr double kFarthestLever = 1e-2; // of a size: what a lever may be moved by for the sake of energy
+constexpr double kTilts = 1e-3;         // of a spin: less across the normal is none
 constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
@@ -737,6 +739,25 @@ Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
   return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
 }
 
+// [rad/s] of a body halfway.
+Vector3 Stepper::MeanSpin(int i) const {
+  const Body& b = group_->bodies[i];
+  return b.Moves() ? Vector3(0.5 * (spun_[i] + spun_after_[i])) : b.angular_velocity_W;
+}
+
+// Moves the point of a contact in its plane, to where the mean velocity opens it as fast as its gap did change: then its normal
+// impulse works on the bodies what the gap says, and where that stays closed, nothing (a discrete gradient [Gonzalez 96]).
+void Stepper::TurnLever(double opening, Contact* contact) const {
+  const int a = contact->body_a, b = contact->body_b;
+  for (const int i : {a, b})
+    if (group_->shapes[i]->kind() == ShapeKind::kSphere) return;  // its normal passes through its centre
+  const Vector3& n = contact->normal_W;
+  const Vector3 spin = MeanSpin(b) - MeanSpin(a), along = n.cross(spin);
+  const double off = opening - n.dot(MeanVelocity(b, contact->point_W) - MeanVelocity(a, contact->point_W));
+  if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * Size({a, b}) * along.norm())
+    contact->point_W += off / along.squaredNorm() * along;
+}
+
 // Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
 // begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
 // ends.
@@ -751,6 +772,7 @@ void Stepper::NextTargets(double h) {
     if (const Contact* start = ClosedAtStart(e)) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+      TurnLever((contact.gap - start->gap) / h, &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);

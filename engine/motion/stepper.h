@@ -136,6 +136,8 @@ class Stepper {
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
+  Vector3 MeanSpin(int i) const;
+  void TurnLever(double opening, Contact* contact) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;
