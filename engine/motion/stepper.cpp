@@ -14,6 +14,7 @@ constexpr double kNear = 5e-5;      // of a size: overlap by which what rests on
 constexpr double kOverlap = 5e-6;   // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
+constexpr double kThrough = 0.25;   // of a size: the same on the way through a piece, at the end of which there is none
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -482,13 +483,13 @@ MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, doub
   return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap, deep * Size(pair)};
 }
 
-// Whether the way of some pair leads through an overlap that is never left. What is seen at the end alone may have come to another
-// side.
+// Whether some pair is so deep in each other on its way that it may come out on another side. What hits slowly is stopped over the
+// whole piece, and overlaps for a while by less.
 bool Stepper::WayIsBarred(double h) {
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const int pair = static_cast<int>(p);
-    const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kDeep);
+    const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kThrough);
     if (way.Farthest() > 0.5 * way.deep && meeting_.First(way) < h) return true;
   }
   return false;
@@ -984,7 +985,7 @@ void Stepper::KeepAccounts(double h) {
   for (size_t p = 0; p < work_of_.size(); ++p) {  // what pushes an overlap out was paid before
     const GroupPair& pair = group_->pairs[p];
     if (PushOut(static_cast<int>(p)) > 0)
-      accounts_[bodies[pair.a].Moves() ? pair.a : pair.b].allowed += std::clamp(work_of_[p], 0.0, std::max(0.0, taken_[p]));
+      accounts_[bodies[pair.a].Moves() ? pair.a : pair.b].allowed += std::clamp(work_of_[p], 0.0, std::max(0.0, purse_[p]));
   }
   for (size_t e = 0; e < end_.size(); ++e) {
     act(end_[e], end_[e].point_W, settle_W_[e], true);
@@ -1012,15 +1013,35 @@ void Stepper::FindWork() {
 }
 
 // Which pairs took more in the step, by friction and where they sank, than a piece of this length would give them for their overlap.
+// What one took another may have given: all that did something to each other in the step must have taken as much together.
 void Stepper::SeeWhoPays(double h) {
   costs_.assign(group_->pairs.size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {
     const int pair = held_of_[c].pair;
     costs_[pair] -= held_[c].normal_W.dot(impulse_W_[c]) * kPushOut * GapBefore(pair) / h;
   }
+  edges_.clear();
+  problem_of_.clear();
   for (size_t p = 0; p < costs_.size(); ++p) {
     taken_[p] -= work_of_[p];
-    pays_[p] = taken_[p] > costs_[p];
+    if (taken_[p] == 0) continue;
+    edges_.emplace_back(group_->pairs[p].a, group_->pairs[p].b);
+    problem_of_.push_back(static_cast<int>(p));
+  }
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  pays_.assign(costs_.size(), false);
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    double taken = 0, costs = 0;
+    for (const int e : partition_.contacts_of(island)) {
+      const int p = problem_of_[e];
+      taken += taken_[p];
+      if (taken_[p] > costs_[p]) costs += costs_[p];
+    }
+    for (const int e : partition_.contacts_of(island)) {
+      const int p = problem_of_[e];
+      pays_[p] = taken_[p] > costs_[p] && taken > costs;
+      purse_[p] = std::min(taken_[p], taken);
+    }
   }
 }
 
@@ -1096,6 +1117,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   grazing_ = -1;
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
+  purse_.assign(group->pairs.size(), 0.0);
   bool jammed = false, instant = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {

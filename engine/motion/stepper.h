@@ -182,7 +182,7 @@ class Stepper {
   std::vector<double> yields_;    // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false, loses_ = false;  // some of them more than allowed; what a jam takes
-  std::vector<double> work_of_, taken_, costs_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap
+  std::vector<double> work_of_, taken_, costs_, purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;               // per pair: whether that is enough
   std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
