@@ -11,7 +11,7 @@ cd "$(dirname "$0")"
 packages=(
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libfcl-dev libsuitesparse-dev
-  libbenchmark-dev libgtest-dev libhdf5-dev
+  libbenchmark-dev libgtest-dev librapidcheck-dev libhdf5-dev
   libcli11-dev nlohmann-json3-dev libfmt-dev
 )
 

@@ -533,9 +533,9 @@ WorldSnapshot World::Save() const {
 }
 
 void World::Restore(const WorldSnapshot& snapshot) {
+  SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
   impl_->suite.SetMemory(snapshot.data_->suite);
-  SetGravity(snapshot.data_->gravity);
 }
 
 std::span<const Body> World::bodies() const { return impl_->bodies; }

@@ -155,9 +155,20 @@ static void PlaceWallsAt(double t, const std::vector<Body>& bodies, const std::f
   }
 }
 
+// [m] at least between the bodies of a pair, by the spheres around them.
+double Stepper::Apart(const GroupPair& pair, std::span<const State> at) const {
+  const Vector3 way = at[pair.b].pose.position_W - at[pair.a].pose.position_W;
+  const bool plane_a = group_->shapes[pair.a]->kind() == ShapeKind::kHalfSpace, plane_b = group_->shapes[pair.b]->kind() == ShapeKind::kHalfSpace;
+  const auto up = [&](int i) -> Vector3 { return at[i].pose.rotation_WB * Vector3::UnitZ(); };
+  if (plane_a) return up(pair.a).dot(way) - group_->bodies[pair.b].radius;
+  if (plane_b) return -up(pair.b).dot(way) - group_->bodies[pair.a].radius;
+  return way.norm() - group_->bodies[pair.a].radius - group_->bodies[pair.b].radius;
+}
+
 void Stepper::DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                          std::vector<int>* pair_of) {
   const GroupPair& pair = group_->pairs[number];
+  if (Apart(pair, at) > reach) return;
   const size_t first = contacts->size();
   CollideShapes(*group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
                 at[pair.b].pose.placement(), reach, contacts);
@@ -190,29 +201,20 @@ double Stepper::WhirlOf(int i) const {
   return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
 }
 
-// A turn bends the way of a corner; where something is near, a piece is no longer than what one lever describes, and no way bends
-// farther than its body is thick.
+// A turn bends the way of a corner; a piece in which something is near is no longer than what one lever describes, and no way in it
+// bends farther than its body is thick.
 double Stepper::ChooseLength(double rest) {
   double most = rest;
   for (const GroupPair& pair : group_->pairs) {
-    const Body &a = group_->bodies[pair.a], &b = group_->bodies[pair.b];
-    const double room = rest * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm() +
-                        2 * pull_ * rest * rest;
-    if (group_->shapes[pair.a]->kind() != ShapeKind::kHalfSpace &&
-        group_->shapes[pair.b]->kind() != ShapeKind::kHalfSpace &&
-        (state_[pair.b].pose.position_W - state_[pair.a].pose.position_W).norm() > a.radius + b.radius + room)
-      continue;
+    const double apart = std::max(0.0, Apart(pair, state_)), speed = (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
+    const double near_at = apart > 0 ? 2 * apart / (speed + std::sqrt(speed * speed + 8 * pull_ * apart)) : 0;  // [s]
     for (const int i : {pair.a, pair.b}) {
-      if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
-      const int other = i == pair.a ? pair.b : pair.a;
-      if (group_->shapes[other]->kind() == ShapeKind::kHalfSpace) {
-        const Vector3 up = state_[other].pose.rotation_WB * Vector3::UnitZ();
-        if (up.dot(state_[i].pose.position_W - state_[other].pose.position_W) > group_->bodies[i].radius + room) continue;
-      }
-      const double turn = state_[i].angular_W.norm();
-      if (turn * most > kTurn) most = kTurn / turn;
+      if (near_at >= most) break;
+      if (BodyRadius(i) == 0) continue;
+      const double turn = state_[i].angular_W.norm(), size = group_->shapes[i]->size();
       const double bend = turn * WhirlOf(i) / 8;  // [m/s^2]
-      if (bend * most * most > group_->shapes[i]->size()) most = std::sqrt(group_->shapes[i]->size() / bend);
+      if (turn * most > kTurn) most = std::max(near_at, kTurn / turn);
+      if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
     }
   }
   return most;
@@ -452,7 +454,8 @@ double Stepper::FindMeeting(double h) {
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
-    if (query.Farthest() < 0.5 * query.deep) continue;
+    if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
+    ++work_;
     const double t = meeting_.First(query);
     if (t >= first) continue;
     probe_.clear();
@@ -632,7 +635,7 @@ bool Stepper::LeversMove(double h) const {
       alike = end_pair_[e] == held_of_[c].pair && (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
     if (!alike) return true;
     for (const int i : {a, b}) {
-      if (BodyRadius(i) == 0 || group_->shapes[i]->kind() == ShapeKind::kHalfSpace) continue;
+      if (BodyRadius(i) == 0) continue;
       const Vector3& spin = group_->bodies[i].Moves() ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
       if (h * spin.norm() > kLeverMoves) return true;
     }
@@ -1126,7 +1129,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       out_->unstepped = dt - t;
       break;
     }
-    work_ += static_cast<int>(group->pairs.size());
+    ++work_;
     time_of_piece_ = t;
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));

@@ -96,6 +96,7 @@ class Stepper {
   void LoadState();
   double WhirlOf(int i) const;
   double ChooseLength(double rest);
+  double Apart(const GroupPair& pair, std::span<const State> at) const;
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
