@@ -263,6 +263,7 @@ void Stepper::PartProblem() {
     edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
   }
   islands::BuildPartition({cut_, edges_}, &partition_);
+  work_ += kSolveWork * static_cast<int>(problem_.size());
 }
 
 void Stepper::SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes) {
@@ -310,7 +311,6 @@ void Stepper::Carry(double h, bool first) {
     local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
   }
   if (StillCarries(h)) return;
-  work_ += kSolveWork * static_cast<int>(held_.size());
   SolveParts(targets_, floor_, &out_->carried);
   for (size_t c = 0; c < held_.size(); ++c) {
     impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);

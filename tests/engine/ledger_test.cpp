@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "engine/rotation.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
@@ -59,6 +60,24 @@ TEST_F(LedgerTest, SpreadImpulseOnTheWayIsExplained) {
   EXPECT_LT(ledger.momentum_unexplained.value, 1e-14);
   EXPECT_LT(ledger.angular_momentum_unexplained.value, 1e-12);
   EXPECT_LT(ledger.displacement_without_velocity.value, 1e-12);
+}
+
+// A needle of aspect 1000 turns about its momentum, and about its own axis.
+TEST_F(LedgerTest, KnowsHowANeedleTurns) {
+  shapes[1] = Shape::Box({0.5, 0.0005, 0.0005});
+  Body &needle = before[1], &turned = after[1];
+  needle.inertia_B = turned.inertia_B = shapes[1].MassFromMass(1).inertia_B;
+  needle.radius = turned.radius = shapes[1].radius();
+  needle.rotation_WB = Exp(Vector3(0.3, -0.2, 0.5));
+  needle.angular_velocity_W = needle.rotation_WB * Vector3(30, 4, 5);
+  const Vector3 momentum = needle.AngularMomentumW();
+  const double across = needle.inertia_B(1, 1);
+  const Vector3 own = kDt * (30 - needle.inertia_B(0, 0) * 30 / across) * Vector3::UnitX();
+  turned.rotation_WB = Exp(kDt / across * momentum) * needle.rotation_WB * Exp(own);
+  const Vector3 spin_B = needle.inertia_B.inverse() * (turned.rotation_WB.conjugate() * momentum);
+  turned.angular_velocity_W = turned.rotation_WB * spin_B;
+  EXPECT_LT(Judge().displacement_without_velocity.value, 1e-9);  // its moments differ by 1e6, so do roundings
+  EXPECT_TRUE(Judge().Clean());
 }
 
 // The moments of a short push are rounded by more than it is long: 1e-16 of the step in 1e-9 of it.
