@@ -25,6 +25,7 @@ double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) 
 }  // namespace
 
 double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal) {
+  ++looks_;
   contacts_.clear();
   CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
   double least = kFar;

@@ -7,6 +7,7 @@
 //   threads: one Meeting per thread (scratch)    allocation: none after warm-up
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "engine/motion/path.h"
@@ -32,12 +33,15 @@ class Meeting {
  public:
   // [s] after which the gap is below gap - deep, at most by as much again; duration if it never is.
   double First(const MeetingQuery& query);
+  // How often gaps were looked at so far.
+  std::int64_t looks() const { return looks_; }
 
  private:
   double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
   double AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;
+  std::int64_t looks_ = 0;
 };
 
 }  // namespace islet::motion

@@ -22,8 +22,8 @@ constexpr double kGain = 2e-14;     // of the energy at hand, times the pieces s
 constexpr double kRounding = 1e-15; // of a position
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
-constexpr int kMostWork = 50000;   // of a step: pairs looked at, and contacts solved, which are so much dearer
-constexpr int kSolveWork = 4;
+constexpr int kMostWork = 400000;   // of a step: looks at a pair, and contacts solved, which are so much dearer
+constexpr int kSolveWork = 32;
 constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
 constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
@@ -455,8 +455,7 @@ double Stepper::FindMeeting(double h) {
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
-    ++work_;
-    const double t = meeting_.First(query);
+    const double t = First(query);
     if (t >= first) continue;
     probe_.clear();
     CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * kNear * Size(pair), &probe_);
@@ -480,6 +479,13 @@ double Stepper::FindMeeting(double h) {
   return first;
 }
 
+double Stepper::First(const MeetingQuery& query) {
+  const std::int64_t before = meeting_.looks();
+  const double first = meeting_.First(query);
+  work_ += static_cast<int>(meeting_.looks() - before);
+  return first;
+}
+
 // The query of a pair's way in the piece.
 MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, double deep) const {
   const GroupPair& pair = group_->pairs[number];
@@ -493,7 +499,7 @@ bool Stepper::WayIsBarred(double h) {
     if (yields_[p] > 0) continue;
     const int pair = static_cast<int>(p);
     const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kThrough);
-    if (way.Farthest() > 0.5 * way.deep && meeting_.First(way) < h) return true;
+    if (way.Farthest() > 0.5 * way.deep && First(way) < h) return true;
   }
   return false;
 }
@@ -1129,7 +1135,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       out_->unstepped = dt - t;
       break;
     }
-    ++work_;
+    work_ += kSolveWork + static_cast<int>(group->pairs.size());
     time_of_piece_ = t;
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));

@@ -112,6 +112,7 @@ class Stepper {
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
   MeetingQuery WayOf(int number, double h, double until, double gap, double deep) const;
+  double First(const MeetingQuery& query);
   bool WayIsBarred(double h);
   void Guard(int number, double t, const Path& a, const Path& b);
   void EndAt(double at, double* h);
