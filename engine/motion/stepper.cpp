@@ -39,12 +39,13 @@ constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow ta
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
 constexpr double kFarthestLever = 1e-2; // of a size: what a lever may be moved by for the sake of energy
 constexpr double kTilts = 1e-3;         // of a spin: less across the normal is none
-constexpr double kLeverMoves = 0.01;  // of its length: what a lever may change by in a piece that one pass describes
+constexpr double kLeverMoves = 1e-6;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
 constexpr int kLineRounds = 20;       // each takes some ten times off the angle
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
+constexpr double kRocks = 0.25;     // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
 constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
@@ -107,13 +108,23 @@ double Stepper::BodyRadius(int i) const {
   return turns_in_itself ? 0 : shape.radius();
 }
 
-// [m/s] approaches above it are blows: they rebound for a while, or are faster than a step's weight. Where there have been too many
-// in the step, to be over soon is all the same whether weight ends a bounce or a turn.
+// [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
+double Stepper::BendOf(const Contact& contact) const {
+  double bend = pull_;
+  for (const int i : {contact.body_a, contact.body_b}) {
+    const Body& b = group_->bodies[i];
+    if (b.kind != BodyKind::kKinematic) continue;
+    bend += b.angular_velocity_W.cross(b.angular_velocity_W.cross(contact.point_W - state_[i].pose.position_W)).norm();
+  }
+  return bend;
+}
+
+// [m/s] approaches above it are blows: what they do is not over at once. Where there have been too many in the step, it takes more
+// and more.
 double Stepper::CutSpeed(const Contact& contact) const {
-  const double brief = contact.restitution > 0 ? least_rebound_ / contact.restitution : kFar, slow = std::min(brief, pull_ * dt_);
-  const int beyond = cuts_ - blow_budget_;
-  if (beyond <= 0) return std::max(threshold_, slow);
-  return std::max(threshold_, std::ldexp(std::max(slow, bend_ * dt_ / blow_budget_), std::min(60, beyond)));
+  const double brief = 0.5 * kBrief * dt_ / blow_budget_ / std::max(contact.restitution, kRocks);  // [s]
+  const int beyond = std::clamp(cuts_ - blow_budget_, 0, 60);
+  return std::max(threshold_, std::ldexp(BendOf(contact) * std::min(brief, dt_), beyond));
 }
 
 // Whether it is a blow, when it gets there: as fast as it is, or falls by then.
@@ -641,8 +652,9 @@ bool Stepper::LeversMove(double h) const {
       alike = end_pair_[e] == held_of_[c].pair && (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
     if (!alike) return true;
     for (const int i : {a, b}) {
-      if (BodyRadius(i) == 0) continue;
-      const Vector3& spin = group_->bodies[i].Moves() ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
+      const bool moves = group_->bodies[i].Moves();
+      if (moves && BodyRadius(i) == 0) continue;
+      const Vector3& spin = moves ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
       if (h * spin.norm() > kLeverMoves) return true;
     }
     if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
@@ -1104,9 +1116,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
   least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
-  bend_ = 0;
-  for (size_t i = 0; i < group->bodies.size(); ++i)
-    if (BodyRadius(static_cast<int>(i)) > 0) bend_ = std::max(bend_, state_[i].angular_W.norm() * WhirlOf(static_cast<int>(i)));
   last_.clear();
   last_pair_.clear();
   last_force_W_.clear();

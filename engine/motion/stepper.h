@@ -161,6 +161,7 @@ class Stepper {
   void PartProblem();
   void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
   double Size(const GroupPair& pair) const;
+  double BendOf(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
   bool WillHit(const Contact& contact, double opening) const;
@@ -169,7 +170,6 @@ class Stepper {
   // Of the step.
   double dt_ = 0;         // [s]
   double pull_ = 0;       // [m/s^2] fastest that gravity and forces make a body
-  double bend_ = 0;       // [m/s^2] most that a turn bends the way of a point
   double floor_ = 0;      // [m/s] least v_ref
   int blow_budget_ = 0;   // blows in this step at which they have to be faster
   int movers_ = 0;        // bodies that contacts can move
