@@ -337,6 +337,14 @@ bool LedgerKeeper::Sinks(const LedgerStep& step, size_t body, size_t plane) {
   return height(step.before[plane], step.before[body]) > 0 && height(step.after[plane], step.after[body]) < 0;
 }
 
+// Whether a centre stays outside of the sphere around another body all that time, in which both go along parabolas.
+bool LedgerKeeper::Misses(const Account& account, const Account& partner, double begin, double end, double radius) const {
+  const auto apart = [&](double time) -> Vector3 { return PositionAt(account, time) - PositionAt(partner, time); };
+  const Vector3 a = apart(begin), way = apart(end) - a, sag = apart(0.5 * (begin + end)) - a - 0.5 * way;
+  const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+  return (a + u * way).norm() > radius + sag.norm();
+}
+
 bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) const {
   const Account &account = accounts_[body], &partner = accounts_[other];
   const Shape& shape = step.shapes[other];
@@ -359,7 +367,7 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   std::sort(times.begin(), times.end());
   for (size_t s = 0; s + 1 < times.size(); ++s) {
     const double begin = times[s], end = times[s + 1];
-    if (end <= begin) continue;
+    if (end <= begin || Misses(account, partner, begin, end, shape.radius())) continue;
     const int parts = 1 + static_cast<int>(std::min(1e5, rate * (end - begin) / kLook));
     Vector3 b = inside(begin);
     for (int k = 1; k <= parts; ++k) {

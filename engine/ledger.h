@@ -76,6 +76,7 @@ class LedgerKeeper {
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);
   void JudgeSides(const LedgerStep& step, Ledger* ledger) const;
   static bool Sinks(const LedgerStep& step, size_t body, size_t plane);
+  bool Misses(const Account& account, const Account& partner, double begin, double end, double radius) const;
   bool GoesThrough(const LedgerStep& step, int body, int other) const;
 
   parallel::WorkerPool* pool_;
