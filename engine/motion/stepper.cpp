@@ -18,7 +18,7 @@ constexpr double kThrough = 0.25;   // of a size: the same on the way through a 
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
-constexpr double kGain = 2e-14;     // of the energy at hand, times the pieces so far: one that gains more is done again, shorter
+constexpr double kGain = 1e-9;      // of the energy at hand: a piece that gains more is done again, shorter
 constexpr double kRounding = 1e-15; // of a position
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
@@ -260,7 +260,7 @@ void Stepper::SelectHeld(double h) {
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
     const double gap = contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
-    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -gap / h});
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -gap / h, yields > 0 ? -yields : -gap / h});
     impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
@@ -791,7 +791,8 @@ void Stepper::NextTargets(double h) {
     if (Hits(e)) continue;
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
-    if (const Contact* start = ClosedAtStart(e)) {
+    const Contact* const start = ClosedAtStart(e);
+    if (start) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
       TurnLever((contact.gap - start->gap) / h, &contact);
@@ -808,7 +809,8 @@ void Stepper::NextTargets(double h) {
     double target = u - (contact.gap - (1 - PushOut(pair)) * GapBefore(pair)) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
     next_.push_back(contact);
-    next_of_.push_back({pair, CentreHalfway(pair), target, 0, false});
+    const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
+    next_of_.push_back({pair, CentreHalfway(pair), target, opens, 0, false});
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.
@@ -818,6 +820,14 @@ void Stepper::NextTargets(double h) {
     ++old.age;
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
+    const Moment at = old.at_start ? Moment::kStart : Moment::kMiddle;
+    const auto way = [&](int i) -> Vector3 {
+      return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
+    };
+    const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
+    TurnLever(parted / h, &contact);
+    const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
+    old.target = old.opens + contact.normal_W.dot(u) - parted / h;
     old.at_start = false;
     old.centre = CentreHalfway(old.pair);
     next_.push_back(contact);
@@ -985,7 +995,7 @@ void Stepper::KeepAccounts(double h) {
                         0.5 * h * b.torque_W.dot(spun_[i] + spun_after_[i]);
     accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
-    accounts_[i].allowed = kGain * out_->pieces * accounts_[i].at_hand + kRounding * b.mass * pull_ * s.pose.position_W.norm();
+    accounts_[i].allowed = kGain * accounts_[i].at_hand + kRounding * b.mass * pull_ * s.pose.position_W.norm();
   }
   const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
     if (impulse.isZero(0)) return;
@@ -997,7 +1007,7 @@ void Stepper::KeepAccounts(double h) {
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
       const double work = impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
       accounts_[mover].gain += (i == b ? 1 : -1) * work;
-      accounts_[mover].allowed += kGain * std::abs(work);
+      accounts_[mover].allowed += 10 * kRounding * std::abs(work);
     }
     edges_.emplace_back(a, b);
   };
@@ -1157,7 +1167,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       SelectHeld(h);
       for (size_t g = 0; g < guards_.size(); ++g) {
         held_.push_back(guards_[g]);
-        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].gap / h});
+        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].gap / h, -guard_of_[g].gap / h});
         impulse_W_.push_back(Vector3::Zero());
       }
       Carry(h, true);

@@ -78,6 +78,7 @@ class Stepper {
     int pair;
     Vector3 centre;          // [m] of the bodies that its point moves along with, where that was found
     double target;           // [m/s] least normal mean velocity
+    double opens;            // [m/s] by which its gap changes then, negative: closes
     int age = 0;             // passes since it was last seen
     bool at_start = true;    // its point is that of the start of the piece, not halfway
   };
