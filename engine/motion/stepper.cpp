@@ -1146,7 +1146,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
   purse_.assign(group->pairs.size(), 0.0);
-  bool jammed = false, instant = false, centred = false;
+  bool jammed = false, instant = false, stopped = false, centred = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     ++out_->pieces;
@@ -1176,7 +1176,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       if (!returned_ && (!guarded_ || moment < h)) break;
     }
     const bool cut = moment < h;
-    if (!jammed && !instant && Jams(h)) {
+    if (!jammed && !instant && !stopped && Jams(h)) {
       instant = true;
       most = kInstant * h;
       continue;
@@ -1231,10 +1231,10 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     t += h;
     cuts_ += cut;
     jammed = jammed || (instant && !loses_);  // nothing was stopped: a false alarm, not to be given again
-    const bool was_instant = std::exchange(instant, false);
+    stopped = std::exchange(instant, false);
     SeeWhoPays(h);
     grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;
-    most = level > 0 && !was_instant ? 2 * h : dt;
+    most = level > 0 && !stopped ? 2 * h : dt;
     level = std::max(0, level - 1);
   }
   outcome->touching.clear();
