@@ -1,6 +1,7 @@
 #include "engine/step_report.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace islet {
 
@@ -46,6 +47,53 @@ void Ledger::Include(const Ledger& other) {
 bool Ledger::Clean() const {
   return energy_created.value <= kMostEnergy && momentum_unexplained.value <= kMostMomentum &&
          angular_momentum_unexplained.value <= kMostMomentum && sides_changed == 0;
+}
+
+void QpSummary::Include(const QpSummary& other) {
+  solved += other.solved;
+  failed += other.failed;
+  inaccurate += other.inaccurate;
+  drafts += other.drafts;
+  coulomb_capped += other.coulomb_capped;
+  iterations += other.iterations;
+  iterations_max = std::max(iterations_max, other.iterations_max);
+  rounds_max = std::max(rounds_max, other.rounds_max);
+  seconds += other.seconds;
+}
+
+void StepReport::Append(StepReport later) {
+  islands = std::move(later.islands);
+  contacts = later.contacts;
+  active_contacts = later.active_contacts;
+  awake = later.awake;
+  frozen = later.frozen;
+  kinetic_energy = later.kinetic_energy;
+  largest_island_contacts = std::max(largest_island_contacts, later.largest_island_contacts);
+  bounces += later.bounces;
+  woken += later.woken;
+  newly_frozen += later.newly_frozen;
+  restitution_lowered += later.restitution_lowered;
+  frozen_imbalance = std::max(frozen_imbalance, later.frozen_imbalance);
+  collision_qp.Include(later.collision_qp);
+  static_qp.Include(later.static_qp);
+  ladder.Include(later.ladder);
+  motion_ladder.Include(later.motion_ladder);
+  seconds.detect += later.seconds.detect;
+  seconds.islands += later.seconds.islands;
+  seconds.pq += later.seconds.pq;
+  seconds.collision_qp += later.seconds.collision_qp;
+  seconds.static_qp += later.seconds.static_qp;
+  seconds.freeze += later.seconds.freeze;
+  seconds.move += later.seconds.move;
+  certificate.Include(later.certificate);
+  penetration_max = std::max(penetration_max, later.penetration_max);
+  motion_passes = std::max(motion_passes, later.motion_passes);
+  motion_failures = std::max(motion_failures, later.motion_failures);
+  held_back = std::max(held_back, later.held_back);
+  ledger.Include(later.ledger);
+  energy_gain += later.energy_gain;
+  pieces += later.pieces;
+  unstepped += later.unstepped;
 }
 
 const char* ToString(QpStatus status) {

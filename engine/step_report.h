@@ -65,6 +65,7 @@ struct QpSummary {  // over the islands of one step
   int iterations_max = 0;  // in one problem
   int rounds_max = 0;      // re-solves for exact Coulomb in one problem
   double seconds = 0;      // wall time of the stage's solves, summed over islands
+  void Include(const QpSummary& other);
 };
 
 // How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted. Of motion and detection:
@@ -125,6 +126,9 @@ struct StepReport {
   double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
   int pieces = 0;             // into which the steps of small groups were cut, together
   double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
+  // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
+  // end of the step is the later one's.
+  void Append(StepReport later);
   // A step that did what physics does not allow, or did not do all of it.
   bool Failed() const { return !ledger.Clean() || unstepped > 0; }
 };

@@ -22,6 +22,8 @@
 
 namespace islet {
 
+static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
+
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
   throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + ": " +
                               field + " = " + std::to_string(value));
@@ -70,6 +72,7 @@ struct World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::vector<Body> before;  // the step
+  std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
   std::vector<int> group_places;  // in impulses, of those of small groups
@@ -115,6 +118,8 @@ struct World::Impl : WorldState {
   bool CrowdChanged() const;
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
+  bool StepOnce(double dt, bool races, StepReport* report);
+  void StepInParts(double dt, int halvings, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
   void AddGroups(StepReport* report);
   void CheckTouching();
@@ -488,6 +493,51 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
   report->energy_gain = ledger.energy_gain();
 }
 
+// Returns false, and has done nothing, where a crowd would let something through and `races` are refused.
+bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
+  dt_hint = dt;
+  before = bodies;
+  const double moving = Seconds();
+  const bool grouped = MovesGroups();
+  if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, flights.unflown, observer, &groups, report)) return false;
+  report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
+  if (!grouped || group_motion.any_crowd()) {
+    const bool apart = grouped;
+    if (apart) {
+      stale = stale || CrowdChanged();
+      WakeNewcomers();
+      crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
+      SetApart(true);
+    }
+    StepCrowd(dt, report);
+    if (apart) SetApart(false);
+  } else {
+    CarryKinematic(dt);
+    crowd.assign(bodies.size(), 0);
+    resolved.clear();
+    impulses.clear();
+    touching.clear();
+    near_contacts.clear();
+    stale = true;
+  }
+  KeepLedger(dt, report);
+  AddGroups(report);
+  time += dt;
+  return true;
+}
+
+// In halves, where a crowd would let something through in one.
+void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
+  StepReport part;
+  if (!StepOnce(dt, halvings == 0, &part)) {
+    StepInParts(0.5 * dt, halvings - 1, report);
+    StepInParts(0.5 * dt, halvings - 1, report);
+    return;
+  }
+  report->Append(std::move(part));
+  for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
+}
+
 StepReport World::Step(double dt) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
@@ -496,34 +546,18 @@ StepReport World::Step(double dt) {
   w.dt_hint = dt;
   const double start = Seconds();
   if (w.checked_bodies < w.bodies.size()) CheckInitialOverlap();
-  w.before = w.bodies;
   report.seconds.detect += Seconds() - start;
-  const double moving = Seconds();
-  const bool grouped = w.MovesGroups();
-  if (grouped) w.group_motion.Step(dt, w.bodies, w.shapes, w.mix, w.flights.unflown, w.observer, &w.groups, &report);
-  report.seconds.move += Seconds() - moving - report.seconds.static_qp - report.seconds.collision_qp;
-  if (!grouped || w.group_motion.any_crowd()) {
-    const bool apart = grouped;
-    if (apart) {
-      w.stale = w.stale || w.CrowdChanged();
-      w.WakeNewcomers();
-      w.crowd.assign(w.group_motion.crowd().begin(), w.group_motion.crowd().end());
-      w.SetApart(true);
-    }
-    w.StepCrowd(dt, &report);
-    if (apart) w.SetApart(false);
-  } else {
-    w.CarryKinematic(dt);
-    w.crowd.assign(w.bodies.size(), 0);
-    w.resolved.clear();
-    w.impulses.clear();
-    w.touching.clear();
-    w.near_contacts.clear();
-    w.stale = true;
+  if (w.StepOnce(dt, false, &report)) return report;
+  const double end = w.time + dt;
+  w.acted.clear();
+  for (int half = 0; half < 2; ++half) w.StepInParts(0.5 * dt, kMostHalvings - 1, &report);
+  w.resolved.clear();
+  w.impulses.clear();
+  for (const auto& [contact, impulse] : w.acted) {
+    w.resolved.push_back(contact);
+    w.impulses.push_back(impulse);
   }
-  w.KeepLedger(dt, &report);
-  w.AddGroups(&report);
-  w.time += dt;
+  w.time = end;
   return report;
 }
 

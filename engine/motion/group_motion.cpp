@@ -27,6 +27,11 @@ std::uint64_t Mixed(std::uint64_t hash, double number) {
 }
 std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(Mixed(hash, v.x()), v.y()), v.z()); }
 
+// [m/s] fastest that its turn moves a point of a body, 0 for what turns in itself.
+double WhirlOf(const Body& body, const Shape& shape) {
+  return shape.kind() == ShapeKind::kSphere ? 0 : body.angular_velocity_W.norm() * body.radius;
+}
+
 // [m] farthest that a point of the body has moved from there, at most.
 double Strayed(const Body& body, const Pose& from) {
   const Quaternion turn = body.rotation_WB * from.rotation_WB.conjugate();
@@ -181,7 +186,7 @@ bool GroupMotion::KeptToRooms(std::span<const Body> bodies, std::span<const Shap
   return kept;
 }
 
-void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
+bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
                        std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory,
                        StepReport* report) {
   unflown_ = unflown;
@@ -198,6 +203,7 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
       WidenCrowds(dt, bodies);
       groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
       MakeJobs(bodies, shapes, *memory);
+      if (!races && HasRace(dt, bodies, shapes)) return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer));
     if (KeptToRooms(bodies, shapes)) break;
@@ -230,6 +236,22 @@ void GroupMotion::Step(double dt, std::span<Body> bodies, std::span<const Shape>
     memory->contacts[c] = contacts[order[c]];
     memory->forces_W[c] = forces[order[c]];
   }
+  return true;
+}
+
+// Whether two bodies of a crowd would move against each other by more than they are thick.
+bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const {
+  for (int g = 0; g < groups_.size(); ++g) {
+    if (!IsCrowd(groups_.bodies_of(g))) continue;
+    for (int k = 0; k < groups_.num_pairs(g); ++k) {
+      const auto [a, b] = groups_.pair(g, k);
+      if (shapes[a].kind() == ShapeKind::kHalfSpace || shapes[b].kind() == ShapeKind::kHalfSpace) continue;
+      const double speed = (bodies[b].linear_velocity_W - bodies[a].linear_velocity_W).norm() + WhirlOf(bodies[a], shapes[a]) +
+                           WhirlOf(bodies[b], shapes[b]);
+      if (speed * dt > 0.5 * (shapes[a].size() + shapes[b].size())) return true;
+    }
+  }
+  return false;
 }
 
 void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory,

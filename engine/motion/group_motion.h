@@ -38,8 +38,10 @@ class GroupMotion {
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
-  // unflown: [s] per body that its last step as one of a crowd owes it. observer may be empty. report: counts, certificates and times are added to.
-  void Step(double dt, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
+  // unflown: [s] per body that its last step as one of a crowd owes it. observer may be empty. report: counts, certificates and
+  // times are added to. Returns false, and has done nothing, where bodies of a crowd race and `races` are refused: a crowd keeps them
+  // on their sides only in a shorter step, in which it may be none.
+  bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
             std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
   // Of the last step. crowd: per body, whether its group was too large.
@@ -59,6 +61,7 @@ class GroupMotion {
     Stepper stepper;
   };
   bool IsCrowd(std::span<const int> members) const;
+  bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
   void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;

@@ -37,6 +37,7 @@ std::span<const Check> MotionChecks() {
       {"T56", "moving and turned frames of reference", Gate::kGate, "the same motion", MeasureFrames},
       {"T57", "in a closed shell", Gate::kGate, "none escapes; e = 1 keeps the energy", MeasureClosedShell},
       {"T58", "a bat", Gate::kGate, "a ball leaves it at (1 + e) w r", MeasureBat},
+      {"T59", "a fast crowd in a thin box", Gate::kGate, "none escapes; energy never rises", MeasureFastCrowd},
   };
   return kChecks;
 }

@@ -1,4 +1,4 @@
-// What the files of the motion family share: scenes in which bodies are thin, long or fast for their step (T46 to T58).
+// What the files of the motion family share: scenes in which bodies are thin, long or fast for their step (T46 to T59).
 #pragma once
 
 #include "engine/world.h"
@@ -20,6 +20,7 @@ void MeasureBowling(const CheckSettings& settings, Measurements* out);       // 
 void MeasureFrames(const CheckSettings& settings, Measurements* out);        // T56
 void MeasureClosedShell(const CheckSettings& settings, Measurements* out);   // T57
 void MeasureBat(const CheckSettings& settings, Measurements* out);           // T58
+void MeasureFastCrowd(const CheckSettings& settings, Measurements* out);     // T59
 
 // Steps worlds and keeps the worst of what every one of these scenes must obey: energy that no wall brings never rises, and the
 // ledger, which neither solver nor motion writes, is clean.

@@ -1,4 +1,4 @@
-// T46 to T49: what is faster than a wall is thick, in a step.
+// T46 to T49, T59: what is faster than a wall is thick, in a step.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -162,6 +162,42 @@ void MeasureTurningRod(const CheckSettings& s, Measurements* out) {
   }
   out->Absolute("frames in which an end is within the plate", "", 0, through, 0);
   watch.Report("the rod", out);
+}
+
+// 64 bodies, more than one small group holds, fly about in a box with walls of 2 cm.
+void MeasureFastCrowd(const CheckSettings& s, Measurements* out) {
+  constexpr double kInside = 1, kHalfWall = 0.01;  // [m]
+  for (const bool tiles : {false, true}) {
+    for (const double speed : {5.0, 20.0, 60.0}) {
+      SplitMix64 random(11);
+      Settings engine = s.engine;
+      engine.gravity.setZero();
+      World world(engine);
+      for (int axis = 0; axis < 3; ++axis) {
+        for (const double side : {-1.0, 1.0}) {
+          Vector3 half = Vector3::Constant(kInside + 2 * kHalfWall);
+          half[axis] = kHalfWall;
+          world.Add({.shape = Shape::Box(half), .kind = BodyKind::kFixed, .position_W = side * (kInside + kHalfWall) * Vector3::Unit(axis), .friction = 0.3, .restitution = 0.8});
+        }
+      }
+      for (int i = 0; i < 64; ++i) {
+        BodyDefinition d{.shape = tiles ? Shape::Box({0.08, 0.06, 0.02}) : Shape::Sphere(0.08), .friction = 0.3, .restitution = 0.8};
+        d.position_W = {-0.75 + 0.5 * (i % 4), -0.75 + 0.5 * (i / 4 % 4), -0.75 + 0.5 * (i / 16)};
+        d.rotation_WB = random.Rotation(3);
+        d.linear_velocity_W = speed * random.Direction();
+        d.angular_velocity_W = 20 * random.Direction();
+        world.Add(d);
+      }
+      Watch watch;
+      const double energy = KineticEnergy(world);
+      for (int i = 0; i < Frames(s.quick ? 0.2 : 0.5, s.dt); ++i) watch.Step(&world, s.dt, energy);
+      int escaped = 0;
+      for (const Body& b : world.bodies()) escaped += b.kind == BodyKind::kDynamic && b.position_W.cwiseAbs().maxCoeff() > kInside;
+      const std::string of = std::string(tiles ? "tiles" : "balls") + " of " + std::to_string(static_cast<int>(speed)) + " m/s";
+      out->Absolute(of + ": outside", "", 0, escaped, 0);
+      watch.Report(of, out);
+    }
+  }
 }
 
 }  // namespace islet::verify
