@@ -201,6 +201,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   struct Kick {
     double time;
     Vector3 moment;
+    bool of_torque = false;
   };
   thread_local std::vector<Kick> kicks;
   kicks.clear();
@@ -219,15 +220,16 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
       account->gain -= SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
     }
   }
-  if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W});
+  if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});
   for (size_t k = 1; k < kicks.size(); ++k)  // few, and nearly in order
     for (size_t i = k; i > 0 && kicks[i].time < kicks[i - 1].time; --i) std::swap(kicks[i], kicks[i - 1]);
   Vector3 momentum = before.AngularMomentumW();
   Quaternion rotation = before.rotation_WB;
-  double t = 0;
+  double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
   account->spins.push_back({0, rotation, momentum});
   for (const Kick& kick : kicks) {
     rotation = Turn(before, rotation, momentum, kick.time - t);
+    if (kick.of_torque) worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
     momentum += kick.moment;
     t = std::max(t, kick.time);
     account->spins.push_back({t, rotation, momentum});
@@ -248,7 +250,9 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   if (!before.torque_W.isZero(0)) {
     const Quaternion turn = after.rotation_WB * before.rotation_WB.conjugate();
     const double sign = turn.w() < 0 ? -1 : 1, sine = turn.vec().norm();
-    if (sine > 0) account->gain -= 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec());
+    const double work = sine > 0 ? 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec()) : 0;
+    account->gain -= work;
+    account->allowed += std::abs(work - worked);  // a step knows no more of when the torque acted on what
   }
   account->at_hand = before.KineticEnergy() + after.KineticEnergy() + 0.5 * fall * fall / before.mass;
 }

@@ -196,7 +196,8 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen_[i] = bodies[i].frozen;
   before_.clear();
   jobs_.clear();
-  for (int round = 0; round < kRounds; ++round) {
+  bool kept = false;
+  for (int round = 0; round < kRounds && !kept; ++round) {
     groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
     MakeJobs(bodies, shapes, *memory);
     if (any_crowd_) {
@@ -206,8 +207,10 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
       if (!races && HasRace(dt, bodies, shapes)) return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer));
-    if (KeptToRooms(bodies, shapes)) break;
+    kept = KeptToRooms(bodies, shapes);
   }
+  if (!kept && !races) return false;
+  report->motion_failures += !kept;
   for (size_t i = 0; i < bodies.size(); ++i)
     if (crowd_[i]) memory->mark[i] = GroupMemory::kAwake;  // a crowd forgets what held it
   impulses_.clear();

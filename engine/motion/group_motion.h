@@ -39,8 +39,8 @@ class GroupMotion {
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // unflown: [s] per body that its last step as one of a crowd owes it. observer may be empty. report: counts, certificates and
-  // times are added to. Returns false, and has done nothing, where bodies of a crowd race and `races` are refused: a crowd keeps them
-  // on their sides only in a shorter step, in which it may be none.
+  // times are added to. Returns false, and has done nothing, where bodies of a crowd race or leave their rooms, and `races` are
+  // refused: only in a shorter step, in which there may be no crowd, are they kept on their sides.
   bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
             std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
