@@ -38,7 +38,7 @@ bool AllFrozen(const World& world) {
 
 int FramesUntilFrozen(World* world, int most, double dt = kDt) {
   for (int frame = 1; frame <= most; ++frame) {
-    world->Step(dt);
+    testing::Step(world, dt);
     if (AllFrozen(*world)) return frame;
   }
   return most + 1;
@@ -71,7 +71,7 @@ TEST(CertifiedFreezing, DoesNotFreezeWhileItsLoadChanges) {
   world.Add(Cube({0, 0, 0.5}));
   for (int frame = 0; frame < 60; ++frame) {
     world.SetForce(1, {0, 0, frame % 2 == 0 ? -0.5 * kGravity : 0}, Vector3::Zero());
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_FALSE(world.body(1).frozen) << frame;
   }
   EXPECT_LE(FramesUntilFrozen(&world, 60), 8);
@@ -89,7 +89,7 @@ TEST(CertifiedFreezing, IsPatientBesideWhatMoves) {
   world.Add(ball);
   int frozen_at = 0;
   for (int frame = 1; frame <= 180; ++frame) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_FALSE(world.body(2).frozen);
     if (frozen_at == 0 && world.body(1).frozen) frozen_at = frame;
   }
@@ -166,7 +166,7 @@ TEST(CertifiedFreezing, NeverFreezesInTheAirOrAtTheTopOfAFlight) {
   cube.linear_velocity_W = {0, 0, 0.5 * kGravity * kDt};  // stands still between two frames
   world.Add(cube);
   for (int i = 0; i < 30; ++i) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_FALSE(world.body(1).frozen);
   }
   world.SetGravity(Vector3::Zero());
@@ -179,13 +179,13 @@ TEST(CertifiedFreezing, NeverFreezesInTheAirOrAtTheTopOfAFlight) {
 TEST(CertifiedFreezing, FloorUnderAFrozenStackCarriesAllOfIt) {
   World world = FrozenStack(8);
   for (int i = 0; i < 5; ++i) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     ASSERT_TRUE(AllFrozen(world));
     EXPECT_NEAR(ImpulseOn(world, 0).z(), -8 * kGravity * kDt, 1e-3 * kGravity * kDt);
     for (int body = 1; body <= 8; ++body)
       EXPECT_NEAR((ImpulseOn(world, body) - Vector3(0, 0, kGravity * kDt)).norm(), 0, 2e-3 * kGravity * kDt);
   }
-  world.Step(kDt / 2);  // impulses are per time
+  testing::Step(&world, kDt / 2);  // impulses are per time
   EXPECT_NEAR(ImpulseOn(world, 0).z(), -4 * kGravity * kDt, 1e-3 * kGravity * kDt);
   EXPECT_TRUE(AllFrozen(world));
 }
@@ -194,7 +194,7 @@ TEST(CertifiedFreezing, FloorUnderAFrozenStackCarriesAllOfIt) {
 TEST(CertifiedFreezing, FallsInTheFrameInWhichItsSupportIsRemoved) {
   World world = FrozenStack(3);
   world.Remove(1);
-  const StepReport report = world.Step(kDt);
+  const StepReport report = testing::Step(&world, kDt);
   EXPECT_EQ(report.woken, 2);
   for (const int body : {2, 3}) {
     EXPECT_FALSE(world.body(body).frozen);
@@ -213,14 +213,14 @@ TEST(CertifiedFreezing, FallsWhenAFixedSupportIsRemoved) {
   world.Add(Cube({0, 0, 2}));
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   world.Remove(0);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   for (const int body : {1, 2}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
 }
 
 TEST(CertifiedFreezing, FallsWhenItsSupportIsTeleportedAway) {
   World world = FrozenStack(3);
   world.Teleport(1, {5, 0, 0.5}, Quaternion::Identity());
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   for (const int body : {2, 3}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
 }
 
@@ -228,7 +228,7 @@ TEST(CertifiedFreezing, FallsWhenItsSupportIsTeleportedAway) {
 TEST(CertifiedFreezing, TipsWhenItsSupportIsShiftedBeyondItsCentre) {
   World world = FrozenStack(2);
   world.Teleport(1, {0.6, 0, 0.5}, Quaternion::Identity());
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(2).frozen);
   EXPECT_LT(world.body(2).angular_velocity_W.y(), -1e-3);
 }
@@ -245,7 +245,7 @@ TEST(CertifiedFreezing, GravityTurnedBeyondTheFrictionAngleSlidesInThatFrame) {
   World world = FrozenStack(1);
   const double turn = 30 * M_PI / 180;  // tan = 0.577 > 0.5
   world.SetGravity(kGravity * Vector3(std::sin(turn), 0, -std::cos(turn)));
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), kGravity * (std::sin(turn) - 0.5 * std::cos(turn)) * kDt, 1e-5);
 }
@@ -267,7 +267,7 @@ TEST(CertifiedFreezing, GravityTurnedBelowTheFrictionAngleLeavesItFrozen) {
   StepTimes(&world, 30);
   EXPECT_TRUE(AllFrozen(world));
   world.SetGravity(kGravity * Vector3(std::sin(0.36), 0, -std::cos(0.36)));  // tan = 0.376 > 1/3: the tower tips
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(3).frozen);
 }
 
@@ -275,7 +275,7 @@ TEST(CertifiedFreezing, SlowPushBelowTheThresholdIsHeldAboveItSlides) {
   World world = FrozenStack(1);
   for (double push = 0.05; push < 0.99; push += 0.05) {  // of mu m g
     world.SetForce(1, {push * 0.5 * kGravity, 0, 0}, Vector3::Zero());
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_TRUE(world.body(1).frozen) << push;
   }
   world.SetForce(1, {0.99 * 0.5 * kGravity, 0, 0}, Vector3::Zero());
@@ -283,7 +283,7 @@ TEST(CertifiedFreezing, SlowPushBelowTheThresholdIsHeldAboveItSlides) {
   EXPECT_TRUE(world.body(1).frozen);
   EXPECT_EQ(world.body(1).linear_velocity_W, Vector3::Zero());
   world.SetForce(1, {1.01 * 0.5 * kGravity, 0, 0}, Vector3::Zero());
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 0.01 * 0.5 * kGravity * kDt, 1e-5);
 }
@@ -297,7 +297,7 @@ TEST(CertifiedFreezing, PushThresholdIsTheSameInEveryDirection) {
     StepTimes(&world, 5);
     EXPECT_TRUE(world.body(1).frozen) << k;
     world.SetForce(1, 1.015 * 0.5 * kGravity * direction, Vector3::Zero());
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_FALSE(world.body(1).frozen) << k;
   }
 }
@@ -308,7 +308,7 @@ TEST(CertifiedFreezing, TorqueThatTipsWakes) {
   StepTimes(&world, 5);
   EXPECT_TRUE(world.body(1).frozen);
   world.SetForce(1, Vector3::Zero(), {0, 0.55 * kGravity, 0});
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_GT(world.body(1).angular_velocity_W.y(), 1e-3);
 }
@@ -329,7 +329,7 @@ World FrozenOnKinematic(int n) {
 TEST(CertifiedFreezing, KinematicFloorThatStartsTakesItsLoadAlong) {
   World world = FrozenOnKinematic(2);
   world.SetVelocity(0, {0.05, 0, 0}, Vector3::Zero());  // slow: mu g dt = 0.08 m/s can follow
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   for (const int body : {1, 2}) {
     EXPECT_FALSE(world.body(body).frozen);
     EXPECT_NEAR(world.body(body).linear_velocity_W.x(), 0.05, 1e-4);
@@ -359,7 +359,7 @@ TEST(CertifiedFreezing, KinematicFloorThatCreepsUpLiftsAllThatStandsOnIt) {
     World world = FrozenOnKinematic(3);
     world.SetVelocity(0, {0, 0, speed}, Vector3::Zero());
     for (int frame = 0; frame < 120; ++frame) {
-      const StepReport report = world.Step(kDt);
+      const StepReport report = testing::Step(&world, kDt);
       EXPECT_EQ(report.static_qp.failed, 0) << speed << " " << frame;
       EXPECT_EQ(report.collision_qp.failed, 0) << speed << " " << frame;
     }
@@ -370,14 +370,14 @@ TEST(CertifiedFreezing, KinematicFloorThatCreepsUpLiftsAllThatStandsOnIt) {
 TEST(CertifiedFreezing, KinematicFloorThatSinksLetsItsLoadFall) {
   World world = FrozenOnKinematic(1);
   world.SetVelocity(0, {0, 0, -3}, Vector3::Zero());
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_NEAR(world.body(1).linear_velocity_W.z(), -kGravity * kDt, 1e-5);
 }
 
 TEST(CertifiedFreezing, KinematicFloorThatTurnsTakesItsLoadAlong) {
   World world = FrozenOnKinematic(1);
   world.SetVelocity(0, Vector3::Zero(), {0, 0, 0.05});
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_NEAR(world.body(1).angular_velocity_W.z(), 0.05, 1e-4);
 }
@@ -393,7 +393,7 @@ TEST(CertifiedFreezing, WakesBeforeAKinematicWallArrives) {
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   world.SetVelocity(2, {-3.1, 0, 0}, Vector3::Zero());
   for (int frame = 0; frame < 40; ++frame) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     const double distance = world.body(2).position_W.x() - world.body(1).position_W.x();
     ASSERT_GE(distance, 1 - 2 * world.settings().overlap_tolerance) << frame;
   }
@@ -408,7 +408,7 @@ TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
   world.Add(CubeOnIncline(incline, 0.5));
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0.1, 0}; });
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * kDt,
               1e-4);
@@ -419,7 +419,7 @@ TEST(CertifiedFreezing, LoadPlacedOnAFrozenStackIsCarried) {
   for (const bool crowd : {false, true}) {
     World world = FrozenStack(4, 0.5, crowd ? testing::AsCrowd(OneThread()) : OneThread());
     const int load = world.Add(Cube({0.1, 0, 4.5}));
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     EXPECT_NEAR(ImpulseOn(world, 0).z(), -5 * kGravity * kDt, 2e-3 * kGravity * kDt);
     for (int body = 1; body <= 4; ++body) EXPECT_EQ(world.body(body).frozen, crowd) << body;
     EXPECT_LE(FramesUntilFrozen(&world, 30), 30);
@@ -440,7 +440,7 @@ TEST(CertifiedFreezing, LoadThatTipsAFrozenPlankWakesIt) {
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   BodyDefinition load = Cube({1.4, 0, 1.7});  // beyond the edge by 0.9 against the plank's 0.5
   world.Add(load);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(plank).frozen);
   EXPECT_GT(world.body(plank).angular_velocity_W.y(), 1e-3);
 }
@@ -452,14 +452,14 @@ TEST(CertifiedFreezing, NeighbourThatCarriesNothingMayGo) {
   world.Add(Cube({1, 0, 0.5}));  // touches, loads nothing
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   world.Remove(2);
-  for (int i = 0; i < 5; ++i) EXPECT_EQ(world.Step(kDt).woken, 0);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(testing::Step(&world, kDt).woken, 0);
   EXPECT_TRUE(world.body(1).frozen);
 }
 
 TEST(CertifiedFreezing, UnloadedStackStays) {
   World world = FrozenStack(5);
   world.Remove(5);
-  EXPECT_EQ(world.Step(kDt).woken, 0);
+  EXPECT_EQ(testing::Step(&world, kDt).woken, 0);
   EXPECT_NEAR(ImpulseOn(world, 0).z(), -4 * kGravity * kDt, 2e-3 * kGravity * kDt);
 }
 
@@ -475,7 +475,7 @@ TEST(CertifiedFreezing, BallOnABallRollsOff) {
       world.Add(Ball({std::sin(angle), 0, std::cos(angle)}));
       // theta'' = 5 g / (7 (R + r)) theta: it has left the ball at about acosh(1 / angle) / 2.65 s.
       const double most = (std::acosh(1 / angle) + 2) / std::sqrt(5 * kGravity / 7);
-      while (world.time() < most && world.body(1).position_W.z() > 0) world.Step(dt);
+      while (world.time() < most && world.body(1).position_W.z() > 0) testing::Step(&world, dt);
       EXPECT_LT(world.body(1).position_W.z(), 0) << dt << " " << angle;
       EXPECT_NEAR(world.body(1).position_W.y(), 0, 1e-9);
     }
@@ -553,7 +553,7 @@ TEST(CertifiedFreezing, GravityThatTurnsByAHairRollsABall) {
   ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
   const double lean = 1e-4;
   world.SetGravity(kGravity * Vector3(std::sin(lean), 0, -std::cos(lean)));
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_FALSE(world.body(1).frozen);
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 5.0 / 7 * kGravity * lean * kDt, 1e-8);
 }
@@ -575,7 +575,7 @@ TEST(CertifiedFreezing, BlowWakesWhatItMovesAndNothingElse) {
   ball.mass = 20;
   ball.linear_velocity_W = {10, 0, 0};
   world.Add(ball);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   int moving = 0;
   for (const Body& b : world.bodies()) {
     moving += b.kind == BodyKind::kDynamic && !b.frozen;
@@ -598,7 +598,7 @@ TEST(CertifiedFreezing, HitWakesTheWholeRowInOneFrame) {
   ball.angular_velocity_W = {0, 12, 0};
   world.Add(ball);
   int woken = 0, frames = 0;
-  for (; woken == 0 && frames < 10; ++frames) woken = world.Step(kDt).woken;
+  for (; woken == 0 && frames < 10; ++frames) woken = testing::Step(&world, kDt).woken;
   EXPECT_EQ(woken, 4);
   for (int body = 1; body <= 4; ++body) EXPECT_GT(world.body(body).linear_velocity_W.x(), 0.1) << body;
 }
@@ -634,7 +634,7 @@ TEST(CertifiedFreezing, NothingFloatsWhenTheLowerHalfIsRemoved) {
       (row < kRows / 2 ? lower : upper).push_back(world.Add(Cube({1.05 * i + 0.525 * row, 0, row + 0.5})));
   ASSERT_LE(FramesUntilFrozen(&world, 120), 120);
   for (const int body : lower) world.Remove(body);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   for (const int body : upper) {
     EXPECT_FALSE(world.body(body).frozen) << body;
     EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-4) << body;
@@ -659,12 +659,12 @@ TEST(CertifiedFreezing, SetVelocityAndForceOnAFrozenBody) {
   World world = FrozenStack(2);
   world.SetVelocity(2, {1, 0, 0}, Vector3::Zero());
   EXPECT_FALSE(world.body(2).frozen);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 1 - 0.5 * kGravity * kDt, 1e-4);
   for (const bool crowd : {false, true}) {
     World lifted = FrozenStack(2, 0.5, crowd ? testing::AsCrowd(OneThread()) : OneThread());
     lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
-    lifted.Step(kDt);
+    testing::Step(&lifted, kDt);
     EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
     EXPECT_EQ(lifted.body(1).frozen, crowd);
   }

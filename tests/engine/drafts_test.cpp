@@ -20,7 +20,7 @@ World FrozenLayer(Settings settings = {}) {
   World world(settings);
   world.Add(Floor());
   for (int i = 0; i < 49; ++i) world.Add(Cube({1.05 * (i % 7), 1.05 * (i / 7), 0.5}));
-  for (int frame = 0; frame < 60; ++frame) world.Step(kStep);
+  for (int frame = 0; frame < 60; ++frame) testing::Step(&world, kStep);
   for (int i = 0; i < 49; ++i) {
     BodyDefinition cube = Cube({1.05 * (i % 7) + 0.3, 1.05 * (i / 7) + 0.2, 2 + 1.8 * ((i + i / 7) % 2) + 0.01 * i});
     cube.rotation_WB = testing::Turn(0.1 + 0.02 * i, Vector3(1, 0.3 * i, 0.5));
@@ -35,7 +35,7 @@ TEST(Drafts, EveryAnswerThatIsReportedIsCertified) {
   for (int i = 1; i <= 49; ++i) ASSERT_TRUE(world.body(i).frozen) << i;
   int drafts = 0, woken = 0;
   for (int frame = 0; frame < 90; ++frame) {
-    const StepReport report = world.Step(kStep);
+    const StepReport report = testing::Step(&world, kStep);
     drafts += report.collision_qp.drafts + report.static_qp.drafts;
     woken += report.woken;
     EXPECT_EQ(report.collision_qp.failed + report.static_qp.failed, 0) << frame;
@@ -61,7 +61,7 @@ TEST(Drafts, NoneWithoutSweeps) {
   World world = FrozenLayer(settings);
   int woken = 0;
   for (int frame = 0; frame < 90; ++frame) {
-    const StepReport report = world.Step(kStep);
+    const StepReport report = testing::Step(&world, kStep);
     woken += report.woken;
     EXPECT_EQ(report.collision_qp.drafts + report.static_qp.drafts, 0) << frame;
     EXPECT_EQ(report.ladder.rungs[static_cast<int>(qp::Rung::kSweeps)].problems, 0) << frame;
@@ -78,7 +78,7 @@ TEST(Drafts, SameBitsOnAnyNumberOfThreads) {
     worlds.push_back(FrozenLayer(settings));
   }
   for (int frame = 0; frame < 150; ++frame) {
-    for (World& world : worlds) world.Step(kStep);
+    for (World& world : worlds) testing::Step(&world, kStep);
     ASSERT_EQ(worlds[1].StateHash(), worlds[0].StateHash()) << frame;
     ASSERT_EQ(worlds[2].StateHash(), worlds[0].StateHash()) << frame;
   }
@@ -91,7 +91,7 @@ TEST(Drafts, NoneWithoutFrozenBodiesOrInTheSweptTier) {
   for (const Settings& settings : {off, swept}) {
     World world = FrozenLayer(settings);
     for (int frame = 0; frame < 40; ++frame) {
-      const StepReport report = world.Step(kStep);
+      const StepReport report = testing::Step(&world, kStep);
       EXPECT_EQ(report.collision_qp.drafts + report.static_qp.drafts, 0) << frame;
     }
   }

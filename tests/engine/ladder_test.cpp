@@ -74,7 +74,7 @@ TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
   for (int frame = 0; frame < kFrames; ++frame) {
     SCOPED_TRACE(frame);
     climbing.Restore(off.Save());
-    const StepReport full = off.Step(kStep), report = climbing.Step(kStep);
+    const StepReport full = testing::Step(&off, kStep), report = climbing.Step(kStep);
     EXPECT_EQ(ProblemsBelowTheLast(full.ladder), 0);
     for (const StepReport* step : {&full, &report}) {
       EXPECT_EQ(step->collision_qp.failed + step->static_qp.failed, 0);
@@ -113,7 +113,7 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
       std::int64_t columns = 0;
       for (int frame = 0; frame < 40; ++frame) {
         climbing.Restore(off.Save());
-        off.Step(kLongStep);
+        testing::Step(&off, kLongStep);
         columns += Problems(climbing.Step(kLongStep).ladder, qp::Rung::kColumn);
         for (int i = 1; i <= 10; ++i) {
           const Body &a = off.body(i), &b = climbing.body(i);
@@ -140,7 +140,7 @@ TEST(Ladder, WhatHoldsTheFrozenPartOfAStack) {
     std::int64_t below_last = 0, held_in_vain = 0;
     int woken = 0, frozen = 0;
     for (int frame = 0; frame < 60 && frozen < 10; ++frame) {
-      const StepReport report = world.Step(kLongStep);
+      const StepReport report = testing::Step(&world, kLongStep);
       woken += report.woken;
       below_last += ProblemsBelowTheLast(report.ladder);
       held_in_vain += report.ladder.in_vain.times(qp::Rung::kHeld);
@@ -162,7 +162,7 @@ TEST(Ladder, CollisionsOfWhatRestsAreNone) {
   world.Add(Floor());
   for (int i = 0; i < 3; ++i) world.Add(Cube({1.0005 * i, 0, 0.5}));
   for (int frame = 0; frame < 30; ++frame) {
-    const StepReport report = world.Step(kStep);
+    const StepReport report = testing::Step(&world, kStep);
     EXPECT_GT(report.collision_qp.solved, 0);
     EXPECT_EQ(ProblemsBelowTheLast(report.ladder), 0);
     for (int i = 1; i <= 3; ++i) EXPECT_LT(world.body(i).linear_velocity_W.norm(), 1e-7) << frame;
@@ -209,7 +209,7 @@ TEST(Ladder, OffEveryStepHasAPositionProblemForTheInteriorPoint) {
     for (int i = 0; i < 3; ++i) world->Add(Cube({3.0 * i, 0, 0.5}));
   }
   for (int frame = 0; frame < 10; ++frame) {
-    const LadderReport all = off.Step(kStep).motion_ladder, less = climbing.Step(kStep).motion_ladder;
+    const LadderReport all = testing::Step(&off, kStep).motion_ladder, less = climbing.Step(kStep).motion_ladder;
     EXPECT_EQ(ProblemsBelowTheLast(all), 0);
     EXPECT_EQ(Problems(all, qp::Rung::kInteriorPoint), 3) << frame;
     EXPECT_EQ(

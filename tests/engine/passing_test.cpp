@@ -103,7 +103,7 @@ double SpeedAfterStep(double step) {
   world.SetVelocity(ball, {2, 0, 0}, Vector3::Zero());
   double fastest_up = 0;
   for (int i = 0; i < 30; ++i) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     fastest_up = std::max(fastest_up, world.body(ball).linear_velocity_W.z());
   }
   EXPECT_GT(world.body(ball).position_W.z(), kRadius + step - 1e-3);
@@ -127,7 +127,7 @@ TEST(World, ObliqueHitOfTwoBallsIsNoGraze) {
     const int target = world.Add(Ball({0, 0, 0}, kRadius, 0, 1));
     const int ball = world.Add(Ball({-1, offset, 0}, kRadius, 0, 1));
     world.SetVelocity(ball, {0.5, 0, 0}, Vector3::Zero());
-    for (int i = 0; i < 1000; ++i) world.Step(1.0 / 240);
+    for (int i = 0; i < 1000; ++i) testing::Step(&world, 1.0 / 240);
     const Vector3 v = world.body(target).linear_velocity_W;
     const double sine = offset / (2 * kRadius), cosine = std::sqrt(1 - sine * sine);
     EXPECT_NEAR(v.norm(), 0.5 * cosine, 0.02) << offset;
@@ -157,7 +157,7 @@ TEST(World, FrictionlessBallsNeverSpinNorGainEnergy) {
   std::vector<double> energies{testing::Energy(world.bodies())};
   double spin = 0;
   for (int i = 0; i < 240; ++i) {
-    world.Step(1.0 / 30);
+    testing::Step(&world, 1.0 / 30);
     energies.push_back(testing::Energy(world.bodies()));
     for (const Body& b : world.bodies()) spin = std::max(spin, b.angular_velocity_W.norm());
   }

@@ -133,7 +133,7 @@ World Build(const WorldDraw& w) {
     const int k = static_cast<int>(i);
     BodyDefinition d{.shape = ShapeOf(w, b)};
     d.mass = LogBetween(b.mass, 1 / std::sqrt(w.ratio), std::sqrt(w.ratio));
-    d.position_W = w.size * Vector3(2.3 * (k % 3 - 1), 2.3 * (k / 3 % 3 - 1), 8.5 + 2.3 * (k / 9));
+    d.position_W = w.size * Vector3(3.5 * (k % 3 - 1), 3.5 * (k / 3 % 3 - 1), 8.5 + 3.5 * (k / 9));
     d.rotation_WB = Exp(3 * b.turn_W);
     d.linear_velocity_W = w.speed * (b.speed * b.way_W.normalized() - 0.3 * Vector3::UnitZ());
     d.angular_velocity_W = w.spin * b.axis_W.normalized();

@@ -58,7 +58,7 @@ TEST(World, FreeFallIsExact) {
 
 TEST(World, EmptyWorldSteps) {
   World world;
-  EXPECT_EQ(world.Step(kDt).contacts, 0);
+  EXPECT_EQ(testing::Step(&world, kDt).contacts, 0);
   EXPECT_EQ(world.bodies().size(), 0u);
   EXPECT_NEAR(world.time(), kDt, 1e-15);
 }
@@ -86,7 +86,7 @@ TEST(World, BadDefinitionsNameBodyFieldAndValue) {
     all.push_back("body 1");
     ExpectRefused([&] { world.Add(bad); }, all);
     EXPECT_EQ(world.bodies().size(), 1u);
-    world.Step(kDt);
+    testing::Step(&world, kDt);
   };
   refused([](BodyDefinition& d) { d.mass = 0; }, {"mass", "0.0"});
   refused([](BodyDefinition& d) { d.mass = -2; }, {"mass", "-2.0"});
@@ -165,11 +165,11 @@ TEST(World, OverlapAtTheStartNamesBothBodiesAndTheDepth) {
   world.Add(Cube({0, 0, 0.5}));
   world.Add(Cube({0, 0, 1.25}));
   ExpectRefused([&] { world.CheckInitialOverlap(); }, {"1", "2", "0.25"});
-  ExpectRefused([&] { world.Step(kDt); }, {"1", "2", "0.25"});
+  ExpectRefused([&] { testing::Step(&world, kDt); }, {"1", "2", "0.25"});
   world.Remove(2);
-  EXPECT_NO_THROW(world.Step(kDt));
+  EXPECT_NO_THROW(testing::Step(&world, kDt));
   world.Add(Cube({0, 0, 1.4}));  // later additions are checked too
-  ExpectRefused([&] { world.Step(kDt); }, {"1", "3"});
+  ExpectRefused([&] { testing::Step(&world, kDt); }, {"1", "3"});
 }
 
 TEST(World, OverlappingWallsAreNobodysMistake) {
@@ -178,7 +178,7 @@ TEST(World, OverlappingWallsAreNobodysMistake) {
   world.Add(wall);
   wall.position_W = {0, 0, 0.5};
   world.Add(wall);
-  EXPECT_NO_THROW(world.Step(kDt));
+  EXPECT_NO_THROW(testing::Step(&world, kDt));
 }
 
 TEST(World, RemovedBodiesAreGoneButKeepTheirNumbers) {
@@ -192,7 +192,7 @@ TEST(World, RemovedBodiesAreGoneButKeepTheirNumbers) {
   EXPECT_NEAR(world.body(upper).position_W.z(), 0.5, 1e-3);
   EXPECT_TRUE(world.body(1).removed);
   EXPECT_EQ(world.Add(Cube({5, 0, 0.5})), 3);
-  const StepReport report = world.Step(kDt);
+  const StepReport report = testing::Step(&world, kDt);
   EXPECT_EQ(report.awake + report.frozen, 2);
   for (const Contact& c : world.contacts()) EXPECT_TRUE(c.body_a != 1 && c.body_b != 1);
 }
@@ -205,7 +205,7 @@ TEST(World, TeleportMovesAndWakes) {
   EXPECT_TRUE(world.body(1).frozen);
   world.Teleport(1, {3, 0, 2}, Turn(0.3, Vector3::UnitX()));
   EXPECT_FALSE(world.body(1).frozen);
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_NEAR(world.body(1).position_W.z(), 2 - 0.5 * kGravity * kDt * kDt, 1e-12);
   EXPECT_EQ(world.contacts().size(), 0u);
 }
@@ -224,7 +224,7 @@ TEST(World, MaterialCallbackReplacesTheMixture) {
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 2, 1e-9);
   EXPECT_NEAR(world.body(2).position_W.x() - 5, 4 / (2 * 0.8 * kGravity), 0.02);
   world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{-1, 0}; });
-  ExpectRefused([&] { world.Step(kDt); }, {"friction", "-1"});
+  ExpectRefused([&] { testing::Step(&world, kDt); }, {"friction", "-1"});
 }
 
 TEST(World, RunsOnTheCallersPoolWithTheSameResult) {
@@ -237,7 +237,7 @@ TEST(World, RunsOnTheCallersPoolWithTheSameResult) {
     for (int i = 0; i < 8; ++i) world->Add(Cube({1.5 * (i % 3), 0.2 * i, 0.6 + 1.1 * (i / 3)}));
   }
   for (int i = 0; i < 60; ++i) {
-    own.Step(kDt), shared.Step(kDt), second.Step(kDt);
+    testing::Step(&own, kDt), testing::Step(&shared, kDt), testing::Step(&second, kDt);
     ASSERT_EQ(own.StateHash(), shared.StateHash()) << i;
     ASSERT_EQ(own.StateHash(), second.StateHash()) << i;
   }
@@ -247,13 +247,13 @@ TEST(World, CanBeMoved) {
   World world;
   world.Add(Floor());
   world.Add(Cube({0, 0, 2}));
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   World other = std::move(world);
-  other.Step(kDt);
+  testing::Step(&other, kDt);
   EXPECT_NEAR(other.time(), 2 * kDt, 1e-15);
   world = World();  // a moved-from world may be assigned to, and destroyed
   world.Add(Cube({0, 0, 2}));
-  world.Step(kDt);
+  testing::Step(&world, kDt);
   EXPECT_EQ(world.bodies().size(), 1u);
   world = std::move(other);
   EXPECT_EQ(world.bodies().size(), 2u);
@@ -267,7 +267,7 @@ TEST(World, ContactsAndImpulsesAreConsistent) {
   world.SetForce(1, {2, 1, 0}, Vector3::Zero());  // held by friction
   for (int frame = 0; frame < 60; ++frame) {
     const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     ASSERT_EQ(world.impulses().size(), world.resolved_contacts().size());
     for (size_t c = 0; c < world.impulses().size(); ++c) {
       const Contact& contact = world.resolved_contacts()[c];
@@ -299,7 +299,7 @@ TEST(World, SqueezeBetweenKinematicWallsIsReported) {
   const int cube = world.Add(Cube({0, 0, 0}));
   int failed = 0;
   for (int i = 0; i < 10; ++i) {
-    const StepReport report = world.Step(kDt);
+    const StepReport report = testing::Step(&world, kDt);
     failed += report.collision_qp.failed;
     ASSERT_TRUE(world.body(cube).position_W.allFinite());
     EXPECT_LT(world.body(cube).linear_velocity_W.norm(), 1);
@@ -320,7 +320,7 @@ TEST(World, TableOnAnyNumberOfLegs) {
     const int table =
         world.Add({.shape = Shape::Box({1, 1, 0.05}), .mass = 1, .position_W = {0.1, 0, 0.05}, .restitution = 0});
     for (int i = 0; i < 20; ++i) {
-      world.Step(kDt);
+      testing::Step(&world, kDt);
       EXPECT_NEAR(ImpulseOn(world, table).z() / (kGravity * kDt), 1, 1e-5) << legs;
       Vector3 moment = Vector3::Zero();
       for (size_t c = 0; c < world.impulses().size(); ++c)
@@ -375,7 +375,7 @@ TEST(World, FastSpinInACornerLeavesNothingInsideTheWalls) {
                .linear_velocity_W = {-3, 0, -10},
                .angular_velocity_W = 150 * random_direction()});
     for (int frame = 0; frame < 30; ++frame) {
-      const StepReport report = world.Step(1.0 / 30);
+      const StepReport report = testing::Step(&world, 1.0 / 30);
       EXPECT_FALSE(report.Failed()) << trial << " " << frame;
       for (const Contact& c : world.contacts()) ASSERT_GE(c.gap, -1e-3 * 0.1) << trial << " " << frame;
     }
@@ -388,7 +388,7 @@ TEST(World, ATallColumnStandsOnItsWholeWeight) {
   const int floor = world.Add(Floor());
   for (int i = 0; i < 300; ++i) world.Add(Cube({0, 0, 0.5 + i}));
   for (int frame = 0; frame < 2; ++frame) {
-    const StepReport report = world.Step(kFrame);
+    const StepReport report = testing::Step(&world, kFrame);
     EXPECT_EQ(report.static_qp.coulomb_capped, 0);
     EXPECT_NEAR(-ImpulseOn(world, floor).z(), 300 * kGravity * kFrame, 1e-6 * 300 * kGravity * kFrame);
   }
@@ -405,7 +405,7 @@ TEST(World, ACubeThatJustFitsBelowACeilingIsNotSqueezed) {
     world.Add({.shape = Shape::Box({1, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, 1.5}});
     world.Add(Cube({0, 0, 0.5}));
     for (int frame = 0; frame < 3; ++frame) {
-      world.Step(kFrame);
+      testing::Step(&world, kFrame);
       EXPECT_LT(-ImpulseOn(world, floor).z(), (off ? 10 : 5) * kGravity * kFrame);
     }
   }

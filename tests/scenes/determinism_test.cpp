@@ -18,7 +18,7 @@ std::vector<std::uint64_t> Hashes(const std::string& scene, int count, int frame
   BuiltScene built = BuildScene(*FindScene(scene), {.count = count}, settings);
   std::vector<std::uint64_t> hashes;
   for (int i = 0; i < frames; ++i) {
-    built.world.Step(1.0 / 30);
+    testing::Step(&built.world, 1.0 / 30);
     hashes.push_back(built.world.StateHash());
   }
   return hashes;
@@ -53,7 +53,7 @@ std::vector<Body> StepShuffled(const std::vector<BodyDefinition>& definitions, u
   settings.bounce_limit = 0;
   World world(settings);
   for (const size_t i : order) world.Add(definitions[i]);
-  world.Step(1.0 / 60);
+  testing::Step(&world, 1.0 / 60);
   std::vector<Body> bodies(definitions.size());
   for (size_t place = 0; place < order.size(); ++place) bodies[order[place]] = world.bodies()[place];
   return bodies;

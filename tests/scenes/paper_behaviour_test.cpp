@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "scenes/scene.h"
+#include "tests/support/worlds.h"
 
 namespace islet {
 namespace {
@@ -25,7 +26,7 @@ BuiltScene Build(const std::string& name, const SceneParameters& parameters, con
 
 std::vector<double> SpeedsAfterOfficeToy(int count, int incoming, const Settings& settings) {
   World world = std::move(Build("officetoy", {.count = count, .incoming = incoming}, settings).world);
-  for (int i = 0; i < 15; ++i) world.Step(kDt);
+  for (int i = 0; i < 15; ++i) testing::Step(&world, kDt);
   std::vector<double> speeds;
   for (const Body& body : world.bodies()) {
     EXPECT_NEAR(std::hypot(body.linear_velocity_W.y(), body.linear_velocity_W.z()), 0, 1e-9);
@@ -80,7 +81,7 @@ TEST(PaperBehaviour, StackStandsWithEveryModel) {
       World world = std::move(Build("stack", {}, settings).world);
       const std::vector<Body> start(world.bodies().begin(), world.bodies().end());
       double deepest = 0;
-      for (int i = 0; i < 150; ++i) deepest = std::max(deepest, world.Step(kDt).penetration_max);
+      for (int i = 0; i < 150; ++i) deepest = std::max(deepest, testing::Step(&world, kDt).penetration_max);
       double drift = 0;
       for (size_t i = 0; i < start.size(); ++i)
         drift = std::max(drift, (world.bodies()[i].position_W - start[i].position_W).norm());
@@ -96,7 +97,7 @@ TEST(PaperBehaviour, StackFreezesCompletely) {
     settings.threads = 1;
     World world = std::move(Build("stack", {}, settings).world);
     StepReport report;
-    for (int i = 0; i < 60; ++i) report = world.Step(kDt);
+    for (int i = 0; i < 60; ++i) report = testing::Step(&world, kDt);
     EXPECT_EQ(report.frozen, 10) << paper;
     EXPECT_EQ(report.awake, 0);
   }
@@ -108,7 +109,7 @@ TEST(PaperBehaviour, TowerOfCubesAndSpheresFalls) {
   const double top = 9.5;
   double fallen = 0;
   while (world.time() < 4 && fallen == 0) {
-    world.Step(kDt);
+    testing::Step(&world, kDt);
     if (world.bodies().back().position_W.z() < top - 1) fallen = world.time();
   }
   EXPECT_GT(fallen, 0.3);
@@ -123,12 +124,12 @@ TEST(PaperBehaviour, PaperFreezingHoldsUpABalancedBallAndCertifiedDoesNot) {
     paper.threads = 1;
     paper.freeze_count = freeze_count;
     World wrong = std::move(Build("balance", {.angle = 0.001}, paper).world);
-    while (wrong.time() < 5) wrong.Step(kDt);
+    while (wrong.time() < 5) testing::Step(&wrong, kDt);
     EXPECT_TRUE(wrong.bodies().back().frozen) << freeze_count;
     EXPECT_GT(wrong.bodies().back().position_W.z(), 1.49) << freeze_count;
   }
   World right = std::move(Build("balance", {.angle = 0.001}, OneThread()).world);
-  while (right.time() < 5) right.Step(kDt);
+  while (right.time() < 5) testing::Step(&right, kDt);
   EXPECT_LT(right.bodies().back().position_W.z(), 1);
 }
 
@@ -138,7 +139,7 @@ TEST(PaperBehaviour, RevivalWakesTheWholeRowInTheFrameOfTheHit) {
   for (int i = 0; i < 60 && woken == 0; ++i) {
     int frozen = 0;
     for (const Body& body : world.bodies()) frozen += body.frozen;
-    woken = world.Step(kDt).woken;
+    woken = testing::Step(&world, kDt).woken;
     if (woken) frozen_before = frozen;
   }
   EXPECT_EQ(frozen_before, 4);
@@ -151,7 +152,7 @@ TEST(PaperBehaviour, CubejamRunsWithThePapersSettings) {
   settings.threads = 1;
   World world = std::move(Build("cubejam", {.count = 24}, settings).world);
   for (int i = 0; i < 90; ++i) {
-    const StepReport report = world.Step(kDt);
+    const StepReport report = testing::Step(&world, kDt);
     ASSERT_EQ(report.motion_failures, 0) << i;
     ASSERT_LT(report.certificate.momentum, 1e-8) << i;
   }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/narrow_phase.h"
+#include "tests/support/worlds.h"
 
 namespace islet {
 namespace {
@@ -264,7 +265,7 @@ TEST(Scene, DroppedCubesMakeAStack) {
   settings.threads = 1;
   BuiltScene built = Build("stack", {.count = 3, .drop = 0.3}, settings);
   EXPECT_TRUE(built.world.contacts().empty());
-  for (int frame = 0; frame < 150; ++frame) built.world.Step(1.0 / 30);
+  for (int frame = 0; frame < 150; ++frame) testing::Step(&built.world, 1.0 / 30);
   for (int i = 0; i < 3; ++i) {
     const Vector3 position = built.world.body(1 + i).position_W;
     EXPECT_NEAR(position.z(), 0.5 + i, 5e-3);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "scenes/scene.h"
+#include "tests/support/worlds.h"
 
 namespace islet {
 namespace {
@@ -27,7 +28,7 @@ TEST(Towers, DroppedOnesStayUprightAndComeToRest) {
     BuiltScene scene = Build("stack", 20, drop, settings);
     const std::vector<Body> before(scene.world.bodies().begin(), scene.world.bodies().end());
     StepReport report;
-    for (int frame = 0; frame < 45; ++frame) report = scene.world.Step(kStep);
+    for (int frame = 0; frame < 45; ++frame) report = testing::Step(&scene.world, kStep);
     EXPECT_EQ(report.frozen, 20);
     for (size_t i = 0; i < before.size(); ++i) {
       const Vector3 moved = scene.world.body(static_cast<int>(i)).position_W - before[i].position_W;
@@ -47,7 +48,7 @@ TEST(Towers, HeapsAreAsDenseWithoutTheLadder) {
       if (off) settings.ladder = qp::Ladder::Off();
       BuiltScene scene = Build(name, 150, {}, settings);
       for (int frame = 0; frame < 80; ++frame) {
-        const StepReport report = scene.world.Step(kStep);
+        const StepReport report = testing::Step(&scene.world, kStep);
         contacts[off] += report.contacts;
         energy[off] += report.kinetic_energy;
       }

@@ -1,7 +1,10 @@
 // Bodies that many tests build: floors, inclines, unit cubes and spheres of 1 kg.
 #pragma once
 
+#include <algorithm>
 #include <span>
+
+#include <gtest/gtest.h>
 
 #include "engine/world.h"
 
@@ -60,8 +63,25 @@ inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double 
           .restitution = restitution};
 }
 
+// Whether all bodies move by the law of the step (engine/motion), which the ledger must find clean.
+inline bool MovesByLaw(const World& world) {
+  const Settings& s = world.settings();
+  const auto dynamic = std::count_if(world.bodies().begin(), world.bodies().end(), [](const Body& b) { return b.kind == BodyKind::kDynamic && !b.removed; });
+  return dynamic <= s.group_bodies && s.model == Model::kCoulomb && s.cone == Cone::kCircular && s.bounce_law == BounceLaw::kExact && s.freezing != Freezing::kPaper;
+}
+
+// What every test steps with: it looks at the ledger.
+inline StepReport Step(World* world, double dt) {
+  StepReport report = world->Step(dt);
+  if (MovesByLaw(*world)) {
+    EXPECT_FALSE(report.Failed()) << "at " << world->time() << " s: energy " << report.ledger.energy_created.value << ", momentum " << report.ledger.momentum_unexplained.value
+                                  << ", angular " << report.ledger.angular_momentum_unexplained.value << ", sides " << report.ledger.sides_changed << ", unstepped " << report.unstepped;
+  }
+  return report;
+}
+
 inline void StepTimes(World* world, int frames, double dt = 1.0 / 60) {
-  for (int i = 0; i < frames; ++i) world->Step(dt);
+  for (int i = 0; i < frames; ++i) Step(world, dt);
 }
 
 // [J] of the dynamic bodies, potential energy counted from z = 0.
