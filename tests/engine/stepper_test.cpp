@@ -202,7 +202,7 @@ TEST(Stepper, SlidesInTheStepInWhichFrictionIsTakenAway) {
 
 TEST(Stepper, SameBitsForAnyNumberOfThreads) {
   std::uint64_t first = 0;
-  for (const int threads : {1, 2, 4}) {
+  for (const int threads : {1, 2, 4, 8}) {
     Settings settings = Grouped();
     settings.threads = threads;
     World world(settings);
