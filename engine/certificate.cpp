@@ -72,7 +72,8 @@ struct Momentum {
 
 // sum_i |M_i (v_i - v0_i) - (J^T j)_i|^2 in the metric of M^-1.
 Momentum MomentumBalance(const qp::Problem& problem, const qp::Solution& solution) {
-  std::vector<Vector6, Eigen::aligned_allocator<Vector6>> push(problem.bodies.size(), Vector6::Zero());
+  thread_local std::vector<Vector6, Eigen::aligned_allocator<Vector6>> push;
+  push.assign(problem.bodies.size(), Vector6::Zero());
   for (size_t c = 0; c < problem.contacts.size(); ++c) {
     const qp::ContactTerm& contact = problem.contacts[c];
     if (contact.body_a >= 0) push[contact.body_a] += contact.jacobian_a.transpose() * solution.impulses[c];

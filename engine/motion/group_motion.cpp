@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "engine/suite_frame.h"
 
@@ -133,7 +134,7 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
 void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes,
                            const GroupMemory& memory) {
   std::swap(jobs_, before_);
-  jobs_.clear();
+  num_before_ = std::exchange(num_jobs_, 0);
   crowd_.assign(bodies.size(), 0);
   any_crowd_ = false;
   for (int g = 0; g < groups_.size(); ++g) {
@@ -143,28 +144,29 @@ void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> 
       any_crowd_ = true;
       continue;
     }
-    Job job;
+    if (num_jobs_ == jobs_.size()) jobs_.emplace_back();
+    Job& job = jobs_[num_jobs_++];
     FillGroup(g, bodies, shapes, memory, &job);
     job.mark = MarkOf(job.group);
     job.rests = settings_.freezing == Freezing::kCertified &&
                 std::all_of(members.begin(), members.end(), [&](int i) { return bodies[i].frozen && (memory.mark[i] == job.mark || memory.mark[i] == GroupMemory::kFresh); });
     job.done = job.rests;
     // A group of the round before that is the same has its answer.
-    for (Job& old : before_) {
+    for (Job& old : std::span(before_).first(num_before_)) {
       if (job.done || !old.done || old.members.empty() || old.members[0] != job.members[0]) continue;
       if (old.members == job.members && old.group.numbers == job.group.numbers && old.group.pairs.size() == job.group.pairs.size() &&
           old.mark == job.mark)
-        job = std::move(old);
+        std::swap(job, old);
     }
-    jobs_.push_back(std::move(job));
   }
 }
 
 void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record) {
-  pool_->ForEach(static_cast<int>(jobs_.size()), [&](int k, int worker) {
+  pool_->ForEach(static_cast<int>(num_jobs_), [&](int k, int worker) {
     Job& job = jobs_[k];
     if (job.done) return;
     for (Body& b : job.group.bodies) b.frozen = false;
+    job.outcome.Clear();
     job.outcome.record = record;
     workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
     job.done = true;
@@ -173,7 +175,7 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record) {
 
 bool GroupMotion::KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes) {
   bool kept = true;
-  for (const Job& job : jobs_) {
+  for (const Job& job : std::span(jobs_).first(num_jobs_)) {
     if (job.rests) continue;
     for (size_t k = 0; k < job.group.bodies.size(); ++k) {
       const Body& b = job.group.bodies[k];
@@ -194,8 +196,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   rooms_.assign(bodies.size(), 0.0);
   was_frozen_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen_[i] = bodies[i].frozen;
-  before_.clear();
-  jobs_.clear();
+  num_before_ = num_jobs_ = 0;
   bool kept = false;
   for (int round = 0; round < kRounds && !kept; ++round) {
     groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
@@ -214,30 +215,33 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   for (size_t i = 0; i < bodies.size(); ++i)
     if (crowd_[i]) memory->mark[i] = GroupMemory::kAwake;  // a crowd forgets what held it
   impulses_.clear();
-  std::vector<Contact> contacts;
-  std::vector<Vector3> forces;
-  for (Job& job : jobs_) Commit(dt, &job, bodies, memory, report);
-  for (const Job& job : jobs_) {
+  contacts_.clear();
+  forces_W_.clear();
+  const std::span<Job> jobs = std::span(jobs_).first(num_jobs_);
+  for (Job& job : jobs) Commit(dt, &job, bodies, memory, report);
+  for (const Job& job : jobs) {
     const std::vector<Contact>& local = job.rests ? job.group.remembered : job.outcome.touching;
     const std::vector<Vector3>& held = job.rests ? job.group.remembered_force_W : job.outcome.touching_force_W;
     for (size_t c = 0; c < local.size(); ++c) {
-      contacts.push_back(local[c]);
-      contacts.back().body_a = job.group.numbers[local[c].body_a];
-      contacts.back().body_b = job.group.numbers[local[c].body_b];
-      forces.push_back(held[c]);
+      contacts_.push_back(local[c]);
+      contacts_.back().body_a = job.group.numbers[local[c].body_a];
+      contacts_.back().body_b = job.group.numbers[local[c].body_b];
+      forces_W_.push_back(held[c]);
     }
     if (observer)
       for (const ProblemRecord& record : job.outcome.records) observer(record);
   }
   // By pair; groups hold pairs of their own.
-  std::vector<int> order(contacts.size());
-  for (size_t c = 0; c < order.size(); ++c) order[c] = static_cast<int>(c);
-  std::stable_sort(order.begin(), order.end(), [&](int x, int y) { return EarlierPair(contacts[x], contacts[y]); });
-  memory->contacts.resize(order.size());
-  memory->forces_W.resize(order.size());
-  for (size_t c = 0; c < order.size(); ++c) {
-    memory->contacts[c] = contacts[order[c]];
-    memory->forces_W[c] = forces[order[c]];
+  order_.resize(contacts_.size());
+  for (size_t c = 0; c < order_.size(); ++c) order_[c] = static_cast<int>(c);
+  std::sort(order_.begin(), order_.end(), [&](int x, int y) {
+    return EarlierPair(contacts_[x], contacts_[y]) || (!EarlierPair(contacts_[y], contacts_[x]) && x < y);
+  });
+  memory->contacts.resize(order_.size());
+  memory->forces_W.resize(order_.size());
+  for (size_t c = 0; c < order_.size(); ++c) {
+    memory->contacts[c] = contacts_[order_[c]];
+    memory->forces_W[c] = forces_W_[order_[c]];
   }
   return true;
 }

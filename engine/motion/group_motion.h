@@ -76,7 +76,11 @@ class GroupMotion {
   parallel::WorkerPool* pool_;
   Groups groups_;
   std::vector<Worker> workers_;
-  std::vector<Job> jobs_, before_;
+  std::vector<Job> jobs_, before_;  // of this round and the one before: the first so many of each
+  size_t num_jobs_ = 0, num_before_ = 0;
+  std::vector<Contact> contacts_;   // near ones of all groups
+  std::vector<Vector3> forces_W_;
+  std::vector<int> order_;
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_;
   bool any_crowd_ = false;

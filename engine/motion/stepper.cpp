@@ -98,6 +98,17 @@ Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector
 
 }  // namespace
 
+void GroupOutcome::Clear() {
+  pieces = blows = bounces = passes = halvings = 0;
+  unstepped = overlap = 0;
+  restitution_lowered = record = false;
+  impulses.clear();
+  touching.clear();
+  touching_force_W.clear();
+  for (auto* answers : {&carried, &settled, &struck}) answers->clear();
+  records.clear();
+}
+
 double Stepper::Size(const GroupPair& pair) const {
   return std::min(group_->shapes[pair.a]->size(), group_->shapes[pair.b]->size());
 }

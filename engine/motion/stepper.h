@@ -67,6 +67,7 @@ struct GroupOutcome {
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
   bool record = false;                  // in: whether records are wanted
   std::vector<ProblemRecord> records;
+  void Clear();  // keeps the memory of its vectors
 };
 
 class Stepper {
