@@ -28,9 +28,14 @@ std::uint64_t Mixed(std::uint64_t hash, double number) {
 }
 std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(Mixed(hash, v.x()), v.y()), v.z()); }
 
-// [m/s] fastest that its turn moves a point of a body, 0 for what turns in itself.
-double WhirlOf(const Body& body, const Shape& shape) {
-  return shape.kind() == ShapeKind::kSphere ? 0 : body.angular_velocity_W.norm() * body.radius;
+// [m/s] fastest that a point of the smaller of two bodies moves, as the larger one sees it. What turns in itself is not seen to turn.
+double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y) {
+  const bool x_is_small = x.radius < y.radius;
+  const Body &small = x_is_small ? x : y, &large = x_is_small ? y : x;
+  const Vector3 turn = (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
+  const double radius = (x_is_small ? of_x : of_y).kind() == ShapeKind::kSphere ? 0 : small.radius;
+  return (small.linear_velocity_W - large.linear_velocity_W - turn.cross(small.position_W - large.position_W)).norm() +
+         radius * (small.angular_velocity_W - turn).norm();
 }
 
 // [m] farthest that a point of the body has moved from there, at most.
@@ -253,9 +258,7 @@ bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<con
     for (int k = 0; k < groups_.num_pairs(g); ++k) {
       const auto [a, b] = groups_.pair(g, k);
       if (shapes[a].kind() == ShapeKind::kHalfSpace || shapes[b].kind() == ShapeKind::kHalfSpace) continue;
-      const double speed = (bodies[b].linear_velocity_W - bodies[a].linear_velocity_W).norm() + WhirlOf(bodies[a], shapes[a]) +
-                           WhirlOf(bodies[b], shapes[b]);
-      if (speed * dt > 0.5 * (shapes[a].size() + shapes[b].size())) return true;
+      if (SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt > 0.5 * (shapes[a].size() + shapes[b].size())) return true;
     }
   }
   return false;
