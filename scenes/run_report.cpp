@@ -42,17 +42,6 @@ double Quantile(std::vector<double> values, double q) {
   return *nth;
 }
 
-void Accumulate(const QpSummary& frame, QpSummary* run) {
-  run->solved += frame.solved;
-  run->failed += frame.failed;
-  run->inaccurate += frame.inaccurate;
-  run->iterations += frame.iterations;
-  run->coulomb_capped += frame.coulomb_capped;
-  run->iterations_max = std::max(run->iterations_max, frame.iterations_max);
-  run->rounds_max = std::max(run->rounds_max, frame.rounds_max);
-  run->seconds += frame.seconds;
-}
-
 Json QpJson(const QpSummary& qp, double frames) {
   const double problems = std::max(1, qp.solved);
   return {{"solved", qp.solved},
@@ -130,8 +119,8 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   islands_.Add(static_cast<double>(report.islands.size()));
   largest_island_.Add(report.largest_island_contacts);
   penetration_.Add(std::max(0.0, report.penetration_max));
-  Accumulate(report.collision_qp, &collision_qp_);
-  Accumulate(report.static_qp, &static_qp_);
+  collision_qp_.Include(report.collision_qp);
+  static_qp_.Include(report.static_qp);
   ladder_.Include(report.ladder);
   motion_ladder_.Include(report.motion_ladder);
   certificate_.Include(report.certificate);

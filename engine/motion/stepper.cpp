@@ -271,7 +271,8 @@ void Stepper::SelectHeld(double h) {
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
     const double gap = contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
-    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), yields > 0 ? -yields : -gap / h, yields > 0 ? -yields : -gap / h});
+    const double target = yields > 0 ? -yields : -gap / h;
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), target, target});
     impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
@@ -764,18 +765,16 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;
 }
 
-// [m/s] of a body's point halfway.
-Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
-  const Vector3 lever = point - middle_[i].position_W;
-  const Body& b = group_->bodies[i];
-  if (!b.Moves()) return b.linear_velocity_W + b.angular_velocity_W.cross(lever);
-  return mean_W_[i] + 0.5 * (spun_[i] + spun_after_[i]).cross(lever);
-}
-
 // [rad/s] of a body halfway.
 Vector3 Stepper::MeanSpin(int i) const {
   const Body& b = group_->bodies[i];
   return b.Moves() ? Vector3(0.5 * (spun_[i] + spun_after_[i])) : b.angular_velocity_W;
+}
+
+// [m/s] of a body's point halfway.
+Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
+  const Body& b = group_->bodies[i];
+  return (b.Moves() ? mean_W_[i] : b.linear_velocity_W) + MeanSpin(i).cross(point - middle_[i].position_W);
 }
 
 // Moves the point of a contact in its plane, to where the mean velocity opens it as fast as its gap did change: then its normal
