@@ -67,6 +67,7 @@ void StepReport::Append(StepReport later) {
   active_contacts = later.active_contacts;
   awake = later.awake;
   frozen = later.frozen;
+  overlapping = later.overlapping;
   kinetic_energy = later.kinetic_energy;
   largest_island_contacts = std::max(largest_island_contacts, later.largest_island_contacts);
   bounces += later.bounces;

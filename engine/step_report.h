@@ -126,11 +126,12 @@ struct StepReport {
   double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
   int pieces = 0;             // into which the steps of small groups were cut, together
   double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
+  int overlapping = 0;        // pairs of bodies in small groups that are inside of each other at the end, by a fiftieth of a size
   // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
   // end of the step is the later one's.
   void Append(StepReport later);
   // A step that did what physics does not allow, or did not do all of it.
-  bool Failed() const { return !ledger.Clean() || unstepped > 0; }
+  bool Failed() const { return !ledger.Clean() || unstepped > 0 || overlapping > 0; }
 };
 
 }  // namespace islet

@@ -279,6 +279,7 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
         impulses_.push_back({world(group.remembered[c]), dt * group.remembered_force_W[c], 0, dt});
     report->frozen += static_cast<int>(job->members.size());
     for (const Contact& c : group.remembered) report->penetration_max = std::max(report->penetration_max, -c.gap);
+    report->overlapping += CountOverlapping(group, group.remembered);
     return;
   }
   GroupOutcome& outcome = job->outcome;
@@ -301,6 +302,7 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
   report->bounces += outcome.bounces;
   report->restitution_lowered += outcome.restitution_lowered;
   report->penetration_max = std::max(report->penetration_max, outcome.overlap);
+  report->overlapping += outcome.overlapping;
   report->unstepped = std::max(report->unstepped, outcome.unstepped);
   report->motion_passes = std::max(report->motion_passes, outcome.passes);
   report->motion_failures += outcome.unstepped > 0;

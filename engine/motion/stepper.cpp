@@ -15,6 +15,7 @@ constexpr double kOverlap = 5e-6;   // of a size: passes end when no gap of what
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
 constexpr double kThrough = 0.25;   // of a size: the same on the way through a piece, at the end of which there is none
+constexpr double kInside = 0.02;    // of a size: bodies that are so deep in each other are no contact, and the report says so
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -98,9 +99,21 @@ Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector
 
 }  // namespace
 
+int CountOverlapping(const Group& group, std::span<const Contact> contacts) {
+  int pairs = 0;
+  const Contact* last = nullptr;
+  for (const Contact& c : contacts) {
+    if (-c.gap <= kInside * std::min(group.shapes[c.body_a]->size(), group.shapes[c.body_b]->size())) continue;
+    pairs += !last || last->body_a != c.body_a || last->body_b != c.body_b;
+    last = &c;
+  }
+  return pairs;
+}
+
 void GroupOutcome::Clear() {
   pieces = blows = bounces = passes = halvings = 0;
   unstepped = overlap = 0;
+  overlapping = 0;
   restitution_lowered = record = false;
   impulses.clear();
   touching.clear();
@@ -646,9 +659,11 @@ double Stepper::DeepestSinceStart() const {
 
 // Of a size: what the piece missed of gap(x1) = 0, or >= 0, by.
 double Stepper::Missed() const {
-  double worst = FreshOverlap();
+  double worst = 0;
   for (size_t e = 0; e < end_.size(); ++e) {
-    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[end_pair_[e]]));
+    const int pair = end_pair_[e];
+    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[pair]));
+    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e)) worst = std::max(worst, (GapBefore(pair) - end_[e].gap) / Size(group_->pairs[pair]));
   }
   return worst;
 }
@@ -929,11 +944,18 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
 // Near enough to a blow to take part in it.
 bool Stepper::IsThere(size_t at_end) const { return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]); }
 
-// Whether a contact is the blow that ends the piece: it strikes, and carries nothing.
+// Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing.
 bool Stepper::Hits(size_t at_end) const {
   const Contact& c = end_[at_end];
-  if (cut_pair_ < 0 || !IsThere(at_end) || !CarriedBy(at_end).isZero(0)) return false;
+  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end))) return false;
   return c.normal_W.dot(end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W)) > CutSpeed(c);
+}
+
+// Whether something hit before the piece ends, on the way that a pass has changed.
+bool Stepper::HitsEarlier() const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_[e].gap < GapBefore(end_pair_[e]) && Hits(e)) return true;
+  return false;
 }
 
 bool Stepper::HasMet(int pair) const {
@@ -1185,7 +1207,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       moment = FindMeeting(h);
       if (!returned_ && (!guarded_ || moment < h)) break;
     }
-    const bool cut = moment < h;
+    bool cut = moment < h;
     if (!jammed && !instant && !stopped && Jams(h)) {
       instant = true;
       most = kInstant * h;
@@ -1203,6 +1225,11 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       Carry(h, false);
       Fly(h);
       DetectEnd();
+      if (!cut && HitsEarlier() && (moment = FindMeeting(h)) < h) {
+        cut = true;
+        h = Shorten(h, moment);
+        DetectEnd();
+      }
       const double before = std::exchange(missed, Missed());
       if (pass > 1 && missed > kDeep && missed > kNearer * before) break;  // a shorter piece gets there sooner
     }
@@ -1244,7 +1271,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     stopped = std::exchange(instant, false);
     SeeWhoPays(h);
     grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;
-    most = level > 0 && !stopped ? 2 * h : dt;
+    most = level == 0 ? dt : stopped ? h / kInstant : 2 * h;
     level = std::max(0, level - 1);
   }
   outcome->touching.clear();
@@ -1255,6 +1282,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     outcome->touching_force_W.push_back(c < last_force_W_.size() ? last_force_W_[c] : Vector3(Vector3::Zero()));
     outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
   }
+  outcome->overlapping = CountOverlapping(*group, outcome->touching);
   for (size_t i = 0; i < group->bodies.size(); ++i) {
     Body& b = group->bodies[i];
     if (!b.Moves()) continue;

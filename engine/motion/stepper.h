@@ -56,10 +56,14 @@ struct Group {
   std::vector<Vector3> remembered_force_W;
 };
 
+// Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.
+int CountOverlapping(const Group& group, std::span<const Contact> contacts);
+
 struct GroupOutcome {
   int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
   double unstepped = 0;        // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
   double overlap = 0;          // [m] deepest at the end
+  int overlapping = 0;         // pairs that are inside of each other at the end
   bool restitution_lowered = false;
   std::vector<TimedImpulse> impulses;
   std::vector<Contact> touching;        // near contacts at the end pose, and the forces [N] that held there
@@ -152,6 +156,7 @@ class Stepper {
   void Record(Stage stage, QpStatus status);
   bool IsThere(size_t at_end) const;
   bool Hits(size_t at_end) const;
+  bool HitsEarlier() const;
   bool HasMet(int pair) const;
   void Strike();
   double EnergyOf(int i, const State& state) const;

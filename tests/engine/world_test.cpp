@@ -297,14 +297,17 @@ TEST(World, SqueezeBetweenKinematicWallsIsReported) {
   wall.linear_velocity_W.x() = -0.5;
   world.Add(wall);
   const int cube = world.Add(Cube({0, 0, 0}));
-  int failed = 0;
+  int failed = 0, inside = 0;
   for (int i = 0; i < 10; ++i) {
-    const StepReport report = testing::Step(&world, kDt);
+    const StepReport report = world.Step(kDt);
     failed += report.collision_qp.failed;
+    inside += report.overlapping > 0;
+    EXPECT_EQ(report.Failed(), report.overlapping > 0);
     ASSERT_TRUE(world.body(cube).position_W.allFinite());
     EXPECT_LT(world.body(cube).linear_velocity_W.norm(), 1);
   }
   EXPECT_GE(failed, 9);  // once a step, from when they touch
+  EXPECT_GE(inside, 5) << "walls that are a fiftieth of the cube deep in it are told of";
   EXPECT_NEAR(world.body(0).position_W.x(), -1.0005 + 5 * kDt, 1e-12) << "the walls do as they are told";
 }
 
