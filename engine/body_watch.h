@@ -22,8 +22,8 @@ struct Box {  // axis-parallel, W [m]
   Vector3 lower = Vector3::Zero(), upper = Vector3::Zero();
 
   bool Meets(const Box& other) const {
-    return lower.x() <= other.upper.x() && other.lower.x() <= upper.x() && lower.y() <= other.upper.y() &&
-           other.lower.y() <= upper.y() && lower.z() <= other.upper.z() && other.lower.z() <= upper.z();
+    const auto along = [&](int axis) { return (lower[axis] <= other.upper[axis]) & (other.lower[axis] <= upper[axis]); };
+    return along(0) & along(1) & along(2);  // no branch that half of the pairs take
   }
   bool Contains(const Box& other) const {
     return (lower.array() <= other.lower.array()).all() && (other.upper.array() <= upper.array()).all();

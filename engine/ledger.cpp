@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
@@ -284,7 +285,8 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
   }
 }
 
-// A body that goes through another takes its centre through it. Asked of those whose ways meet, by a sweep along x.
+// A body that goes through another takes its centre through it. Asked of those whose ways meet, by a sweep along x, where any way is
+// long enough to get through the thinnest.
 void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   struct Way {
     size_t body;
@@ -293,8 +295,9 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   };
   thread_local std::vector<Way> ways;
   ways.clear();
-  thread_local std::vector<size_t> planes;
+  thread_local std::vector<size_t> planes, order;
   planes.clear();
+  double thinnest = INFINITY, longest = 0;
   for (size_t i = 0; i < step.before.size(); ++i) {
     if (step.before[i].removed) continue;
     if (step.shapes[i].kind() == ShapeKind::kHalfSpace) {
@@ -311,6 +314,8 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
     way.low.array() -= step.before[i].radius;
     way.high.array() += step.before[i].radius;
     ways.push_back(way);
+    thinnest = std::min(thinnest, step.shapes[i].size());
+    longest = std::max(longest, way.length);
   }
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
@@ -319,13 +324,16 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
     ++ledger->sides_changed;
     ledger->side_changer = static_cast<int>(way.body);
   };
-  std::sort(ways.begin(), ways.end(), [](const Way& x, const Way& y) {
-    return std::pair(x.low.x(), x.body) < std::pair(y.low.x(), y.body);
-  });
-  for (size_t i = 0; i < ways.size(); ++i) {
-    for (const size_t plane : planes) judge(ways[i], plane, 0);
-    for (size_t k = i + 1; k < ways.size() && ways[k].low.x() <= ways[i].high.x(); ++k) {
-      const Way &a = ways[i], &b = ways[k];
+  for (const Way& way : ways)
+    for (const size_t plane : planes) judge(way, plane, 0);
+  if (kCore * thinnest > 2 * longest) return;
+  order.resize(ways.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::sort(order.begin(), order.end(), [&](size_t x, size_t y) { return std::pair(ways[x].low.x(), x) < std::pair(ways[y].low.x(), y); });
+  for (size_t i = 0; i < order.size(); ++i) {
+    const Way& a = ways[order[i]];
+    for (size_t k = i + 1; k < order.size() && ways[order[k]].low.x() <= a.high.x(); ++k) {
+      const Way& b = ways[order[k]];
       if ((a.low.array() > b.high.array()).any() || (b.low.array() > a.high.array()).any()) continue;
       judge(a, b.body, a.length + b.length);
       judge(b, a.body, a.length + b.length);

@@ -11,6 +11,7 @@ namespace islet::motion {
 namespace {
 
 constexpr int kRounds = 6;         // of rooms
+constexpr int kPerTask = 16;       // groups
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
@@ -136,59 +137,70 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
   return hash | 1;
 }
 
+// A group as it is now, and whether it rests.
+void GroupMotion::FillJob(int g, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const {
+  FillGroup(g, bodies, shapes, memory, job);
+  job->mark = MarkOf(job->group);
+  job->rests = settings_.freezing == Freezing::kCertified && std::all_of(job->members.begin(), job->members.end(), [&](int i) {
+    return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
+  });
+  job->done = job->rests;
+}
+
 void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes,
                            const GroupMemory& memory) {
   std::swap(jobs_, before_);
-  num_before_ = std::exchange(num_jobs_, 0);
+  num_before_ = num_jobs_;
   crowd_.assign(bodies.size(), 0);
   any_crowd_ = false;
+  small_.clear();
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
-    if (IsCrowd(members)) {
-      for (const int i : members) crowd_[i] = 1;
-      any_crowd_ = true;
+    if (!IsCrowd(members)) {
+      small_.push_back(g);
       continue;
     }
-    if (num_jobs_ == jobs_.size()) jobs_.emplace_back();
-    Job& job = jobs_[num_jobs_++];
-    FillGroup(g, bodies, shapes, memory, &job);
-    job.mark = MarkOf(job.group);
-    job.rests = settings_.freezing == Freezing::kCertified &&
-                std::all_of(members.begin(), members.end(), [&](int i) { return bodies[i].frozen && (memory.mark[i] == job.mark || memory.mark[i] == GroupMemory::kFresh); });
-    job.done = job.rests;
-    // A group of the round before that is the same has its answer.
-    for (Job& old : std::span(before_).first(num_before_)) {
-      if (job.done || !old.done || old.members.empty() || old.members[0] != job.members[0]) continue;
-      if (old.members == job.members && old.group.numbers == job.group.numbers && old.group.pairs.size() == job.group.pairs.size() &&
-          old.mark == job.mark)
-        std::swap(job, old);
-    }
+    for (const int i : members) crowd_[i] = 1;
+    any_crowd_ = true;
+  }
+  num_jobs_ = small_.size();
+  if (jobs_.size() < num_jobs_) jobs_.resize(num_jobs_);
+  pool_->ForEachOf(num_jobs_, kPerTask, [&](size_t k) { FillJob(small_[k], bodies, shapes, memory, &jobs_[k]); });
+  // A group of the round before that is the same has its answer. Both are in order of their first bodies.
+  Job* old = before_.data();
+  Job* const end = old + num_before_;
+  for (Job& job : std::span(jobs_).first(num_jobs_)) {
+    while (old != end && old->members[0] < job.members[0]) ++old;
+    if (job.done || old == end || !old->done) continue;
+    if (old->members == job.members && old->group.numbers == job.group.numbers && old->group.pairs.size() == job.group.pairs.size() &&
+        old->mark == job.mark)
+      std::swap(job, *old);
   }
 }
 
-void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record) {
+void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies, std::span<const Shape> shapes) {
   pool_->ForEach(static_cast<int>(num_jobs_), [&](int k, int worker) {
     Job& job = jobs_[k];
-    if (job.done) return;
-    for (Body& b : job.group.bodies) b.frozen = false;
-    job.outcome.Clear();
-    job.outcome.record = record;
-    workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
-    job.done = true;
+    if (!job.done) {
+      for (Body& b : job.group.bodies) b.frozen = false;
+      job.outcome.Clear();
+      job.outcome.record = record;
+      workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
+      job.done = true;
+    }
+    job.kept = job.rests || KeptToRooms(job, bodies, shapes);
   });
 }
 
-bool GroupMotion::KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes) {
+// Whether all bodies of a group did; those that did not get more room.
+bool GroupMotion::KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes) {
   bool kept = true;
-  for (const Job& job : std::span(jobs_).first(num_jobs_)) {
-    if (job.rests) continue;
-    for (size_t k = 0; k < job.group.bodies.size(); ++k) {
-      const Body& b = job.group.bodies[k];
-      const int i = job.group.numbers[k];
-      if (!b.Moves() || groups_.StaysInRoom(b, shapes[i], i)) continue;
-      rooms_[i] = std::max(kWider * rooms_[i], kWider * (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
-      kept = false;
-    }
+  for (size_t k = 0; k < job.group.bodies.size(); ++k) {
+    const Body& b = job.group.bodies[k];
+    const int i = job.group.numbers[k];
+    if (!b.Moves() || groups_.StaysInRoom(b, shapes[i], i)) continue;
+    rooms_[i] = std::max(kWider * rooms_[i], kWider * (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
+    kept = false;
   }
   return kept;
 }
@@ -212,8 +224,8 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
       MakeJobs(bodies, shapes, *memory);
       if (!races && HasRace(dt, bodies, shapes)) return false;
     }
-    RunJobs(dt, mix, static_cast<bool>(observer));
-    kept = KeptToRooms(bodies, shapes);
+    RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
+    kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_), [](const Job& job) { return job.kept; });
   }
   if (!kept && !races) return false;
   report->motion_failures += !kept;

@@ -54,7 +54,7 @@ class GroupMotion {
     std::vector<int> members;      // that contacts can move
     Group group;
     GroupOutcome outcome;
-    bool done = false, rests = false;
+    bool done = false, rests = false, kept = false;  // kept: its bodies stayed in their rooms
     std::uint64_t mark = 0;
   };
   struct Worker {
@@ -64,9 +64,10 @@ class GroupMotion {
   bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
   void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
+  void FillJob(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
-  void RunJobs(double dt, const MixMaterial& mix, bool record);
-  bool KeptToRooms(std::span<const Body> bodies, std::span<const Shape> shapes);
+  void RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies, std::span<const Shape> shapes);
+  bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(const Job& job) const;
@@ -80,7 +81,7 @@ class GroupMotion {
   size_t num_jobs_ = 0, num_before_ = 0;
   std::vector<Contact> contacts_;   // near ones of all groups
   std::vector<Vector3> forces_W_;
-  std::vector<int> order_;
+  std::vector<int> order_, small_;  // small: groups that are no crowd
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_;
   bool any_crowd_ = false;

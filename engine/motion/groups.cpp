@@ -87,9 +87,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     const double x = rooms_[i].lower[axis], y = rooms_[k].lower[axis];
     return x < y || (x == y && i < k);
   });
-  for (size_t i = 0; i < order_.size(); ++i)
-    for (size_t k = i + 1; k < order_.size() && rooms_[order_[k]].lower[axis] <= rooms_[order_[i]].upper[axis]; ++k)
-      if (rooms_[order_[i]].Meets(rooms_[order_[k]])) add(order_[i], order_[k]);
+  sorted_.clear();
+  for (const int i : order_) sorted_.push_back(rooms_[i]);
+  for (size_t i = 0; i < sorted_.size(); ++i)
+    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k)
+      if (sorted_[i].Meets(sorted_[k])) add(order_[i], order_[k]);
   std::sort(pairs_.begin(), pairs_.end());
   islands::BuildPartition({cut_, pairs_}, &partition_);
 }

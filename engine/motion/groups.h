@@ -34,6 +34,7 @@ class Groups {
 
  private:
   std::vector<Box> rooms_;                     // per body; of half-spaces and removed bodies unused
+  std::vector<Box> sorted_;                    // in order of the sweep
   std::vector<int> order_, planes_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<std::uint8_t> cut_;

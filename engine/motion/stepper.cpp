@@ -792,17 +792,31 @@ Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
   return (b.Moves() ? mean_W_[i] : b.linear_velocity_W) + MeanSpin(i).cross(point - middle_[i].position_W);
 }
 
-// Moves the point of a contact in its plane, to where the mean velocity opens it as fast as its gap did change: then its normal
-// impulse works on the bodies what the gap says, and where that stays closed, nothing (a discrete gradient [Gonzalez 96]).
-void Stepper::TurnLever(double opening, Contact* contact) const {
+// Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
+// gradient [Gonzalez 96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change.
+// turn: [rad] by which its normal does in the piece.
+void Stepper::TurnLever(double opening, double turn, Contact* contact) const {
   const int a = contact->body_a, b = contact->body_b;
-  for (const int i : {a, b})
-    if (group_->shapes[i]->kind() == ShapeKind::kSphere) return;  // its normal passes through its centre
   const Vector3& n = contact->normal_W;
-  const Vector3 spin = MeanSpin(b) - MeanSpin(a), along = n.cross(spin);
   const double off = opening - n.dot(MeanVelocity(b, contact->point_W) - MeanVelocity(a, contact->point_W));
+  for (const int i : {a, b})
+    if (group_->shapes[i]->kind() == ShapeKind::kSphere) return RollLever(i, off, turn, contact);
+  const Vector3 spin = MeanSpin(b) - MeanSpin(a), along = n.cross(spin);
   if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * Size({a, b}) * along.norm())
     contact->point_W += off / along.squaredNorm() * along;
+}
+
+// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal, by
+// no more than a chord of that turn may miss.
+void Stepper::RollLever(int sphere, double off, double turn, Contact* contact) const {
+  const Vector3 &centre = middle_[sphere].position_W, &n = contact->normal_W;
+  Vector3 rolls = MeanVelocity(contact->body_b, centre) - MeanVelocity(contact->body_a, centre);
+  rolls -= n.dot(rolls) * n;
+  if (std::abs(off) >= turn * turn * rolls.norm()) return;
+  const double depth = n.dot(contact->point_W - centre);
+  const Vector3 across = contact->point_W - centre - depth * n;
+  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
+  contact->point_W = centre + depth * contact->normal_W + across;
 }
 
 // Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
@@ -819,8 +833,9 @@ void Stepper::NextTargets(double h) {
     const Contact* const start = ClosedAtStart(e);
     if (start) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
+      const double turn = (contact.normal_W - start->normal_W).norm();
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
-      TurnLever((contact.gap - start->gap) / h, &contact);
+      TurnLever((contact.gap - start->gap) / h, turn, &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);
@@ -850,7 +865,7 @@ void Stepper::NextTargets(double h) {
       return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
     };
     const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
-    TurnLever(parted / h, &contact);
+    TurnLever(parted / h, 0, &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
     old.target = old.opens + contact.normal_W.dot(u) - parted / h;
     old.at_start = false;
@@ -1178,7 +1193,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
   purse_.assign(group->pairs.size(), 0.0);
-  bool jammed = false, instant = false, stopped = false, centred = false;
+  bool jammed = false, instant = false, stopped = false;
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     ++out_->pieces;
@@ -1198,8 +1213,10 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     for (int round = 0; round < kGuardRounds; ++round) {
       SelectHeld(h);
       for (size_t g = 0; g < guards_.size(); ++g) {
+        const int pair = guard_of_[g].pair;
+        const double target = ((1 - PushOut(pair)) * GapBefore(pair) - guard_of_[g].gap) / h;
         held_.push_back(guards_[g]);
-        held_of_.push_back({guard_of_[g].pair, CentreAtStart(guard_of_[g].pair), -guard_of_[g].gap / h, -guard_of_[g].gap / h});
+        held_of_.push_back({pair, CentreAtStart(pair), target, target});
         impulse_W_.push_back(Vector3::Zero());
       }
       Carry(h, true);
@@ -1216,7 +1233,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (cut) h = Shorten(h, moment);
     DetectEnd();
     double missed = Missed();
-    const bool moves = centred || LeversMove(h);
+    const bool moves = LeversMove(h);
     bool redone = guarded_;  // the way is not the one that was searched
     for (int pass = 1; pass < kPasses && (missed > kOverlap || (pass == 1 && moves)); ++pass) {
       ++out_->passes;
@@ -1247,10 +1264,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     KeepAccounts(h);
     if (gains_ && Pushed()) {  // it cost more than that: not now
       pays_.assign(group->pairs.size(), false);
-      continue;
-    }
-    if (gains_ && !moves) {  // levers of the start gain to first order of h, those of halfway to third
-      centred = true;
       continue;
     }
     const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });

@@ -145,7 +145,8 @@ class Stepper {
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   Vector3 MeanSpin(int i) const;
-  void TurnLever(double opening, Contact* contact) const;
+  void TurnLever(double opening, double turn, Contact* contact) const;
+  void RollLever(int sphere, double off, double turn, Contact* contact) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;
