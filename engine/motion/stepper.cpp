@@ -657,13 +657,15 @@ double Stepper::DeepestSinceStart() const {
   return worst;
 }
 
-// Of a size: what the piece missed of gap(x1) = 0, or >= 0, by.
+// Of a size: what the piece missed of gap(x1) = gap(x0), or >=, by.
 double Stepper::Missed() const {
   double worst = 0;
   for (size_t e = 0; e < end_.size(); ++e) {
     const int pair = end_pair_[e];
-    if (end_[e].gap > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, end_[e].gap / Size(group_->pairs[pair]));
-    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e)) worst = std::max(worst, (GapBefore(pair) - end_[e].gap) / Size(group_->pairs[pair]));
+    const double size = Size(group_->pairs[pair]), before = GapBefore(pair);
+    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e)) worst = std::max(worst, (before - end_[e].gap) / size);
+    const double rose = end_[e].gap - (1 - PushOut(pair)) * before;
+    if (rose > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, rose / size);
   }
   return worst;
 }
@@ -806,13 +808,13 @@ void Stepper::TurnLever(double opening, double turn, Contact* contact) const {
     contact->point_W += off / along.squaredNorm() * along;
 }
 
-// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal, by
-// no more than a chord of that turn may miss.
+// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal, no
+// farther than that turned.
 void Stepper::RollLever(int sphere, double off, double turn, Contact* contact) const {
   const Vector3 &centre = middle_[sphere].position_W, &n = contact->normal_W;
   Vector3 rolls = MeanVelocity(contact->body_b, centre) - MeanVelocity(contact->body_a, centre);
   rolls -= n.dot(rolls) * n;
-  if (std::abs(off) >= turn * turn * rolls.norm()) return;
+  if (std::abs(off) >= turn * rolls.norm()) return;
   const double depth = n.dot(contact->point_W - centre);
   const Vector3 across = contact->point_W - centre - depth * n;
   contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
@@ -959,11 +961,14 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
 // Near enough to a blow to take part in it.
 bool Stepper::IsThere(size_t at_end) const { return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]); }
 
-// Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing.
+// Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing. What a push
+// of the piece threw against it does not strike: Settle stops that.
 bool Stepper::Hits(size_t at_end) const {
   const Contact& c = end_[at_end];
   if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end))) return false;
-  return c.normal_W.dot(end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W)) > CutSpeed(c);
+  const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
+  const Vector3 on_the_way = MeanVelocity(c.body_a, c.point_W) - MeanVelocity(c.body_b, c.point_W);
+  return std::min(c.normal_W.dot(now), c.normal_W.dot(on_the_way)) > CutSpeed(c);
 }
 
 // Whether something hit before the piece ends, on the way that a pass has changed.
