@@ -121,6 +121,7 @@ bool IslandResponder::LowerRestitution(int attempt) {
 void IslandResponder::Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest,
                             ResponseOutcome* outcome) {
   qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  solver_settings.small_island = small_island_;
   solver_settings.expect_rest = expect_rest;
   if (draft_) {
     solver_settings.tier = qp::Tier::kSwept;
@@ -289,7 +290,8 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   const double v_ref = std::max(speed_floor, fastest);
   if (settings.model == Model::kCoulomb && fastest <= 1e-12 * v_ref) return outcome;
   draft_ = false;
-  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  qp::Settings solver_settings = SolverSettings(settings, v_ref);
+  solver_settings.small_island = small_island_;
   SolveOnce(solver_settings, &outcome);
   AcceptOrComply(solver_settings, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();

@@ -57,6 +57,8 @@ class IslandResponder {
                                  std::span<Body> bodies, std::span<Vector3> impulses);
   // From now on these two stop after the sweeps, as soon as they tell which bodies wake.
   void SetDraft(bool draft) { draft_ = draft; }
+  // Up to how many bodies answers are to be as good as iterations get (qp::Settings).
+  void SetSmallIsland(int bodies) { small_island_ = bodies; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }
   const qp::Solution& solution() const { return solution_; }
@@ -81,6 +83,7 @@ class IslandResponder {
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 
   bool draft_ = false;
+  int small_island_ = qp::Settings().small_island;
   IslandGatherer gatherer_;
   qp::Problem problem_;
   qp::Solution solution_;

@@ -182,7 +182,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
   if (circular) gauss_seidel_.Prepare(problem);
-  const bool small = problem.num_bodies() <= kSmallIsland;
+  const bool small = problem.num_bodies() <= settings.small_island;
   if (small && circular && SettlesWarm(problem, settings, start, solution)) return;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;

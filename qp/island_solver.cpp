@@ -205,7 +205,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   sprawls_ = false;
   if (!SolveOneContact(planar_.problem(), settings, &planar_solution_)) {
     Settings inner = settings;
-    if (problem.num_bodies() <= kSmallIsland) inner.coulomb_tolerance *= kPlanarShare;
+    if (problem.num_bodies() <= settings.small_island) inner.coulomb_tolerance *= kPlanarShare;
     SolveWhole(planar_.problem(), inner, planar_start_, &planar_solution_);
   }
   in_plane_ = false;
@@ -226,7 +226,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
 void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
-    const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > kSmallIsland;
+    const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > settings.small_island;
     if (settings.cone == Cone::kCircular && (swept || (big && settings.ladder.Has(Rung::kSweeps)))) {
       SolveBigCoulomb(problem, settings, start, solution);
     } else {
@@ -235,7 +235,7 @@ void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, 
   } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
              !SolveNormal(problem, settings, start, solution)) {
     Settings inner = settings;
-    if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
+    if (problem.num_bodies() <= settings.small_island) inner.aim = kSmallAim;
     RunInteriorPoint(problem, inner, {}, solution);
   }
 }
@@ -369,7 +369,7 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
                                Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
+  const bool big = problem.num_bodies() > settings.small_island && !in_plane_;
   gauss_seidel_.Prepare(problem);
   // As it is where an interior point follows: that survives what is wild, and judging it costs as much as a dozen sweeps.
   if (big && start.size() == problem.contacts.size()) {

@@ -51,8 +51,7 @@ class IslandSolver {
   bool SolveAsColumn(const Problem& problem, const Settings& settings, Solution* solution);
 
  private:
-  static constexpr int kSmallIsland = 12;  // bodies: up to them iterations cost microseconds
-  // Of the gap, there. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
+  // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kTower = 4;             // bodies on faces; among more of them sweeps take long
   static constexpr int kSweeps = 100;          // a block
