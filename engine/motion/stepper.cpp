@@ -1242,33 +1242,40 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     double missed = Missed();
     const bool moves = LeversMove(h);
     bool redone = guarded_;  // the way is not the one that was searched
-    for (int pass = 1; pass < kPasses && (missed > kOverlap || (pass == 1 && moves)); ++pass) {
-      ++out_->passes;
-      redone = true;
-      NextTargets(h);
-      Carry(h, false);
-      Fly(h);
-      DetectEnd();
-      if (!cut && HitsEarlier() && (moment = FindMeeting(h)) < h) {
-        cut = true;
-        h = Shorten(h, moment);
+    bool deep = false;
+    int blows = out_->blows, pass = 1;
+    for (double enough = kOverlap;; enough = kClosed) {  // what gaps miss is work: where that is too much, they miss less
+      while (pass < kPasses && (missed > enough || (pass == 1 && moves))) {
+        ++out_->passes;
+        redone = true;
+        NextTargets(h);
+        Carry(h, false);
+        Fly(h);
         DetectEnd();
+        if (!cut && HitsEarlier() && (moment = FindMeeting(h)) < h) {
+          cut = true;
+          h = Shorten(h, moment);
+          DetectEnd();
+        }
+        const double before = std::exchange(missed, Missed());
+        const bool stalls = pass > 1 && missed > kDeep && missed > kNearer * before;  // a shorter piece gets there sooner
+        pass = stalls ? kPasses : pass + 1;
       }
-      const double before = std::exchange(missed, Missed());
-      if (pass > 1 && missed > kDeep && missed > kNearer * before) break;  // a shorter piece gets there sooner
+      deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(h));
+      if (deep && level < kLevels) break;
+      Settle();
+      blows = out_->blows;
+      strike_W_.assign(end_.size(), Vector3::Zero());
+      if (cut) Strike();
+      KeepAccounts(h);
+      if (!gains_ || missed <= kClosed || pass >= kPasses) break;
     }
-    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(h));
     if (deep && level < kLevels) {
       ++level;
       ++out_->halvings;
       most = 0.5 * h;
       continue;
     }
-    Settle();
-    const int blows = out_->blows;
-    strike_W_.assign(end_.size(), Vector3::Zero());
-    if (cut) Strike();
-    KeepAccounts(h);
     if (gains_ && Pushed()) {  // it cost more than that: not now
       pays_.assign(group->pairs.size(), false);
       continue;

@@ -161,6 +161,53 @@ TEST(Stepper, LeaningTowerFallsAboutItsEdge) {
   }
 }
 
+// A ball rolls down a plank that tips over an edge: normals and levers turn, and no normal impulse works anything. A step is one piece.
+TEST(Stepper, BallOnATippingPlankCostsNoEnergy) {
+  for (const double dt : {1.0 / 30, 1.0 / 60}) {
+    World world(Grouped());
+    world.Add({.shape = Shape::Box({0.5, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, -0.5}, .friction = 1});
+    world.Add({.shape = Shape::Box({1, 0.3, 0.05}), .mass = 2, .position_W = {0.7, 0, 0.05}, .friction = 1});
+    world.Add({.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {0.9, 0.02, 0.2}, .friction = 0.5});
+    const double before = Energy(world);
+    int pieces = 0, steps = 0;
+    for (; world.time() < 0.3; ++steps) {  // then it slips
+      const StepReport report = testing::Step(&world, dt);
+      EXPECT_LT(report.ledger.energy_created.value, 1e-14);
+      pieces += report.pieces;
+    }
+    EXPECT_LE(pieces, steps + 2);
+    EXPECT_NEAR(Energy(world), before, 1e-4 * before);
+  }
+}
+
+// A block rocks from edge to edge [Housner 63]: each impact leaves 1 - 1.5 sin^2(a) of its spin, a = atan(b / h), whatever part of a
+// step lies before it. What lands strikes, and carries nothing, beside the edge that does.
+TEST(Stepper, RockingBlockLosesWhatItsImpactsTake) {
+  constexpr double kHalfWidth = 0.1, kHalfHeight = 0.4, kTilt = 0.15;
+  const double sine = kHalfWidth / std::hypot(kHalfWidth, kHalfHeight), left = std::pow(1 - 1.5 * sine * sine, 2);
+  const double radius = std::hypot(kHalfWidth, kHalfHeight), start = radius * std::cos(std::asin(sine) - kTilt) - kHalfHeight;
+  for (const double dt : {1.0 / 24, 1.0 / 30, 1.0 / 50, 1.0 / 75, 1.0 / 144, 1.0 / 480}) {
+    SCOPED_TRACE(dt);
+    World world(Grouped());
+    world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 2, .restitution = 0});
+    const Quaternion turn = testing::Turn(kTilt, Vector3::UnitY());
+    world.Add({.shape = Shape::Box({kHalfWidth, 0.2, kHalfHeight}), .mass = 1, .position_W = turn * Vector3(-kHalfWidth, 0, kHalfHeight),
+               .rotation_WB = turn, .friction = 2, .restitution = 0});
+    double side = 1;
+    for (int impact = 1; impact <= 3;) {
+      ASSERT_LT(world.time(), 4);
+      testing::Step(&world, dt);
+      const Body& block = world.body(1);
+      const double tilt = (block.rotation_WB * Vector3::UnitZ()).x();
+      if (tilt * side >= 0) continue;
+      side = -side;
+      const double expected = kGravity * start * std::pow(left, impact);
+      EXPECT_NEAR(block.KineticEnergy() + kGravity * (block.position_W.z() - kHalfHeight), expected, 0.01 * expected) << impact;
+      ++impact;
+    }
+  }
+}
+
 // Without friction a ball that slides off another one takes no spin from it, nor does the other.
 TEST(Stepper, FrictionlessBallsTakeNoSpin) {
   World world(Grouped());
