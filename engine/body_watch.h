@@ -22,8 +22,7 @@ struct Box {  // axis-parallel, W [m]
   Vector3 lower = Vector3::Zero(), upper = Vector3::Zero();
 
   bool Meets(const Box& other) const {
-    const auto along = [&](int axis) { return (lower[axis] <= other.upper[axis]) & (other.lower[axis] <= upper[axis]); };
-    return along(0) & along(1) & along(2);  // no branch that half of the pairs take
+    return ((lower.array() <= other.upper.array()) && (other.lower.array() <= upper.array())).all();
   }
   bool Contains(const Box& other) const {
     return (lower.array() <= other.lower.array()).all() && (other.upper.array() <= upper.array()).all();
