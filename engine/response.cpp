@@ -64,7 +64,7 @@ bool FallsFreely(const IslandView& island, const ContactFrames& contacts, std::s
          });
 }
 
-qp::Settings SolverSettings(const Settings& settings, double v_ref) {
+qp::Settings SolverSettings(const Settings& settings, double v_ref, int small_island) {
   qp::Settings out;
   out.model = settings.model;
   out.cone = settings.cone;
@@ -74,6 +74,7 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
       1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
   out.coulomb_tolerance = settings.tolerance;
   out.coulomb_rounds = settings.coulomb_rounds;
+  out.small_island = small_island;
   out.velocity_scale = v_ref;
   return out;
 }
@@ -120,8 +121,7 @@ bool IslandResponder::LowerRestitution(int attempt) {
 
 void IslandResponder::Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest,
                             ResponseOutcome* outcome) {
-  qp::Settings solver_settings = SolverSettings(settings, v_ref);
-  solver_settings.small_island = small_island_;
+  qp::Settings solver_settings = SolverSettings(settings, v_ref, small_island_);
   solver_settings.expect_rest = expect_rest;
   if (draft_) {
     solver_settings.tier = qp::Tier::kSwept;
@@ -290,8 +290,7 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   const double v_ref = std::max(speed_floor, fastest);
   if (settings.model == Model::kCoulomb && fastest <= 1e-12 * v_ref) return outcome;
   draft_ = false;
-  qp::Settings solver_settings = SolverSettings(settings, v_ref);
-  solver_settings.small_island = small_island_;
+  const qp::Settings solver_settings = SolverSettings(settings, v_ref, small_island_);
   SolveOnce(solver_settings, &outcome);
   AcceptOrComply(solver_settings, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
@@ -340,7 +339,7 @@ bool IslandResponder::HoldsAsColumn(const IslandView& island, const ContactFrame
     }
   }
   const Stopwatch watch;
-  const bool solved = solver_.SolveAsColumn(problem_, SolverSettings(settings, speed_floor), &solution_);
+  const bool solved = solver_.SolveAsColumn(problem_, SolverSettings(settings, speed_floor, small_island_), &solution_);
   in_vain->Include(solution_.in_vain);
   const bool rests = solved && Rests(island, bodies, rest_limit);
   if (solved && !rests) in_vain->Add(qp::Rung::kColumn, watch.seconds());

@@ -43,6 +43,9 @@ struct ResponseOutcome {
 
 class IslandResponder {
  public:
+  IslandResponder() = default;
+  // Up to how many bodies answers are as good as iterations get (qp::Settings).
+  explicit IslandResponder(int small_island) : small_island_(small_island) {}
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. What is found there is
   // taken for a guess.
@@ -57,8 +60,6 @@ class IslandResponder {
                                  std::span<Body> bodies, std::span<Vector3> impulses);
   // From now on these two stop after the sweeps, as soon as they tell which bodies wake.
   void SetDraft(bool draft) { draft_ = draft; }
-  // Up to how many bodies answers are to be as good as iterations get (qp::Settings).
-  void SetSmallIsland(int bodies) { small_island_ = bodies; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }
   const qp::Solution& solution() const { return solution_; }

@@ -44,7 +44,6 @@ constexpr double kLeverMoves = 1e-9;  // of its length: what a lever may change 
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
 constexpr int kLineRounds = 20;       // each takes some ten times off the angle
-constexpr int kSmallIsland = 20;    // bodies: what is stacked evenly stays even
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kRocks = 0.25;     // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
@@ -1178,7 +1177,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   for (const Body& b : group->bodies) movers_ += b.Moves();
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
   least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
-  responder_.SetSmallIsland(kSmallIsland);
   LoadState();
   last_.clear();
   last_pair_.clear();

@@ -227,7 +227,8 @@ class Stepper {
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;
   islands::Partition partition_;
-  IslandResponder responder_;
+  static constexpr int kSmallIsland = 20;  // bodies: what is stacked evenly stays even
+  IslandResponder responder_{kSmallIsland};
   SequentialResolver sequential_;
   Meeting meeting_;
 };
