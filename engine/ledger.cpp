@@ -232,6 +232,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     rotation = Turn(before, rotation, momentum, kick.time - t);
     if (kick.of_torque) worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
     momentum += kick.moment;
+    if (kick.time <= t) account->spins.pop_back();  // with the one before, and no turn between
     t = std::max(t, kick.time);
     account->spins.push_back({t, rotation, momentum});
   }

@@ -73,7 +73,8 @@ void ContactSuite::Impl::TrustUntilNextFrame(int suspect) {
 
 // The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. The
 // question is whether they stay at rest, and at rest the convex model is exact: nothing slides. at_end: of the frame, when
-// what is lenient may wait for the next one.
+// what is lenient may wait for the next one, and when an answer counts only if it holds its whole island: what wedged bodies
+// would need to stay may be larger than any load, and is nothing to remember.
 void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
   cut.assign(frame.bodies.size(), 1);
   for (const int i : candidates) {
@@ -86,6 +87,7 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
   Settings at_rest = settings;
   at_rest.model = Model::kConvex;
   outcomes.assign(partition.num_islands(), {});
+  if (at_end) held_so_far = frame.holding;
   ForEachIsland([&](int island, Worker* worker) {
     const IslandView view = View(island);
     double limit = INFINITY;
@@ -95,14 +97,21 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
                                                                 0.1 * limit, frame.dt, frame.bodies, frame.holding);
   });
   moves_for_sure = false;
+  chosen.assign(partition.num_islands(), 0);  // that are not held
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
     const double speed = FastestPoint(TwistOf(body), body.radius);
     const bool behind = certified.StaysBehind(frame, i, at_end, settings);
-    if (behind || speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) woken.push_back(i);
+    if (behind || speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) {
+      woken.push_back(i);
+      chosen[partition.body_to_island[i]] = 1;
+    }
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
+  for (int island = 0; at_end && island < partition.num_islands(); ++island)
+    for (const int number : View(island).contacts)
+      if (chosen[island]) frame.holding[number] = held_so_far[number];
   for (const Outcome& outcome : outcomes) outcome.resting.AddTo(&report->static_qp, &report->ladder);
 }
 
