@@ -202,7 +202,6 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   planar_.MergeScales(whole_scales_, &scales_);
   Prepare(planar_.problem(), &planar_solution_);
   in_plane_ = true;
-  sprawls_ = false;
   if (!SolveOneContact(planar_.problem(), settings, &planar_solution_)) {
     Settings inner = settings;
     if (problem.num_bodies() <= settings.small_island) inner.coulomb_tolerance *= kPlanarShare;
@@ -211,7 +210,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   in_plane_ = false;
   scales_.swap(whole_scales_);
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  if (planar_solution_.status == Status::kSolved && !sprawls_ && AllFinite(planar_solution_) &&
+  if (planar_solution_.status == Status::kSolved && AllFinite(planar_solution_) &&
       planar_.Expand(problem, planar_solution_, solution) <= kPlanarShare * goal) {
     solution->coulomb_reached =
         solution->coulomb_reached || CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal;
@@ -229,8 +228,9 @@ void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, 
     const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > settings.small_island;
     if (settings.cone == Cone::kCircular && (swept || (big && settings.ladder.Has(Rung::kSweeps)))) {
       SolveBigCoulomb(problem, settings, start, solution);
-    } else {
-      SolveCoulomb(problem, settings, start, solution);
+    } else if (settings.cone != Cone::kCircular || big || !settings.ladder.Has(Rung::kNewton) ||
+               !SolveByNewton(problem, settings, start, solution)) {
+      SolveCoulomb(problem, settings, solution);
     }
   } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
              !SolveNormal(problem, settings, start, solution)) {

@@ -25,6 +25,7 @@
 #include "qp/column.h"
 #include "qp/compounds.h"
 #include "qp/contact_reduction.h"
+#include "qp/coulomb_newton.h"
 #include "qp/drift.h"
 #include "qp/gauss_seidel.h"
 #include "qp/in_vain.h"
@@ -37,7 +38,6 @@
 #include "qp/planar_problem.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
-#include "qp/slip_mixing.h"
 #include "qp/solution.h"
 #include "qp/sticking_step.h"
 
@@ -82,11 +82,10 @@ class IslandSolver {
   bool SolveReduced(const Settings& settings);
   bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
-  void SolveCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                    Solution* solution);
-  bool SettlesWarm(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                   Solution* solution);
-
+  bool SolveByNewton(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                     Solution* solution);
+  bool PolishSwept(const Problem& problem, const Settings& settings, Solution* solution);
+  void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
   void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                        Solution* solution);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
@@ -98,21 +97,10 @@ class IslandSolver {
   NaturalMap MapOfSwept(const Problem& problem) const;
   double UpdateSlips(const Problem& problem, Cone cone);
   bool AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution);
-  bool SweepsGetThere(const Problem& problem, const Settings& settings, double share, Pace pace, double map,
-                      Solution* solution);
   bool SweepsSuffice(const Problem& problem, const Settings& settings, Solution* solution);
   bool TakeExact(const Problem& problem, const Settings& settings, double share, Solution* solution);
   bool TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution);
   void FindFirstSlips(const Problem& problem, double goal);
-  struct MixedRounds {  // of a small island
-    bool goes_on, begun = false;
-    int missed = 0;            // rounds that gained too little
-    double before = INFINITY;  // natural map of the round before
-  };
-  static bool GainsLittle(const MixedRounds& mixed, double map);
-  bool SettlesAtOnce(const Problem& problem, const Settings& settings, bool heap, double map, Solution* solution);
-  bool MixSlips(const Problem& problem, const Settings& settings, int round, double map, MixedRounds* mixed,
-                double* aim);
 
   InteriorPoint interior_point_;
   NormalNewton normal_newton_;
@@ -131,7 +119,6 @@ class IslandSolver {
   Solution trial_;
   PlanarProblem planar_;
   PlanarInteriorPoint planar_interior_point_;
-  bool sprawls_ = false;   // impulses are much larger than they need to be, and sweeps found no others
   bool in_plane_ = false;  // what is being solved is planar_'s problem
   Solution planar_solution_;
   std::vector<Vector3> planar_start_;
@@ -141,9 +128,7 @@ class IslandSolver {
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
   Drift drift_;
-  SlipMixing mixing_;
-  std::vector<double> given_slips_;
-  Solution first_;                      // impulses and velocities without slips
+  CoulombNewton coulomb_newton_;
   std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
 };
 

@@ -19,16 +19,17 @@ enum class Rung : std::uint8_t {
   kPlanar,         // symmetric about a plane: the problem in that plane
   kNormal,         // no friction: sweeps, then Newton's method or an interior point of one row a contact
   kSweeps,         // Gauss-Seidel sweeps first, and alone where they get there
+  kNewton,         // exact friction among few bodies, by Newton's method
   kInteriorPoint,  // the interior point, with sweeps where there is friction
   // Of motion and detection:
   kFreeMotion,  // no position problem where free motion does not overlap
   kKeptPairs,   // contacts of two bodies that have not moved since they were found
   kReach,       // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 11, kNumRungs = 14;
+inline constexpr int kNumProblemRungs = 12, kNumRungs = 15;
 inline constexpr const char* kRungNames[kNumRungs] = {
-    "nothing", "merged", "closed_form", "column",         "held",        "corners",    "compound",
-    "planar",  "normal", "sweeps",      "interior_point", "free_motion", "kept_pairs", "reach"};
+    "nothing", "merged", "closed_form", "column", "held", "corners", "compound", "planar",
+    "normal", "sweeps", "newton", "interior_point", "free_motion", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];

@@ -50,6 +50,7 @@ Watched StepAndWatch(World* world, int frames, double turned) {
     run.planar += report.ladder.rungs[static_cast<int>(qp::Rung::kPlanar)].problems;
     run.columns += report.ladder.rungs[static_cast<int>(qp::Rung::kColumn)].problems;
     run.others += report.ladder.rungs[static_cast<int>(qp::Rung::kSweeps)].problems +
+                  report.ladder.rungs[static_cast<int>(qp::Rung::kNewton)].problems +
                   report.ladder.rungs[static_cast<int>(qp::Rung::kInteriorPoint)].problems;
     EXPECT_EQ(report.collision_qp.failed + report.static_qp.failed, 0);
     EXPECT_LT(report.certificate.momentum, 1e-9);

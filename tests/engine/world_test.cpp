@@ -398,19 +398,15 @@ TEST(World, ATallColumnStandsOnItsWholeWeight) {
   EXPECT_LT(world.body(300).linear_velocity_W.norm(), 1e-6);
 }
 
-// What presses between a floor and a ceiling is not told by the motion; it must not be without bound.
+// What presses between a floor and a ceiling is not told by the motion; it is no more than the weight.
 TEST(World, ACubeThatJustFitsBelowACeilingIsNotSqueezed) {
-  for (const bool off : {false, true}) {
-    Settings settings;
-    if (off) settings.ladder = Ladder::Off();
-    World world(settings);
-    const int floor = world.Add(Floor());
-    world.Add({.shape = Shape::Box({1, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, 1.5}});
-    world.Add(Cube({0, 0, 0.5}));
-    for (int frame = 0; frame < 3; ++frame) {
-      testing::Step(&world, kFrame);
-      EXPECT_LT(-ImpulseOn(world, floor).z(), (off ? 10 : 5) * kGravity * kFrame);
-    }
+  World world;
+  const int floor = world.Add(Floor());
+  world.Add({.shape = Shape::Box({1, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, 1.5}});
+  world.Add(Cube({0, 0, 0.5}));
+  for (int frame = 0; frame < 3; ++frame) {
+    testing::Step(&world, kFrame);
+    EXPECT_NEAR(-ImpulseOn(world, floor).z(), kGravity * kFrame, 1e-6 * kGravity * kFrame);
   }
 }
 

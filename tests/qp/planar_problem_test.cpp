@@ -25,7 +25,8 @@ qp::Settings PlanarSettings(const Problem& problem, Model model) {
 }
 
 qp::Settings WithoutPlanar(qp::Settings settings) {
-  settings.ladder = qp::Ladder::Off().With(Rung::kClosedForm).With(Rung::kHeld).With(Rung::kNormal).With(Rung::kSweeps);
+  settings.ladder = qp::Ladder::Off().With(Rung::kClosedForm).With(Rung::kHeld).With(Rung::kNormal).With(Rung::kSweeps).With(
+      Rung::kNewton);
   return settings;
 }
 
@@ -153,20 +154,18 @@ TEST(PlanarProblem, MeetsTheExactLawOfTheWholeProblem) {
   EXPECT_GE(same, both * 9 / 10) << both;
 }
 
-// An interior point stands still at its own accuracy, which is not the one that the plane is held to; sweeps go on from there.
-TEST(PlanarProblem, SweepsEndRoundsThatGainLittle) {
+// What slides in the plane is found to what the plane is held to.
+TEST(PlanarProblem, PushedTowersAreSolved) {
   Random random(305);
-  int iterations = 0, reached = 0;
+  int reached = 0;
   for (int trial = 0; trial < 200; ++trial) {
     const Problem problem = PushedTower(&random, 4 + trial % 7, 0.8);
     qp::Settings settings = PlanarSettings(problem, Model::kCoulomb);
     settings.coulomb_tolerance = 1e-7;
     const qp::Solution solution = Solve(problem, settings);
-    iterations += solution.iterations;
     reached += solution.rung == Rung::kPlanar && solution.coulomb_reached;
   }
   EXPECT_EQ(reached, 200);
-  EXPECT_LT(iterations, 7300);  // 7,053 to 7,069 with three kernels, and 7,517 to 7,536 without
 }
 
 // Nothing is left to choose where a box slides: the impulses are those of a sum in one's head.

@@ -1,0 +1,205 @@
+#include "qp/coulomb_newton.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "qp/body_algebra.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr double kFirstStiffness = 100, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
+constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
+constexpr int kEasy = 3, kFair = 6;      // Newton steps of a proximal step that may become stiffer, or a little stiffer
+constexpr int kMostSteps = 25;           // of Newton, in a proximal step
+constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
+constexpr int kPatience = 20;            // proximal steps without a better answer: on the way to it the map may rise for a while
+constexpr int kShortPatience = 3;        // the same, without half of the map, where it is small enough
+constexpr int kHalvings = 8;
+constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
+constexpr int kKrylov = 20;              // of GMRES, steps
+constexpr double kForcing = 1e-3;        // of the residual, what GMRES may leave
+constexpr double kUseful = 0.3;          // of the residual, what it may leave at the end
+
+double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
+
+Vector3 Law(const Vector3& x, double friction) {
+  if (x[0] <= 0) return Vector3::Zero();
+  const double tangent = Tangent(x), share = tangent > friction * x[0] ? friction * x[0] / tangent : 1;
+  return {x[0], share * x[1], share * x[2]};
+}
+
+// An element of the generalised derivative of Law, and the same without what a normal pull does to friction.
+void LawSlopes(const Vector3& x, double friction, double scale, Matrix3* slope, Matrix3* plain) {
+  slope->setZero();
+  if (x[0] > 0) {
+    const double tangent = Tangent(x);
+    if (tangent <= friction * x[0]) {
+      slope->diagonal().setConstant(scale);
+    } else {
+      const double cosine = x[1] / tangent, sine = x[2] / tangent, turn = friction * x[0] / tangent * scale;
+      (*slope)(0, 0) = scale;
+      slope->bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
+      *plain = *slope;
+      (*slope)(1, 0) = scale * friction * cosine;
+      (*slope)(2, 0) = scale * friction * sine;
+      return;
+    }
+  }
+  *plain = *slope;
+}
+
+}  // namespace
+
+// Of forces.
+double CoulombNewton::Dot(const std::vector<double>& p, const std::vector<double>& q) const {
+  double sum = 0;
+  for (size_t i = 0; i < p.size(); ++i) sum += weights_[i] * p[i] * q[i];
+  return sum;
+}
+
+// Of the proximal step at v_: fills pulls_, impulses_ and residual_ = J^T j - M (v - v0); returns its size as a velocity.
+double CoulombNewton::Residual() {
+  const Problem& problem = *problem_;
+  for (int i = 0; i < problem.num_bodies(); ++i)
+    At(residual_, 6 * i) = MassTimes(problem.bodies[i], problem.bodies[i].velocity - At(v_, 6 * i));
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const double stiffness = stiffness_ * (*rho_)[c];
+    Vector3 u = ContactVelocity(contact, v_.data());
+    u[0] -= contact.target;
+    pulls_[c] = (centre_[c] - stiffness * u) / (1 + stiffness * contact.compliance);
+    impulses_[c] = Law(pulls_[c], contact.friction);
+    AddForce(contact, 6, 0, 1, impulses_[c], &residual_);
+  }
+  return std::sqrt(Dot(residual_, residual_) / total_mass_);
+}
+
+void CoulombNewton::Multiply(const std::vector<double>& x, std::vector<double>* out) const {
+  const Problem& problem = *problem_;
+  for (int i = 0; i < problem.num_bodies(); ++i) At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    if (slopes_[c](0, 0) == 0) continue;
+    const Vector3 j = slopes_[c] * FieldVelocity(problem.contacts[c], 6, 0, x);
+    AddForce(problem.contacts[c], 6, 0, 1, j, out);
+  }
+}
+
+// direction_ from residual_ by GMRES, with the factor on the right. False if it leaves too much.
+bool CoulombNewton::FindDirection() {
+  std::array<std::array<double, kKrylov + 1>, kKrylov> hessenberg;
+  std::array<double, kKrylov> cosines, sines, y;
+  std::array<double, kKrylov + 1> rest{};
+  const double size = std::sqrt(Dot(residual_, residual_));
+  for (size_t i = 0; i < residual_.size(); ++i) basis_[0][i] = residual_[i] / size;
+  rest[0] = 1;
+  int k = 0;
+  while (k < kKrylov && std::abs(rest[k]) > kForcing) {
+    steps_[k] = basis_[k];
+    system_.Solve(steps_[k].data());
+    Multiply(steps_[k], &basis_[k + 1]);
+    auto& column = hessenberg[k];
+    for (int i = 0; i <= k; ++i) {
+      column[i] = Dot(basis_[k + 1], basis_[i]);
+      for (size_t n = 0; n < residual_.size(); ++n) basis_[k + 1][n] -= column[i] * basis_[i][n];
+    }
+    const double left = std::sqrt(Dot(basis_[k + 1], basis_[k + 1]));
+    if (left > 0)
+      for (double& value : basis_[k + 1]) value /= left;
+    for (int i = 0; i < k; ++i) {
+      const double above = column[i];
+      column[i] = cosines[i] * above + sines[i] * column[i + 1];
+      column[i + 1] = cosines[i] * column[i + 1] - sines[i] * above;
+    }
+    const double length = std::hypot(column[k], left);
+    if (!(length > 0)) break;
+    cosines[k] = column[k] / length, sines[k] = left / length;
+    column[k] = length;
+    rest[k + 1] = -sines[k] * rest[k];
+    rest[k] *= cosines[k];
+    ++k;
+  }
+  if (!(std::abs(rest[k]) < kUseful)) return false;
+  std::fill(direction_.begin(), direction_.end(), 0.0);
+  for (int i = k - 1; i >= 0; --i) {
+    y[i] = rest[i];
+    for (int n = i + 1; n < k; ++n) y[i] -= hessenberg[n][i] * y[n];
+    y[i] /= hessenberg[i][i];
+    for (size_t n = 0; n < direction_.size(); ++n) direction_[n] += y[i] * size * steps_[i][n];
+  }
+  return true;
+}
+
+// One proximal step from centre_, to a residual of `aim` [velocity]. True if it was solved; either way impulses_ is where it ended.
+bool CoulombNewton::Step(double aim, int most) {
+  VelocitiesAfter(*problem_, centre_, &v_);
+  double size = Residual();
+  for (int steps = 0; size > aim; ++steps) {
+    if (steps >= most) return false;
+    for (int c = 0; c < problem_->num_contacts(); ++c) {
+      const ContactTerm& contact = problem_->contacts[c];
+      const double stiffness = stiffness_ * (*rho_)[c];
+      LawSlopes(pulls_[c], contact.friction, stiffness / (1 + stiffness * contact.compliance), &slopes_[c], &plain_slopes_[c]);
+    }
+    system_.Factorise(*problem_, plain_slopes_, {});
+    ++factorisations_;
+    if (!FindDirection()) return false;
+    from_ = v_;
+    double share = 1, next = 0;
+    for (int halving = 0; halving <= kHalvings; ++halving, share /= 2) {
+      for (size_t i = 0; i < v_.size(); ++i) v_[i] = from_[i] + share * direction_[i];
+      next = Residual();
+      if (next <= (1 - kLeastDescent * share) * size) break;
+    }
+    if (!(next < size)) return false;
+    size = next;
+  }
+  return true;
+}
+
+// Steps that were easy make the springs stiffer, those that failed softer.
+NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough,
+                                int max_factorisations, std::vector<Vector3>* impulses) {
+  problem_ = &problem, rho_ = &rho;
+  factorisations_ = 0;
+  stiffness_ = kFirstStiffness;
+  const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
+  centre_ = *impulses;
+  VelocitiesAfter(problem, centre_, &v_);
+  NaturalMap best = CoulombMap(problem, v_, centre_, rho);
+  if (best.max <= goal) return best;
+  for (std::vector<double>* values : {&residual_, &direction_, &weights_}) values->resize(unknowns);
+  total_mass_ = 0;
+  for (size_t i = 0; i < problem.bodies.size(); ++i) {
+    const BodyTerm& body = problem.bodies[i];
+    total_mass_ += body.mass;
+    At(weights_, static_cast<int>(6 * i)).head<3>().setConstant(1 / body.mass);
+    At(weights_, static_cast<int>(6 * i)).tail<3>().setConstant(body.inverse_inertia.trace() / 3);
+  }
+  pulls_.resize(contacts), impulses_.resize(contacts), slopes_.resize(contacts), plain_slopes_.resize(contacts);
+  basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
+  for (auto& vector : basis_) vector.resize(unknowns);
+  system_.Prepare(problem, 1, /*all_unknowns=*/true);
+  int stalled = 0;
+  while (best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness) {
+    const int before = factorisations_;
+    const bool good = Step(kStepShare * best.rms, std::min(kMostSteps, max_factorisations - factorisations_));
+    VelocitiesAfter(problem, impulses_, &v_);
+    const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
+    const bool better = map.rms < best.rms, refines = best.max <= enough;
+    stalled = map.rms < (refines ? 0.5 : 1) * best.rms ? 0 : stalled + 1;
+    if (better) best = map, *impulses = impulses_;
+    if (stalled >= (refines ? kShortPatience : kPatience)) break;
+    if (good || better) {
+      centre_ = impulses_;
+      const int steps = factorisations_ - before;
+      stiffness_ = std::min(kMostStiffness, stiffness_ * (steps <= kEasy ? kStiffen : steps <= kFair ? kStiffenLittle : 1));
+    } else {
+      stiffness_ *= kSoften;
+    }
+  }
+  return best;
+}
+
+}  // namespace islet::qp
