@@ -20,7 +20,8 @@ constexpr double kRestMotion = 5e-3;
 constexpr double kDraftTolerance =
     1e-4;  // of the floor of v_ref: bodies wake by a thousandth of what gravity does in a step
 constexpr int kHoldingSweeps = 60;
-constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less
+constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less, Newton's method at that map
+constexpr int kHoldingSteps = 40;             // of Newton's method
 constexpr double kFallbackCompliance = 1e-4;  // of the contact's own W_nn
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
@@ -308,7 +309,7 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
     const Stopwatch watch;
     gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
     if (HoldsAsColumn(island, contacts, settings, speed_floor, rest_limit, bodies, &outcome.in_vain) ||
-        HoldsBySweeps(island, settings, rest_limit, bodies, impulses, &outcome.in_vain)) {
+        HoldsNearby(island, settings, rest_limit, bodies, impulses, &outcome)) {
       outcome.status = QpStatus::kSolved;
       outcome.rung = solution_.rung;
       outcome.contacts = static_cast<int>(island.contacts.size());
@@ -346,10 +347,11 @@ bool IslandResponder::HoldsAsColumn(const IslandView& island, const ContactFrame
   return rests;
 }
 
-// From the given impulses on; changes them no farther away than it has to.
-bool IslandResponder::HoldsBySweeps(const IslandView& island, const Settings& settings, double rest_limit,
-                                    std::span<const Body> bodies, std::span<const Vector3> impulses,
-                                    qp::InVain* in_vain) {
+// From the given impulses on; changes them no farther away than it has to. Sweeps carry loads slowly; Newton's method goes on from
+// where they end.
+bool IslandResponder::HoldsNearby(const IslandView& island, const Settings& settings, double rest_limit,
+                                  std::span<const Body> bodies, std::span<const Vector3> impulses,
+                                  ResponseOutcome* outcome) {
   if (!settings.ladder.Has(qp::Rung::kHeld) || settings.cone != Cone::kCircular) return false;
   const Stopwatch watch;
   solution_.rung = qp::Rung::kHeld;
@@ -360,8 +362,17 @@ bool IslandResponder::HoldsBySweeps(const IslandView& island, const Settings& se
   qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
   sweeps_.Prepare(problem_);
   sweeps_.Sweep(problem_, kHoldingSweeps, kHoldingShare * rest_limit, &solution_.impulses, &solution_.velocities);
-  if (!Rests(island, bodies, rest_limit)) {
-    in_vain->Add(qp::Rung::kHeld, watch.seconds());
+  bool rests = Rests(island, bodies, rest_limit);
+  if (!rests && settings.ladder.Has(qp::Rung::kNewton)) {
+    qp::ImpulseScales(problem_, &scales_);
+    const double goal = kHoldingShare * rest_limit;
+    newton_.Solve(problem_, scales_, goal, goal, kHoldingSteps, &solution_.impulses);
+    qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
+    rests = Rests(island, bodies, rest_limit);
+    outcome->iterations = newton_.factorisations();
+  }
+  if (!rests) {
+    outcome->in_vain.Add(qp::Rung::kHeld, watch.seconds());
     return false;
   }
   for (size_t c = 0; c < island.contacts.size(); ++c) {

@@ -17,6 +17,7 @@
 #include "engine/island_problem.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
+#include "qp/coulomb_newton.h"
 #include "qp/island_solver.h"
 
 namespace islet {
@@ -76,8 +77,8 @@ class IslandResponder {
   bool LowerRestitution(int attempt);
   bool HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                      double speed_floor, double rest_limit, std::span<const Body> bodies, qp::InVain* in_vain);
-  bool HoldsBySweeps(const IslandView& island, const Settings& settings, double rest_limit,
-                     std::span<const Body> bodies, std::span<const Vector3> impulses, qp::InVain* in_vain);
+  bool HoldsNearby(const IslandView& island, const Settings& settings, double rest_limit, std::span<const Body> bodies,
+                   std::span<const Vector3> impulses, ResponseOutcome* outcome);
   bool Rests(const IslandView& island, std::span<const Body> bodies, double limit) const;
   void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
@@ -90,6 +91,8 @@ class IslandResponder {
   qp::Solution solution_;
   qp::IslandSolver solver_;
   qp::GaussSeidel sweeps_;
+  qp::CoulombNewton newton_;
+  std::vector<double> scales_;  // of the natural map, per contact
   std::vector<double> free_;    // contact velocities before
   std::vector<int> touching_;   // contacts of the collision problem
   std::vector<Vector3> guess_;  // impulses found there, per contact of the problem
