@@ -308,8 +308,7 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
   if (!island.contacts.empty()) {
     const Stopwatch watch;
     gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
-    if (HoldsAsColumn(island, contacts, settings, speed_floor, rest_limit, bodies, &outcome.in_vain) ||
-        HoldsNearby(island, settings, rest_limit, bodies, impulses, &outcome)) {
+    if (HoldsNearby(island, settings, rest_limit, bodies, impulses, &outcome)) {
       outcome.status = QpStatus::kSolved;
       outcome.rung = solution_.rung;
       outcome.contacts = static_cast<int>(island.contacts.size());
@@ -322,29 +321,6 @@ ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const 
   outcome = ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses);
   outcome.in_vain.Include(in_vain);
   return outcome;
-}
-
-// Sweeps carry loads slowly down a tower; and each joint of a column has one impulse and one moment that will do, so that to
-// answer it anew hands nothing to neighbours that it need not: where one body alone stands beside it, and nothing is open.
-bool IslandResponder::HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                    double speed_floor, double rest_limit, std::span<const Body> bodies,
-                                    qp::InVain* in_vain) {
-  int beside = -1;
-  for (const int number : island.contacts) {
-    const Contact& contact = contacts.contacts[number];
-    if (!contact.touches) return false;
-    for (const int body : {contact.body_a, contact.body_b}) {
-      if (body == beside || std::binary_search(island.bodies.begin(), island.bodies.end(), body)) continue;
-      if (beside >= 0) return false;
-      beside = body;
-    }
-  }
-  const Stopwatch watch;
-  const bool solved = solver_.SolveAsColumn(problem_, SolverSettings(settings, speed_floor, small_island_), &solution_);
-  in_vain->Include(solution_.in_vain);
-  const bool rests = solved && Rests(island, bodies, rest_limit);
-  if (solved && !rests) in_vain->Add(qp::Rung::kColumn, watch.seconds());
-  return rests;
 }
 
 // From the given impulses on; changes them no farther away than it has to. Sweeps carry loads slowly; Newton's method goes on from

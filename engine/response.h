@@ -75,8 +75,6 @@ class IslandResponder {
   void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
-  bool HoldsAsColumn(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                     double speed_floor, double rest_limit, std::span<const Body> bodies, qp::InVain* in_vain);
   bool HoldsNearby(const IslandView& island, const Settings& settings, double rest_limit, std::span<const Body> bodies,
                    std::span<const Vector3> impulses, ResponseOutcome* outcome);
   bool Rests(const IslandView& island, std::span<const Body> bodies, double limit) const;

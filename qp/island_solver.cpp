@@ -110,18 +110,6 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
 
-bool IslandSolver::SolveAsColumn(const Problem& problem, const Settings& settings, Solution* solution) {
-  iterations_ = 0;
-  in_vain_ = {};
-  Prepare(problem, solution);
-  ImpulseScales(problem, &scales_);
-  const bool solved = settings.ladder.Has(Rung::kColumn) && SolveColumn(problem, settings, solution);
-  solution->rung = Rung::kColumn;
-  solution->iterations = 0;
-  solution->in_vain = in_vain_;
-  return solved;
-}
-
 // One body, contacts with walls that all stick or do not press.
 bool IslandSolver::SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution) {
   if (!OneBody::Fits(problem)) return false;

@@ -47,8 +47,6 @@ class IslandSolver {
  public:
   // start: impulses to begin with, one per contact, or empty.
   void Solve(const Problem& problem, const Settings& settings, Solution* solution, std::span<const Vector3> start = {});
-  // The same, if the bodies are a column and the ladder has that rung; false, and no answer, elsewhere.
-  bool SolveAsColumn(const Problem& problem, const Settings& settings, Solution* solution);
 
  private:
   // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.

@@ -249,12 +249,13 @@ TEST(Column, NearACorner) {
     shares.push_back(along > 0.5 ? 0.8 : along < -0.5 ? 0.0 : 0.1);
   }
   Displace(0, 0.8 * near, &problem);
-  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-  qp::Solution solution;
-  ASSERT_TRUE(qp::IslandSolver().SolveAsColumn(problem, settings, &solution));
+  qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  settings.ladder = qp::Ladder::Off().With(qp::Rung::kColumn);
+  const qp::Solution solution = Solve(problem, settings);
+  ASSERT_EQ(solution.rung, qp::Rung::kColumn);
   for (int c = 0; c < 4; ++c) EXPECT_NEAR(solution.impulses[c][0], 0.6 * shares[c], 1e-15);
   Displace(0, 0.3 * near, &problem);
-  EXPECT_FALSE(qp::IslandSolver().SolveAsColumn(problem, settings, &solution));
+  EXPECT_NE(Solve(problem, settings).rung, qp::Rung::kColumn);
 }
 
 // By itself, without those who judge it: what slides, turns or is no number is no column, to the tolerance that was given.
