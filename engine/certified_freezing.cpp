@@ -223,11 +223,6 @@ Twist CertifiedFreezing::LoadedVelocity(const SuiteFrame& frame, int number) con
   return {loads_[number].moving_linear / body.mass, body.InverseInertiaW() * loads_[number].moving_angular};
 }
 
-Twist CertifiedFreezing::UnbalancedVelocity(const SuiteFrame& frame, int number) const {
-  const Body& body = frame.bodies[number];
-  return {loads_[number].linear / body.mass, body.InverseInertiaW() * loads_[number].angular};
-}
-
 double CertifiedFreezing::StillSpeed(const Body& body, const Settings& settings) const {
   return settings.freeze_travel * body.radius / settings.freeze_seconds;
 }
@@ -361,10 +356,10 @@ bool CertifiedFreezing::Freeze(const SuiteFrame& frame, const std::vector<std::u
   return any;
 }
 
-void CertifiedFreezing::Release(const SuiteFrame& frame, int number, const Twist& twist) {
+void CertifiedFreezing::Release(const SuiteFrame& frame, int number) {
   Body& body = frame.bodies[number];
   body.frozen = false;
-  SetTwist(twist, &body);
+  SetTwist(last_twist_[number], &body);
   Disturb(number);
 }
 

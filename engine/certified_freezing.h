@@ -46,9 +46,6 @@ class CertifiedFreezing {
   // force and the impulses of its contacts with bodies that move. Valid after FindUnbalanced.
   Twist LoadedVelocity(const SuiteFrame& frame, int body) const;
 
-  // The same with all impulses at its contacts: what a frozen body moves with if it is not held. Valid after FindUnbalanced.
-  Twist UnbalancedVelocity(const SuiteFrame& frame, int body) const;
-
   // Above this a body wakes: [m/s] of its farthest point. Valid after FindUnbalanced.
   double WakeSpeed(const SuiteFrame& frame, int body, bool lenient, const Settings& settings) const;
   // A bounce that leaves a frozen body slower than this does not wake it by itself.
@@ -63,10 +60,11 @@ class CertifiedFreezing {
   // The body has to stand still anew before it may freeze.
   void Disturb(int body) { undisturbed_seconds_[body] = 0; }
 
-  // End of a frame: freezes what may freeze; false if nothing may. Velocities stay.
+  // End of a frame: freezes what may freeze; false if nothing may. Velocities stay, to be given back to what turns out not to be
+  // balanced.
   bool Freeze(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings);
-  // Not frozen after all: moves on as the impulses at its contacts say.
-  void Release(const SuiteFrame& frame, int body, const Twist& twist);
+  // Not frozen after all: moves on as it did before Freeze.
+  void Release(const SuiteFrame& frame, int body);
 
  private:
   struct Wrench {

@@ -60,11 +60,11 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<std::vector<ProblemRecord>> records;  // per island, for the observer
   int solve_round = 0;                              // of this frame
   std::vector<int> bounce_counts, unbalanced, candidates, woken;
-  std::vector<Twist> woken_twists;  // of a balance: what each of woken moves with
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
   enum Settled : std::uint8_t { kInMotion, kSettled, kRebounds };
   std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
+  std::vector<Vector3> held_so_far;      // [N s] per contact: what a balance that holds nothing gives back
   std::vector<std::uint8_t> chosen;      // per island
   std::vector<std::uint8_t> drafted;     // per body: what its island has is a draft
   bool moves_for_sure = false;           // a candidate got more than a trembling speed

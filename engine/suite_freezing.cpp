@@ -29,6 +29,7 @@ bool ContactSuite::Impl::CheckFrozen(bool all, StepReport* report) {
     if (joined) break;
     joined = candidates.size() == before || candidates.size() > kLocalCandidates;
     if (joined) AddJoinedFrozen();
+    woken.clear();
     BalanceCandidates(/*at_end=*/false, report);
     lenient = was_frozen;
     if (moves_for_sure) break;
@@ -70,12 +71,11 @@ void ContactSuite::Impl::TrustUntilNextFrame(int suspect) {
   lenient[suspect] = 1;
 }
 
-// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. It starts from
-// the impulses that held, and stays near them: wedged bodies would be held by any impulses that are large enough. at_end: of the
-// frame, when what is lenient may wait for the next one.
+// The static problem of the candidates alone: bodies that move load them, everything else that stands still holds them. The
+// question is whether they stay at rest, and at rest the convex model is exact: nothing slides. at_end: of the frame, when
+// what is lenient may wait for the next one, and when an answer counts only if it holds its whole island: what wedged bodies
+// would need to stay may be larger than any load, and is nothing to remember.
 void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
-  woken.clear();
-  woken_twists.clear();
   cut.assign(frame.bodies.size(), 1);
   for (const int i : candidates) {
     cut[i] = 0;
@@ -84,27 +84,34 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
   Partition([this](const Contact& c) {
     return (!cut[c.body_a] || !cut[c.body_b]) && !frame.bodies[c.body_a].Moves() && !frame.bodies[c.body_b].Moves();
   });
+  Settings at_rest = settings;
+  at_rest.model = Model::kConvex;
   outcomes.assign(partition.num_islands(), {});
+  if (at_end) held_so_far = frame.holding;
   ForEachIsland([&](int island, Worker* worker) {
     const IslandView view = View(island);
     double limit = INFINITY;
     for (const int i : view.bodies)
       limit = std::min(limit, certified.WakeSpeed(frame, i, at_end && lenient[i], settings));
-    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, settings, frame.speed_floor,
+    outcomes[island].resting = worker->responder.ResolveHolding(view, frame.contacts, at_rest, frame.speed_floor,
                                                                 0.1 * limit, frame.dt, frame.bodies, frame.holding);
   });
   moves_for_sure = false;
+  chosen.assign(partition.num_islands(), 0);  // that are not held
   for (const int i : candidates) {
     Body& body = frame.bodies[i];
     const double speed = FastestPoint(TwistOf(body), body.radius);
     const bool behind = certified.StaysBehind(frame, i, at_end, settings);
     if (behind || speed > certified.WakeSpeed(frame, i, at_end && lenient[i], settings)) {
       woken.push_back(i);
-      woken_twists.push_back(TwistOf(body));
+      chosen[partition.body_to_island[i]] = 1;
     }
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
+  for (int island = 0; at_end && island < partition.num_islands(); ++island)
+    for (const int number : View(island).contacts)
+      if (chosen[island]) frame.holding[number] = held_so_far[number];
   for (const Outcome& outcome : outcomes) outcome.resting.AddTo(&report->static_qp, &report->ladder);
 }
 
@@ -119,13 +126,14 @@ void ContactSuite::Impl::FreezeCertified(StepReport* report) {
     candidates.insert(candidates.end(), unbalanced.begin(), unbalanced.end());
     std::sort(candidates.begin(), candidates.end());
     candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
+    woken.clear();
     BalanceCandidates(/*at_end=*/true, report);
-    for (size_t k = 0; k < woken.size(); ++k) certified.Release(frame, woken[k], woken_twists[k]);
+    for (const int i : woken) certified.Release(frame, i);
     std::erase_if(candidates, [this](int i) { return !frame.bodies[i].frozen; });
     for (const int i : candidates) lenient[i] = was_frozen[i];
     certified.FindUnbalanced(frame, lenient, &unbalanced);
   }
-  for (const int i : unbalanced) certified.Release(frame, i, certified.UnbalancedVelocity(frame, i));
+  for (const int i : unbalanced) certified.Release(frame, i);
   for (Body& body : frame.bodies)
     if (body.frozen) SetTwist({}, &body);
 }

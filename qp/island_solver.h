@@ -10,6 +10,7 @@
 //   no friction           sweeps, then Newton's method where they came near, else an interior point of one row a contact that
 //                         starts from them; the general interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
+//   coulomb, few bodies   sweeps from the frame before, Newton's method on the exact law; where it fails as below, in rounds
 //   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where their gap misses the tolerance, the convex
 //                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
 //                         point [DS91, ACLM11]

@@ -33,10 +33,9 @@ struct Settings {
   double tolerance = 1e-8;   // relative duality gap; dual violation over the velocity scale
   double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;  // of one interior-point solve
-  int coulomb_rounds = 3;    // octagon, small islands, or no sweeps: cap on re-solves with lagged slip
+  int coulomb_rounds = 3;    // octagon, where Newton's method fails, or no sweeps: cap on re-solves with lagged slip
   int small_island = 12;     // bodies: up to them an answer is as good as iterations get, and depends on no order of contacts
-  // Exact Coulomb on small islands or without sweeps: factorisations after which no further round begins. Who sets it has a part of
-  // a larger problem, and does not want three bodies and more on faces swept from their start impulses.
+  // Exact Coulomb in rounds: factorisations after which no further one begins.
   int patience = std::numeric_limits<int>::max();
   // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
   double coulomb_tolerance = 1e-6;

@@ -174,7 +174,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
   add(kMethod, "--ladder", o.ladder, "off|auto|RUNG,...",
       "cheaper ways to the same answer, tried first: nothing, merged, closed_form, column, held, corners, compound, "
-      "planar, normal, sweeps; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
+      "planar, normal, sweeps, newton; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
       "(default auto)");
   add(kMethod, "--tier", o.tier, "NAME",
       "coulomb: certified, or swept, which is faster and has no bound on the gap (default certified)");
