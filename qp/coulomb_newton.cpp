@@ -30,29 +30,24 @@ Vector3 Law(const Vector3& x, double friction) {
   return {x[0], share * x[1], share * x[2]};
 }
 
-// An element of the generalised derivative of Law, and the same without what a normal pull does to friction.
+// An element of the generalised derivative of Law, and the same without what a normal pull does to friction; times `scale`.
 void LawSlopes(const Vector3& x, double friction, double scale, Matrix3* slope, Matrix3* plain) {
+  const double tangent = Tangent(x);
+  const bool slides = x[0] > 0 && tangent > friction * x[0];
   slope->setZero();
-  if (x[0] > 0) {
-    const double tangent = Tangent(x);
-    if (tangent <= friction * x[0]) {
-      slope->diagonal().setConstant(scale);
-    } else {
-      const double cosine = x[1] / tangent, sine = x[2] / tangent, turn = friction * x[0] / tangent * scale;
-      (*slope)(0, 0) = scale;
-      slope->bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
-      *plain = *slope;
-      (*slope)(1, 0) = scale * friction * cosine;
-      (*slope)(2, 0) = scale * friction * sine;
-      return;
-    }
+  if (x[0] > 0 && !slides) slope->diagonal().setConstant(scale);
+  if (slides) {
+    const Eigen::Vector2d side(-x[2] / tangent, x[1] / tangent);
+    (*slope)(0, 0) = scale;
+    slope->bottomRightCorner<2, 2>() = scale * friction * x[0] / tangent * side * side.transpose();
   }
   *plain = *slope;
+  if (slides) slope->bottomLeftCorner<2, 1>() = scale * friction / tangent * x.tail<2>();
 }
 
 }  // namespace
 
-// Of forces.
+// Of forces, as by the inverse of the mass matrix.
 double CoulombNewton::Dot(const std::vector<double>& p, const std::vector<double>& q) const {
   double sum = 0;
   for (size_t i = 0; i < p.size(); ++i) sum += weights_[i] * p[i] * q[i];
