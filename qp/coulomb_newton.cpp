@@ -32,17 +32,17 @@ Vector3 Law(const Vector3& x, double friction) {
 
 // An element of the generalised derivative of Law, and the same without what a normal pull does to friction; times `scale`.
 void LawSlopes(const Vector3& x, double friction, double scale, Matrix3* slope, Matrix3* plain) {
-  const double tangent = Tangent(x);
+  const double tangent = Tangent(x), cosine = x[1] / tangent, sine = x[2] / tangent;
   const bool slides = x[0] > 0 && tangent > friction * x[0];
   slope->setZero();
   if (x[0] > 0 && !slides) slope->diagonal().setConstant(scale);
   if (slides) {
-    const Eigen::Vector2d side(-x[2] / tangent, x[1] / tangent);
+    const double turn = friction * x[0] / tangent * scale;
     (*slope)(0, 0) = scale;
-    slope->bottomRightCorner<2, 2>() = scale * friction * x[0] / tangent * side * side.transpose();
+    slope->bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
   }
   *plain = *slope;
-  if (slides) slope->bottomLeftCorner<2, 1>() = scale * friction / tangent * x.tail<2>();
+  if (slides) slope->bottomLeftCorner<2, 1>() << scale * friction * cosine, scale * friction * sine;
 }
 
 }  // namespace
