@@ -109,9 +109,10 @@ void ContactSuite::Impl::BalanceCandidates(bool at_end, StepReport* report) {
     moves_for_sure = moves_for_sure || speed > certified.StillSpeed(body, settings);
     SetTwist({}, &body);
   }
-  for (int island = 0; at_end && island < partition.num_islands(); ++island)
-    for (const int number : View(island).contacts)
-      if (chosen[island]) frame.holding[number] = held_so_far[number];
+  for (int island = 0; at_end && island < partition.num_islands(); ++island) {
+    if (!chosen[island]) continue;
+    for (const int number : View(island).contacts) frame.holding[number] = held_so_far[number];
+  }
   for (const Outcome& outcome : outcomes) outcome.resting.AddTo(&report->static_qp, &report->ladder);
 }
 

@@ -126,9 +126,9 @@ bool CoulombNewton::FindDirection() {
   return true;
 }
 
-// One proximal step from centre_, to a residual of `aim` [velocity]. True if it was solved; either way impulses_ is where it ended.
+// One proximal step from centre_ and v_, its velocities, to a residual of `aim` [velocity]. True if it was solved; either way
+// impulses_ is where it ended.
 bool CoulombNewton::Step(double aim, int most) {
-  VelocitiesAfter(*problem_, centre_, &v_);
   double size = Residual();
   for (int steps = 0; size > aim; ++steps) {
     if (steps >= most) return false;
@@ -192,6 +192,7 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
       stiffness_ = std::min(kMostStiffness, stiffness_ * (steps <= kEasy ? kStiffen : steps <= kFair ? kStiffenLittle : 1));
     } else {
       stiffness_ *= kSoften;
+      VelocitiesAfter(problem, centre_, &v_);
     }
   }
   return best;

@@ -174,11 +174,12 @@ bool IslandSolver::SolveByNewton(const Problem& problem, const Settings& setting
 // bounces are to blame is the interior point.
 bool IslandSolver::PolishSwept(const Problem& problem, const Settings& settings, Solution* solution) {
   const double enough = kAcceptShare * settings.coulomb_tolerance * settings.velocity_scale;
-  coulomb_newton_.Solve(problem, scales_, in_plane_ ? enough : kNewtonShare * enough, enough, kNewtonSteps, &swept_impulses_);
+  const double goal = in_plane_ ? enough : kNewtonShare * enough;
+  const NaturalMap map = coulomb_newton_.Solve(problem, scales_, goal, enough, kNewtonSteps, &swept_impulses_);
   iterations_ += coulomb_newton_.factorisations();
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   const bool useful = KineticEnergy(problem, swept_velocities_.data()) <= (1 + settings.tolerance) * settings.energy_limit;
-  if (!useful || !AcceptSweeps(problem, settings, kAcceptShare, solution)) return false;
+  if (!useful || !(map.max <= enough) || !TakeSwept(problem, settings, kAcceptShare, solution)) return false;
   if (coulomb_newton_.factorisations() > 0 || !settings.ladder.Has(Rung::kSweeps)) solution->rung = Rung::kNewton;
   return true;
 }
