@@ -10,9 +10,6 @@
 namespace islet {
 namespace {
 
-constexpr int kWakeRounds =
-    2;  // re-solves of islands into which frozen bodies woke, per frame; the last one wakes all that is joined
-
 constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
@@ -70,9 +67,8 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
     s.Bounce(report);  // step 1
     s.WakeByBounce();
     timer.Lap(&report->seconds.pq);
-    s.ResolveIslands(Impl::Pass::kFirst, report, &timer);  // steps 2 and 3
+    s.ResolveIslands(report, &timer);  // steps 2 and 3
   }
-  s.WakeUnbalanced(report, &timer);
   s.Freeze(report);  // step 4
   s.Finish(report);
   timer.Lap(&report->seconds.freeze);
@@ -82,29 +78,6 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
 void ContactSuite::Impl::StandStill() {
   frame.after_bounces.assign(frame.bodies.size(), {});
   frame.before_gravity.assign(frame.bodies.size(), {});
-  drafted.assign(frame.bodies.size(), 0);
-  solve_round = 0;
-}
-
-// Bodies that are no longer held join the islands that move, which are solved again, until none wakes.
-void ContactSuite::Impl::WakeUnbalanced(StepReport* report, LapTimer* timer) {
-  if (settings.freezing != Freezing::kCertified) return;
-  const auto check = [&](bool all) {
-    const bool any = CheckFrozen(all, report);
-    timer->Lap(&report->seconds.freeze);
-    return any;
-  };
-  bool any = check(false);
-  for (int round = 0; any && round < kWakeRounds && (round == 0 || moves_for_sure); ++round) {
-    ResolveIslands(Pass::kWoken, report, timer);
-    any = check(round + 1 == kWakeRounds - 1);
-  }
-  if (std::any_of(drafted.begin(), drafted.end(), [](std::uint8_t d) { return d != 0; })) {
-    ResolveIslands(Pass::kCertify, report, timer);
-    any = check(false);
-  }
-  if (!any) return;
-  for (const int i : woken) TrustUntilNextFrame(i);  // what only trembles may start a frame later
 }
 
 void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts) {
@@ -126,15 +99,11 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.contacts = {contacts, frame.frames};
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding})
     impulses->assign(contacts.size(), Vector3::Zero());
-  if (settings.freezing == Freezing::kCertified) certified.TrackTravel(bodies, dt, settings);
   freeze_counters.resize(bodies.size(), 0);
-  suspected = false;
-  lenient.assign(bodies.size(), 0);
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
-  if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame);
   RecallHolding();
-  frame.held_before = frame.holding;
+  if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame, settings);
 }
 
 // Contacts keep the impulses that held in the frame before, per second: where nothing moves as they are, elsewhere as what
@@ -264,7 +233,7 @@ void ContactSuite::Impl::Finish(StepReport* report) {
     report->kinetic_energy += energies[i];
   }
   if (settings.freezing == Freezing::kCertified && report->frozen > 0)
-    report->frozen_imbalance = certified.WorstImbalance(frame);
+    report->frozen_imbalance = certified.worst_imbalance();
 }
 
 }  // namespace islet

@@ -1,7 +1,7 @@
 // What a ContactSuite is made of; shared by the three files that hold its stages, and by nobody else.
 //   contact_suite.cpp    the door, the order of the stages, what is remembered from frame to frame
 //   suite_islands.cpp    partitions, step 1, steps 2 and 3 as tasks
-//   suite_freezing.cpp   step 4: the balance of frozen bodies, freezing
+//   suite_freezing.cpp   step 4: freezing
 #pragma once
 
 #include <array>
@@ -37,12 +37,6 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<double> costs;
   parallel::Schedule schedule;
 
-  // Steps 2 and 3 are passed through until no more frozen bodies wake, big islands next to frozen bodies by drafts.
-  enum class Pass {
-    kFirst,    // all islands
-    kWoken,    // those that woken bodies joined
-    kCertify,  // those that have a draft
-  };
   static constexpr int kWall = -1, kNobody = -2;
   struct Worker {
     SequentialResolver sequential;
@@ -58,20 +52,12 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<Outcome> outcomes;  // per island
   ProblemObserver observer;
   std::vector<std::vector<ProblemRecord>> records;  // per island, for the observer
-  int solve_round = 0;                              // of this frame
-  std::vector<int> bounce_counts, unbalanced, candidates, woken;
+  std::vector<int> bounce_counts;
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
   enum Settled : std::uint8_t { kInMotion, kSettled, kRebounds };
   std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
-  std::vector<Vector3> held_so_far;      // [N s] per contact: what a balance that holds nothing gives back
-  std::vector<std::uint8_t> chosen;      // per island
-  std::vector<std::uint8_t> drafted;     // per body: what its island has is a draft
-  bool moves_for_sure = false;           // a candidate got more than a trembling speed
-  bool suspected = false;                // in this frame frozen bodies were solved with those that move
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
-  std::vector<std::uint8_t>
-      lenient;  // per body: its neighbours were balanced anew in this frame, and not itself suspected
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();
@@ -93,18 +79,10 @@ struct ContactSuite::Impl : SuiteMemory {
   ResponseOutcome LeaveToStatic(const IslandView& view);
   BounceRule RuleOf(const IslandView& view, Worker* worker) const;
   IslandView HeldView(const IslandView& view, Worker* worker);
-  bool MayDraft(const IslandView& view) const;
-  void ResolveIsland(int island, Pass pass, Worker* worker);
+  void ResolveIsland(int island, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);
-  bool WokenWereHit(const IslandView& view) const;
-  void ResolveIslands(Pass pass, StepReport* report, LapTimer* timer);
-  void WakeUnbalanced(StepReport* report, LapTimer* timer);
-  bool CheckFrozen(bool all, StepReport* report);
-  void AddJoinedFrozen();
-  void TrustUntilNextFrame(int suspect);
-  void BalanceCandidates(bool at_end, StepReport* report);
+  void ResolveIslands(StepReport* report, LapTimer* timer);
   void ReportIslands(StepReport* report) const;
-  void FreezeCertified(StepReport* report);
   void Freeze(StepReport* report);
   void FreezeLikePaper();
   void SettleCaughtBodies();

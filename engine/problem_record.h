@@ -15,10 +15,9 @@ namespace islet {
 enum class Stage { kCollision, kStatic };
 
 struct ProblemRecord {
-  // Of a small group: which of its problems in this step. Of a crowd: 0; in certified freezing then 1, 2 for islands that are solved
-  // again because bodies woke into them.
+  // Of a small group: which of its problems in this step. Of a crowd: 0.
   int round = 0;
-  int island = 0;  // of a small group: its smallest body; of a crowd: in the partition of this round, numbered by smallest body
+  int island = 0;  // of a small group: its smallest body; of a crowd: in the partition of this step, numbered by smallest body
   Stage stage = Stage::kCollision;
   QpStatus status = QpStatus::kNone;
   qp::Problem problem;  // with the bounces that were asked for in the end

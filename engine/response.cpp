@@ -6,22 +6,12 @@
 #include "engine/rebound.h"
 #include "engine/stopwatch.h"
 #include "qp/body_algebra.h"
-#include "qp/slip.h"
 
 namespace islet {
 namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kRestShare = 1.5;    // times the floor of v_ref: nothing approaches faster than a resting load would
-// Of the same: how fast the bodies of an island that rests may be, root mean square. Measured on cubeglass: of 192 islands
-// below kRestShare 10 turned out to rest, all at up to 3.1e-3; of the other 182, 157 were above 5e-3.
-constexpr double kRestMotion = 5e-3;
-constexpr double kDraftTolerance =
-    1e-4;  // of the floor of v_ref: bodies wake by a thousandth of what gravity does in a step
-constexpr int kHoldingSweeps = 60;
-constexpr double kHoldingShare = 0.05;        // of the rest limit: sweeps stop when impulses change less, Newton's method at that map
-constexpr int kHoldingSteps = 40;             // of Newton's method
 constexpr double kFallbackCompliance = 1e-4;  // of the contact's own W_nn
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
@@ -43,14 +33,6 @@ double ApproachVelocities(const qp::Problem& problem, std::vector<double>* veloc
 
 bool Usable(qp::Status status) { return status == qp::Status::kSolved || status == qp::Status::kInaccurate; }
 
-// [m/s] of the centres before this step's forces, root mean square.
-double MeanSpeedBeforeForces(std::span<const int> members, std::span<const Body> bodies, const Vector3& gravity_W,
-                             double dt) {
-  double sum = 0;
-  for (const int i : members) sum += BeforeForces(dt, gravity_W, bodies[i]).linear_W.squaredNorm();
-  return std::sqrt(sum / static_cast<double>(members.size()));
-}
-
 bool AnyDrift(const qp::Problem& problem) {
   return std::any_of(problem.contacts.begin(), problem.contacts.end(),
                      [](const qp::ContactTerm& c) { return !c.drift.isZero(0); });
@@ -65,17 +47,16 @@ bool FallsFreely(const IslandView& island, const ContactFrames& contacts, std::s
          });
 }
 
-qp::Settings SolverSettings(const Settings& settings, double v_ref, int small_island) {
+qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   qp::Settings out;
   out.model = settings.model;
   out.cone = settings.cone;
-  out.tier = settings.tier;
+  out.effort = settings.effort;
   out.ladder = settings.ladder;
   out.tolerance =
       1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
   out.coulomb_tolerance = settings.tolerance;
   out.coulomb_rounds = settings.coulomb_rounds;
-  out.small_island = small_island;
   out.velocity_scale = v_ref;
   return out;
 }
@@ -84,8 +65,7 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref, int small_is
 
 void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   summary->seconds += seconds;
-  summary->drafts += draft;
-  if (draft || contacts == 0) return;
+  if (contacts == 0) return;
   ladder->Add(rung, 1, contacts, seconds);
   ladder->in_vain.Include(in_vain);
   if (status == QpStatus::kNone) return;
@@ -120,14 +100,8 @@ bool IslandResponder::LowerRestitution(int attempt) {
   return true;
 }
 
-void IslandResponder::Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest,
-                            ResponseOutcome* outcome) {
-  qp::Settings solver_settings = SolverSettings(settings, v_ref, small_island_);
-  solver_settings.expect_rest = expect_rest;
-  if (draft_) {
-    solver_settings.tier = qp::Tier::kSwept;
-    solver_settings.coulomb_tolerance = kDraftTolerance * speed_floor / v_ref;
-  }
+void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome) {
+  qp::Settings solver_settings = SolverSettings(settings, v_ref);
   const bool may_gain = AnyDrift(problem_);  // moving walls do work
   const double energy_before = qp::KineticEnergy(problem_, nullptr);
   const bool bounces =
@@ -213,7 +187,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (free_[c] < -threshold)
       problem_.contacts[c].target = ReboundSpeed(contacts.contacts[touching.contacts[c]], -free_[c]);
   }
-  Solve(settings, v_ref, speed_floor, false, &outcome);
+  Solve(settings, v_ref, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
@@ -259,9 +233,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const double left = (settings.gravity.isZero(0) ? 1e3 : 10) * settings.tolerance * speed_floor;
   const bool free = !rubs && FallsFreely(island, contacts, bodies);
   if (looks && free && touching <= left) return outcome;
-  const bool rests = v_ref <= kRestShare * speed_floor &&
-                     MeanSpeedBeforeForces(island.bodies, bodies, settings.gravity, dt) <= kRestMotion * speed_floor;
-  Solve(settings, v_ref, speed_floor, rests, &outcome);
+  Solve(settings, v_ref, &outcome);
   if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
@@ -290,82 +262,13 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   }
   const double v_ref = std::max(speed_floor, fastest);
   if (settings.model == Model::kCoulomb && fastest <= 1e-12 * v_ref) return outcome;
-  draft_ = false;
-  const qp::Settings solver_settings = SolverSettings(settings, v_ref, small_island_);
+  const qp::Settings solver_settings = SolverSettings(settings, v_ref);
   SolveOnce(solver_settings, &outcome);
   AcceptOrComply(solver_settings, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
-}
-
-ResponseOutcome IslandResponder::ResolveHolding(const IslandView& island, const ContactFrames& contacts,
-                                                const Settings& settings, double speed_floor, double rest_limit,
-                                                double dt, std::span<Body> bodies, std::span<Vector3> impulses) {
-  draft_ = false;  // whatever this responder did last
-  ResponseOutcome outcome;
-  if (!island.contacts.empty()) {
-    const Stopwatch watch;
-    gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
-    if (HoldsNearby(island, settings, rest_limit, bodies, impulses, &outcome)) {
-      outcome.status = QpStatus::kSolved;
-      outcome.rung = solution_.rung;
-      outcome.contacts = static_cast<int>(island.contacts.size());
-      outcome.seconds = watch.seconds();
-      Finish(island, settings, speed_floor, bodies, impulses, &outcome);
-      return outcome;
-    }
-  }
-  const qp::InVain in_vain = outcome.in_vain;
-  outcome = ResolveStatic(island, contacts, settings, speed_floor, dt, bodies, impulses);
-  outcome.in_vain.Include(in_vain);
-  return outcome;
-}
-
-// From the given impulses on; changes them no farther away than it has to. Sweeps carry loads slowly; Newton's method goes on from
-// where they end.
-bool IslandResponder::HoldsNearby(const IslandView& island, const Settings& settings, double rest_limit,
-                                  std::span<const Body> bodies, std::span<const Vector3> impulses,
-                                  ResponseOutcome* outcome) {
-  if (!settings.ladder.Has(qp::Rung::kHeld) || settings.cone != Cone::kCircular) return false;
-  const Stopwatch watch;
-  solution_.rung = qp::Rung::kHeld;
-  solution_.multipliers.clear();
-  solution_.impulses.resize(island.contacts.size());
-  solution_.slips.resize(island.contacts.size());
-  for (size_t c = 0; c < island.contacts.size(); ++c) solution_.impulses[c] = impulses[island.contacts[c]];
-  qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
-  sweeps_.Prepare(problem_);
-  sweeps_.Sweep(problem_, kHoldingSweeps, kHoldingShare * rest_limit, &solution_.impulses, &solution_.velocities);
-  bool rests = Rests(island, bodies, rest_limit);
-  if (!rests && settings.ladder.Has(qp::Rung::kNewton)) {
-    qp::ImpulseScales(problem_, &scales_);
-    const double goal = kHoldingShare * rest_limit;
-    newton_.Solve(problem_, scales_, goal, goal, kHoldingSteps, &solution_.impulses);
-    qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
-    rests = Rests(island, bodies, rest_limit);
-    outcome->iterations = newton_.factorisations();
-  }
-  if (!rests) {
-    outcome->in_vain.Add(qp::Rung::kHeld, watch.seconds());
-    return false;
-  }
-  for (size_t c = 0; c < island.contacts.size(); ++c) {
-    const qp::ContactTerm& contact = problem_.contacts[c];
-    const Vector3 u = qp::ContactVelocity(contact, solution_.velocities.data());
-    solution_.slips[c] = qp::Slip(u, contact.friction, Cone::kCircular);
-  }
-  return true;
-}
-
-// Whether the answer leaves every point of these bodies slower than limit [m/s].
-bool IslandResponder::Rests(const IslandView& island, std::span<const Body> bodies, double limit) const {
-  for (size_t i = 0; i < island.bodies.size(); ++i) {
-    const Eigen::Map<const qp::Vector6> v(&solution_.velocities[6 * i]);
-    if (!(v.head<3>().norm() + bodies[island.bodies[i]].radius * v.tail<3>().norm() <= limit)) return false;
-  }
-  return true;
 }
 
 }  // namespace islet

@@ -33,7 +33,6 @@ struct ResponseOutcome {
   int rounds = 0;
   bool coulomb_capped = false;  // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
-  bool draft = false;                  // swept alone, to be certified when it is known which bodies take part
   double seconds = 0;                  // [s] wall
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
@@ -44,9 +43,6 @@ struct ResponseOutcome {
 
 class IslandResponder {
  public:
-  IslandResponder() = default;
-  // Up to how many bodies answers are as good as iterations get (qp::Settings).
-  explicit IslandResponder(int small_island) : small_island_(small_island) {}
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. What is found there is
   // taken for a guess.
@@ -59,38 +55,23 @@ class IslandResponder {
   ResponseOutcome ResolveTargets(const IslandView& island, const ContactFrames& contacts,
                                  std::span<const double> targets, const Settings& settings, double speed_floor,
                                  std::span<Body> bodies, std::span<Vector3> impulses);
-  // From now on these two stop after the sweeps, as soon as they tell which bodies wake.
-  void SetDraft(bool draft) { draft_ = draft; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }
   const qp::Solution& solution() const { return solution_; }
-  // Bodies that should stay at rest under a load that changed a little: adapts the given impulses as locally as it can, and
-  // only where that does not bring every point below rest_limit [m/s] solves the static problem anew.
-  ResponseOutcome ResolveHolding(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
-                                 double speed_floor, double rest_limit, double dt, std::span<Body> bodies,
-                                 std::span<Vector3> impulses);
 
  private:
-  void Solve(const Settings& settings, double v_ref, double speed_floor, bool expect_rest, ResponseOutcome* outcome);
+  void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
   void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   bool LowerRestitution(int attempt);
-  bool HoldsNearby(const IslandView& island, const Settings& settings, double rest_limit, std::span<const Body> bodies,
-                   std::span<const Vector3> impulses, ResponseOutcome* outcome);
-  bool Rests(const IslandView& island, std::span<const Body> bodies, double limit) const;
   void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 
-  bool draft_ = false;
-  int small_island_ = qp::Settings().small_island;
   IslandGatherer gatherer_;
   qp::Problem problem_;
   qp::Solution solution_;
   qp::IslandSolver solver_;
-  qp::GaussSeidel sweeps_;
-  qp::CoulombNewton newton_;
-  std::vector<double> scales_;  // of the natural map, per contact
   std::vector<double> free_;    // contact velocities before
   std::vector<int> touching_;   // contacts of the collision problem
   std::vector<Vector3> guess_;  // impulses found there, per contact of the problem

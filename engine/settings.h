@@ -9,9 +9,9 @@
 namespace islet {
 
 using qp::Cone;
+using qp::Effort;
 using qp::Ladder;
 using qp::Model;
-using qp::Tier;
 
 enum class BounceLaw {
   kEq5,    // frictionless normal impulse, then friction opposite to the slip                     [SM04 Eq. 2, 5]
@@ -46,7 +46,7 @@ struct Settings {
   std::vector<Region> cold_volumes;  // kPaper: bodies freeze only inside one of these; none: everywhere
 
   // Accuracy
-  Tier tier = Tier::kCertified;       // swept: kCoulomb on the circular cone only
+  Effort effort = qp::kNormalEffort;        // cap on the work for an island, kCoulomb on the circular cone
   double tolerance = 1e-6;            // of the QPs: relative duality gap, and natural map over v_ref
   int coulomb_rounds = 3;             // kCoulomb, where sweeps do not lead: cap on re-solves with lagged slip [DS91]
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used

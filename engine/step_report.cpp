@@ -53,7 +53,6 @@ void QpSummary::Include(const QpSummary& other) {
   solved += other.solved;
   failed += other.failed;
   inaccurate += other.inaccurate;
-  drafts += other.drafts;
   coulomb_capped += other.coulomb_capped;
   iterations += other.iterations;
   iterations_max = std::max(iterations_max, other.iterations_max);

@@ -59,7 +59,6 @@ struct QpSummary {  // over the islands of one step
   int solved = 0;   // problems handed to the solver
   int failed = 0;   // of these, kInfeasible or kFailed
   int inaccurate = 0;
-  int drafts = 0;          // beside those: swept only, to see which frozen bodies wake
   int coulomb_capped = 0;  // solved, but the exact Coulomb law not to the tolerance within the cap on rounds
   int iterations = 0;      // interior-point iterations, sum
   int iterations_max = 0;  // in one problem

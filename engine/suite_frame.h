@@ -1,5 +1,4 @@
-// What the stages of one ContactSuite::Resolve share. Filled from the top down; no stage changes what an earlier one wrote,
-// except that islands with woken bodies are resolved again.
+// What the stages of one ContactSuite::Resolve share. Filled from the top down; no stage changes what an earlier one wrote.
 #pragma once
 
 #include <algorithm>
@@ -23,8 +22,6 @@ struct SuiteFrame {
   std::vector<Matrix3> frames;  // per contact
   // [N s] per contact, (n, t1, t2). `holding` keeps its values from frame to frame where nothing moves.
   std::vector<Vector3> bounces, collisions, holding;
-  std::vector<Vector3>
-      held_before;  // `holding` as the frame begins: what the frame before left, on the contacts of today
   std::vector<Twist> after_bounces;   // per body: where steps 2 and 3 start from
   std::vector<Twist> before_gravity;  // per body
 };

@@ -5,7 +5,6 @@
 namespace islet {
 namespace {
 
-constexpr size_t kDraftBodies = 32;  // smaller islands are certified at once
 constexpr size_t kMergedBodies = 5;  // smaller islands cost microseconds: nothing to save
 constexpr double kParallel = 1e-10;  // of normals along one line
 // Blows in heaps bounce until the rest is slight, where they are few: a bounce takes 2 to 3 us, a collision problem of 5,000
@@ -129,39 +128,20 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
   for (const int count : bounce_counts) report->bounces += count;
 }
 
-// A frozen body that bounced away wakes; one that only trembled is put back, and what it got counts as load.
+// By the paper's freezing a frozen body that bounced away wakes [SM04 Eq. 15]; one that only trembled is put back.
 void ContactSuite::Impl::WakeByBounce() {
   frame.after_bounces.resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     frame.after_bounces[i] = TwistOf(body);
     if (!body.frozen) continue;
-    const bool wakes =
-        settings.freezing == Freezing::kPaper
-            ? body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed  // [SM04 Eq. 15]
-            : FastestPoint(TwistOf(body), body.radius) > certified.StillSpeed(body, settings);
-    if (wakes) {
+    if (body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed) {
       body.frozen = false;
       freeze_counters[i] = 0;
     } else {
       SetTwist({}, &body);
     }
   }
-}
-
-// Whether the island is big and has frozen neighbours, which may wake and join it. Without friction there is nothing that a
-// draft could leave out.
-bool ContactSuite::Impl::MayDraft(const IslandView& view) const {
-  if (settings.freezing != Freezing::kCertified || settings.model != Model::kCoulomb ||
-      settings.cone != Cone::kCircular || settings.tier != Tier::kCertified ||
-      !settings.ladder.Has(qp::Rung::kSweeps) || view.bodies.size() < kDraftBodies)
-    return false;
-  const auto rubs = [this](int number) { return frame.contacts.contacts[number].friction > 0; };
-  if (std::none_of(view.contacts.begin(), view.contacts.end(), rubs)) return false;
-  return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
-    const Contact& contact = frame.contacts.contacts[number];
-    return frame.bodies[contact.body_a].frozen || frame.bodies[contact.body_b].frozen;
-  });
 }
 
 // Takes the place of a collision problem: no impulses, and what an earlier pass of the frame found is gone.
@@ -195,25 +175,15 @@ IslandView ContactSuite::Impl::HeldView(const IslandView& view, Worker* worker) 
   return {view.bodies, worker->held};
 }
 
-// Where bodies woke into an island that was resolved before, its collisions stand unless they hit one of those as a wall.
-void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
+void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   const IslandView view = View(island);
   Outcome& outcome = outcomes[island];
-  const bool draft = pass != Pass::kCertify && MayDraft(view);
-  worker->responder.SetDraft(draft);
-  if (pass != Pass::kWoken || WokenWereHit(view)) {
-    for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-    outcome.collision = CollidesSlightly(view, worker)
-                            ? LeaveToStatic(view)
-                            : worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
-                                                                  frame.threshold, frame.bodies, frame.collisions);
-    if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
-  } else {
-    for (const int i : view.bodies) {
-      const bool woke = std::binary_search(woken.begin(), woken.end(), i);
-      SetTwist(woke ? frame.after_bounces[i] : frame.before_gravity[i], &frame.bodies[i]);
-    }
-  }
+  for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
+  outcome.collision = CollidesSlightly(view, worker)
+                          ? LeaveToStatic(view)
+                          : worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                                frame.threshold, frame.bodies, frame.collisions);
+  if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   const IslandView held = HeldView(view, worker);
   for (const int i : view.bodies) {
     Body& body = frame.bodies[i];
@@ -224,52 +194,27 @@ void ContactSuite::Impl::ResolveIsland(int island, Pass pass, Worker* worker) {
   outcome.resting = worker->responder.ResolveStatic(held, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
-  outcome.collision.draft = outcome.resting.draft = draft;
-  for (const int i : view.bodies) drafted[i] = draft;
 }
 
 void ContactSuite::Impl::Record(int island, Stage stage, QpStatus status, const IslandResponder& responder) {
   if (status == QpStatus::kNone) return;
-  records[island].push_back({solve_round, island, stage, status, responder.problem(), responder.solution()});
+  records[island].push_back({0, island, stage, status, responder.problem(), responder.solution()});
 }
 
-// A collision that took a body for a wall put more momentum on it than there was: it has to be solved anew.
-bool ContactSuite::Impl::WokenWereHit(const IslandView& view) const {
-  return std::any_of(view.contacts.begin(), view.contacts.end(), [this](int number) {
-    if (frame.collisions[number].isZero(0)) return false;
-    const Contact& contact = frame.contacts.contacts[number];
-    return std::binary_search(woken.begin(), woken.end(), contact.body_a) ||
-           std::binary_search(woken.begin(), woken.end(), contact.body_b);
-  });
-}
-
-void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer* timer) {
-  if (pass == Pass::kFirst) {
-    frame.before_gravity.assign(frame.bodies.size(), {});
-    drafted.assign(frame.bodies.size(), 0);
-  }
+void ContactSuite::Impl::ResolveIslands(StepReport* report, LapTimer* timer) {
+  frame.before_gravity.assign(frame.bodies.size(), {});
   CutAtImmovable();
   Partition([this](const Contact& c) { return frame.bodies[c.body_a].Moves() || frame.bodies[c.body_b].Moves(); });
   outcomes.assign(partition.num_islands(), {});
-  chosen.assign(partition.num_islands(), pass == Pass::kFirst);
-  if (pass == Pass::kWoken)
-    for (const int body : woken) chosen[partition.body_to_island[body]] = 1;
-  for (size_t i = 0; pass == Pass::kCertify && i < drafted.size(); ++i)
-    if (drafted[i]) chosen[partition.body_to_island[i]] = 1;
-  solve_round = pass == Pass::kFirst ? 0 : solve_round + 1;
   if (observer) records.assign(partition.num_islands(), {});
   timer->Lap(&report->seconds.islands);
-  std::sort(woken.begin(), woken.end());
-  ForEachIsland([this, pass](int island, Worker* worker) {
-    if (chosen[island]) ResolveIsland(island, pass, worker);
-  });
+  ForEachIsland([this](int island, Worker* worker) { ResolveIsland(island, worker); });
   if (observer)
     for (const auto& solved : records)
       for (const ProblemRecord& record : solved) observer(record);
   for (const Outcome& outcome : outcomes) {
     outcome.collision.AddTo(&report->collision_qp, &report->ladder);
     outcome.resting.AddTo(&report->static_qp, &report->ladder);
-    if (outcome.resting.draft) continue;
     report->restitution_lowered += outcome.collision.restitution_lowered;
     report->certificate.Include(outcome.collision.certificate);
     report->certificate.Include(outcome.resting.certificate);
@@ -285,16 +230,10 @@ void ContactSuite::Impl::ResolveIslands(Pass pass, StepReport* report, LapTimer*
   ReportIslands(report);
 }
 
-// Islands of this pass take the places of those whose bodies they hold.
 void ContactSuite::Impl::ReportIslands(StepReport* report) const {
-  std::erase_if(report->islands,
-                [this](const IslandReport& old) {
-                  const int island = partition.body_to_island[old.first_body];
-                  return island >= 0 && chosen[island];
-                });
   for (int i = 0; i < partition.num_islands(); ++i) {
     const IslandView view = View(i);
-    if (!chosen[i] || view.contacts.empty()) continue;
+    if (view.contacts.empty()) continue;
     const Outcome& outcome = outcomes[i];
     IslandReport island;
     island.first_body = view.bodies[0];

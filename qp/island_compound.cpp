@@ -14,7 +14,7 @@ constexpr int kSplits = 2;  // of clusters that do not hold; of what two do not 
 
 bool IslandSolver::MayCompound(const Settings& settings) {
   return settings.ladder.Has(Rung::kCompound) && settings.model == Model::kCoulomb &&
-         settings.cone == Cone::kCircular && settings.tier == Tier::kCertified;
+         settings.cone == Cone::kCircular;
 }
 
 bool IslandSolver::SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
@@ -47,7 +47,6 @@ bool IslandSolver::SolveReduced(const Settings& settings) {
   inner.coulomb_rounds = kRounds;
   inner.patience = kPatience;
   inner.coulomb_tolerance *= kReducedShare;
-  if (compounds_.crowded()) inner.tier = Tier::kSwept;
   inner_->Solve(reduced, inner, &trial_, compounds_.reduced_start());
   iterations_ += trial_.iterations;
   in_vain_.Include(trial_.in_vain);

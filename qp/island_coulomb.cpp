@@ -9,26 +9,14 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kMaxBlocks = 10;    // of sweeps
-constexpr double kEnoughRms = 3;  // times the tolerance: natural map at which the search ends
-constexpr double kEnoughMax = 30;
-constexpr int kRestIterations = 14;   // resting islands take 9 to 12
-constexpr double kRestShare = 0.1;    // of the tolerance: what rests for long is held to more than is asked for
-constexpr int kPlaneIterations = 40;  // in the plane an iteration costs little more than a sweep
-constexpr double kLostRms = 1e-2;     // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
-constexpr double kBlockGain = 0.7;    // of the natural map, for another block
-constexpr double kFewLeft = 0.5;      // worst contact's share of the natural map's norm: few are left, and may drift
-constexpr int kDriftBlocks = 2;       // without a gain, while so few are left
-constexpr double kLeastDrift = 1e-3;  // of the tolerance
+constexpr double kWorst = 10;        // times the rms: natural map of the worst contact
+constexpr double kBlockGain = 0.9;    // of the natural map: momentum that leaves more has gone round in circles [law of friction: no gradient]
+constexpr int kPlainSweeps = 20;
 // Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
 constexpr double kTowerShare = 0.6;       // of the contacts, in faces
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
-// Of what the natural map says that the slips of a big island's last problem miss: velocities [root of the gap] need to be no nearer
-// to that problem's answer than it is to the law. No more of a gap than this share of coulomb_tolerance.
-constexpr double kSlipShare = 0.7;
-constexpr double kMostGap = 0.1;
 
 // Small islands, by Newton's method.
 constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the frame before
@@ -40,12 +28,6 @@ double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
   const auto [least, most] = std::minmax_element(problem.bodies.begin(), problem.bodies.end(), lighter);
   return most->mass / least->mass;
-}
-
-double LargestFriction(const Problem& problem) {
-  double largest = 0;
-  for (const ContactTerm& contact : problem.contacts) largest = std::max(largest, contact.friction);
-  return largest;
 }
 
 }  // namespace
@@ -67,68 +49,50 @@ bool IslandSolver::IsTower(const Problem& problem, int most) {
   return static_cast<double>(in_faces) > kTowerShare * static_cast<double>(contacts.size());
 }
 
-// Where hardly anything slides the convex problem without slips is all but the answer, and sweeps find the rest; elsewhere
-// the sweeps start from the impulses at hand. What they leave over is the friction of contacts on the edge of sliding: the
-// convex problem with the slips found is solved as exactly as these are worth it, where the sweeps have not done that, so that all but those slips
-// is exact.
-void IslandSolver::SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                                   Solution* solution) {
-  slips_.assign(problem.contacts.size(), 0.0);
-  gauss_seidel_.Prepare(problem);
-  StartFrom(problem, start);
-  const bool certified = settings.tier == Tier::kCertified;
-  if (certified && (settings.expect_rest || in_plane_)) {
-    Settings brief = settings;
-    brief.max_iterations = in_plane_ ? kPlaneIterations : kRestIterations;
-    brief.tolerance *= kRestShare;
-    if (in_plane_) brief.aim = kSmallAim;
-    RunInteriorPoint(problem, brief, slips_, &trial_);
-    if (trial_.status == Status::kSolved) swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
+// Sweeps, as far as the effort goes; Newton's method from where they end. False if few bodies are not answered so: then the
+// interior point says why.
+bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                              Solution* solution) {
+  const bool newton = settings.ladder.Has(Rung::kNewton) && problem.num_bodies() <= settings.effort.newton_bodies;
+  if (problem.num_bodies() <= kSmallIsland) return newton && SolveByNewton(problem, settings, start, solution);
+  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+  const bool starts = start.size() == problem.contacts.size();
+  if (starts) TakeOver(problem, start);
+  NaturalMap map = starts ? MapOfSwept(problem) : NaturalMap{INFINITY, INFINITY};
+  if (!Meets(map, goal)) {
+    gauss_seidel_.Prepare(problem);
+    StartFrom(problem, start);
+    map = Search(problem, settings);
   }
-  NaturalMap map = Search(problem, settings);
-  if (certified && map.rms > kLostRms * settings.velocity_scale) map = SearchFromConvex(problem, settings, map);
-  // The interior point's velocities are good to the root of its gap, too.
-  const double near = std::max(std::sqrt(settings.tolerance), kAcceptShare * settings.coulomb_tolerance);
-  bool accepted = !certified || map.rms <= near * settings.velocity_scale;
-  if (accepted) {
-    VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-    accepted = TakeSwept(problem, settings, certified ? kAcceptShare : INFINITY, solution);
+  if (newton && !Meets(map, goal)) {
+    coulomb_newton_.Solve(problem, scales_, goal, goal, kNewtonSteps, &swept_impulses_);
+    iterations_ += coulomb_newton_.factorisations();
   }
-  if (!accepted) {
-    UpdateSlips(problem, Cone::kCircular);
-    Settings last = settings;
-    const double share = kSlipShare * std::min(1.0, LargestFriction(problem)) * map.rms / settings.velocity_scale;
-    last.tolerance = std::clamp(share * share, settings.tolerance,
-                                std::max(settings.tolerance, kMostGap * settings.coulomb_tolerance));
-    RunInteriorPoint(problem, last, slips_, solution, swept_impulses_);
-    solution->rounds = 1;
-  }
-  solution->coulomb_reached = CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <=
-                              settings.coulomb_tolerance * settings.velocity_scale;
+  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+  TakeSwept(problem, settings, INFINITY, solution);
+  if (newton && iterations_ > 0) solution->rung = Rung::kNewton;
+  solution->coulomb_reached = Meets(MapOfSwept(problem), goal);
+  return true;
 }
 
-// Improves swept_impulses_ and swept_velocities_ by sweeps, as long as that pays. An answer that is to be certified goes on
-// until it can be accepted as it is: that is better than what the interior point makes of it, and cheaper. Returns their map.
+bool IslandSolver::Meets(const NaturalMap& map, double goal) { return map.rms <= goal && map.max <= kWorst * goal; }
+
+// Improves swept_impulses_ and swept_velocities_ by sweeps up to the goal or the effort. Returns their map.
 NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings) {
-  const bool certified = settings.tier == Tier::kCertified;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   NaturalMap best = MapOfSwept(problem);
   best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
-  const auto enough = [&](const NaturalMap& map) {
-    return map.max <= kAcceptShare * goal ||
-           (!certified && map.rms <= kEnoughRms * goal && map.max <= kEnoughMax * goal);
-  };
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
-  bool few = false;
-  int missed = 0;
-  for (int block = 0; block < kMaxBlocks && missed < (few ? kDriftBlocks : 1) && !enough(best); ++block) {
-    if (few) drift_.Follow(problem, scales_, kLeastDrift * goal, &gauss_seidel_, &swept_impulses_, &swept_velocities_);
+  bool astray = false;
+  for (int left = settings.effort.sweeps; left > 0 && !Meets(best, goal);) {
     const Precision precision =
         single && best.rms > kSingleAbove * settings.velocity_scale ? Precision::kSingle : Precision::kDouble;
-    gauss_seidel_.Sweep(problem, kSweeps, 0.1 * goal, &swept_impulses_, &swept_velocities_, Pace::kMomentum, precision);
+    const int block = std::min(left, astray ? kPlainSweeps : kSweeps);
+    left -= block;
+    gauss_seidel_.Sweep(problem, block, 0.1 * goal, &swept_impulses_, &swept_velocities_,
+                        astray ? Pace::kPlain : Pace::kMomentum, precision);
     const NaturalMap now = MapOfSwept(problem);
-    few = now.max > kFewLeft * now.rms * std::sqrt(problem.num_contacts());
-    missed = now.rms < kBlockGain * best.rms ? 0 : missed + 1;
+    astray = !astray && now.rms > kBlockGain * best.rms;
     if (now.rms < best.rms) {
       best = now;
       best_impulses_ = swept_impulses_, best_velocities_ = swept_velocities_;
@@ -136,18 +100,6 @@ NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings
   }
   swept_impulses_.swap(best_impulses_), swept_velocities_.swap(best_velocities_);
   return best;
-}
-
-// Sweeps carry loads slowly: in a tower of hundreds they do not get to the ground. What the convex problem without slips
-// says is nearer then, if it has a solution.
-NaturalMap IslandSolver::SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept) {
-  std::fill(slips_.begin(), slips_.end(), 0.0);
-  RunInteriorPoint(problem, settings, slips_, &trial_);
-  if (trial_.status != Status::kSolved ||
-      CoulombMap(problem, trial_.velocities, trial_.impulses, scales_).rms > swept.rms)
-    return swept;
-  swept_impulses_ = trial_.impulses, swept_velocities_ = trial_.velocities;
-  return Search(problem, settings);
 }
 
 // Sweeps from the impulses of the frame before, while they pay; Newton's method from there, or from none: what it finds depends on no
@@ -193,7 +145,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   slips_.assign(problem.contacts.size(), 0.0);
   if (circular) gauss_seidel_.Prepare(problem);
-  const bool small = problem.num_bodies() <= settings.small_island;
+  const bool small = problem.num_bodies() <= kSmallIsland;
   Settings inner = settings;
   if (small) inner.aim = kSmallAim;
   double best = INFINITY;

@@ -192,7 +192,7 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
   in_plane_ = true;
   if (!SolveOneContact(planar_.problem(), settings, &planar_solution_)) {
     Settings inner = settings;
-    if (problem.num_bodies() <= settings.small_island) inner.coulomb_tolerance *= kPlanarShare;
+    if (problem.num_bodies() <= kSmallIsland) inner.coulomb_tolerance *= kPlanarShare;
     SolveWhole(planar_.problem(), inner, planar_start_, &planar_solution_);
   }
   in_plane_ = false;
@@ -213,17 +213,12 @@ bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings,
 void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
-    const bool swept = settings.tier == Tier::kSwept, big = problem.num_bodies() > settings.small_island;
-    if (settings.cone == Cone::kCircular && (swept || (big && settings.ladder.Has(Rung::kSweeps)))) {
-      SolveBigCoulomb(problem, settings, start, solution);
-    } else if (settings.cone != Cone::kCircular || big || !settings.ladder.Has(Rung::kNewton) ||
-               !SolveByNewton(problem, settings, start, solution)) {
+    if (settings.cone != Cone::kCircular || !SolveExact(problem, settings, start, solution))
       SolveCoulomb(problem, settings, solution);
-    }
   } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
              !SolveNormal(problem, settings, start, solution)) {
     Settings inner = settings;
-    if (problem.num_bodies() <= settings.small_island) inner.aim = kSmallAim;
+    if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
     RunInteriorPoint(problem, inner, {}, solution);
   }
 }
@@ -323,8 +318,8 @@ bool IslandSolver::TakeExact(const Problem& problem, const Settings& settings, d
   return TakeSwept(problem, settings, share, solution);
 }
 
-// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. In the certified tier
-// a contact's slip gives way by as much as it approaches faster than it may: with these slips the answer is feasible.
+// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. A contact's slip gives
+// way by as much as it approaches faster than it may: with these slips the answer is feasible.
 bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
   double gap = 0, energy = 0;
   swept_slips_.resize(problem.contacts.size());
@@ -334,7 +329,7 @@ bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, d
     Vector3 u = ContactVelocity(contact, swept_velocities_.data()) + contact.compliance * j;
     u[0] -= contact.target;
     swept_slips_[c] = Slip(u, contact.friction, Cone::kCircular);
-    if (settings.tier == Tier::kCertified) swept_slips_[c] += std::max(0.0, -u[0]);
+    swept_slips_[c] += std::max(0.0, -u[0]);
     u[0] += swept_slips_[c];
     gap += std::abs(j.dot(u));
   }
@@ -357,7 +352,7 @@ bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings,
                                Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const bool big = problem.num_bodies() > settings.small_island && !in_plane_;
+  const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
   gauss_seidel_.Prepare(problem);
   // As it is where an interior point follows: that survives what is wild, and judging it costs as much as a dozen sweeps.
   if (big && start.size() == problem.contacts.size()) {

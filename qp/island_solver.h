@@ -27,7 +27,6 @@
 #include "qp/compounds.h"
 #include "qp/contact_reduction.h"
 #include "qp/coulomb_newton.h"
-#include "qp/drift.h"
 #include "qp/gauss_seidel.h"
 #include "qp/in_vain.h"
 #include "qp/interior_point.h"
@@ -52,6 +51,7 @@ class IslandSolver {
  private:
   // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
+  static constexpr int kSmallIsland = 20;      // bodies: up to them an answer is as good as iterations get
   static constexpr int kTower = 4;             // bodies on faces; among more of them sweeps take long
   static constexpr int kSweeps = 100;          // a block
   static constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
@@ -85,12 +85,11 @@ class IslandSolver {
                      Solution* solution);
   bool PolishSwept(const Problem& problem, const Settings& settings, Solution* solution);
   void SolveCoulomb(const Problem& problem, const Settings& settings, Solution* solution);
-  void SolveBigCoulomb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                       Solution* solution);
+  bool SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
   bool StartFrom(const Problem& problem, std::span<const Vector3> start);
+  static bool Meets(const NaturalMap& map, double goal);
   NaturalMap Search(const Problem& problem, const Settings& settings);
-  NaturalMap SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept);
   void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
                         Solution* solution, std::span<const Vector3> near = {});
   NaturalMap MapOfSwept(const Problem& problem) const;
@@ -126,7 +125,6 @@ class IslandSolver {
   std::vector<double> swept_velocities_, swept_slips_;
   std::vector<Vector3> best_impulses_;
   std::vector<double> best_velocities_;
-  Drift drift_;
   CoulombNewton coulomb_newton_;
   std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
 };

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "qp/effort.h"
 #include "qp/ladder.h"
 
 namespace islet::qp {
@@ -18,29 +19,19 @@ enum class Cone {
   kOctagon,   // the eight-sided pyramid inscribed in it                                 [SM04 Eq. 8]
 };
 
-// How far exact Coulomb friction on the circular cone is driven. The other models have one way only. Momentum and cones hold to
-// rounding in both.
-enum class Tier {
-  kCertified,  // sweeps, then the convex problem with their slips, where its gap misses coulomb_tolerance; solved to `tolerance`,
-               // on big islands only as far as the slips are worth it
-  kSwept,  // sweeps alone, as far as they pay, whatever the ladder: about a third of the time, no bound on the gap
-};
-
 struct Settings {
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
-  Tier tier = Tier::kCertified;
+  Effort effort = kNormalEffort;  // of exact Coulomb friction on the circular cone
   double tolerance = 1e-8;   // relative duality gap; dual violation over the velocity scale
   double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
   int max_iterations = 100;  // of one interior-point solve
   int coulomb_rounds = 3;    // octagon, where Newton's method fails, or no sweeps: cap on re-solves with lagged slip
-  int small_island = 12;     // bodies: up to them an answer is as good as iterations get, and depends on no order of contacts
   // Exact Coulomb in rounds: factorisations after which no further one begins.
   int patience = std::numeric_limits<int>::max();
   // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
   double coulomb_tolerance = 1e-6;
   Ladder ladder;              // rungs that may be used
-  bool expect_rest = false;   // hardly anything slides, the caller thinks; decides about speed alone
   double velocity_scale = 1;  // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
   // more, the solve stops as infeasible. Infinity: a million times the energy at hand.

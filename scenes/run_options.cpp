@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
 
@@ -23,8 +24,6 @@ constexpr std::array<std::pair<const char*, Model>, 3> kModels{
     {{"kinetic", Model::kKinetic}, {"convex", Model::kConvex}, {"coulomb", Model::kCoulomb}}};
 constexpr std::array<std::pair<const char*, Cone>, 2> kCones{
     {{"circular", Cone::kCircular}, {"octagon", Cone::kOctagon}}};
-constexpr std::array<std::pair<const char*, Tier>, 2> kTiers{
-    {{"certified", Tier::kCertified}, {"swept", Tier::kSwept}}};
 constexpr std::array<std::pair<const char*, BounceLaw>, 3> kBounceLaws{
     {{"eq5", BounceLaw::kEq5}, {"eq6", BounceLaw::kEq6}, {"exact", BounceLaw::kExact}}};
 constexpr std::array<std::pair<const char*, Freezing>, 3> kFreezings{
@@ -143,7 +142,6 @@ void CheckFiles(const RunOptions& o) {
 
 const char* NameOf(Model model) { return Name(model, kModels); }
 const char* NameOf(Cone cone) { return Name(cone, kCones); }
-const char* NameOf(Tier tier) { return Name(tier, kTiers); }
 const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
 const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
 
@@ -176,8 +174,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "cheaper ways to the same answer, tried first: nothing, merged, closed_form, column, held, corners, compound, "
       "planar, normal, sweeps, newton; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
       "(default auto)");
-  add(kMethod, "--tier", o.tier, "NAME",
-      "coulomb: certified, or swept, which is faster and has no bound on the gap (default certified)");
+  add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);
   add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
   add(kMethod, "--bounce", o.bounce, "NAME", "bounce law of the priority queue: eq5, eq6 or exact (default exact)");
   add(kMethod, "--bounce-limit", o.bounce_limit, "N|auto",
@@ -215,7 +212,7 @@ Settings MakeSettings(const RunOptions& o) {
   if (o.model) settings.model = Choose("--model", *o.model, kModels);
   if (o.cone) settings.cone = Choose("--cone", *o.cone, kCones);
   if (o.ladder) settings.ladder = ParseLadder(*o.ladder);
-  if (o.tier) settings.tier = Choose("--tier", *o.tier, kTiers);
+  if (o.effort) settings.effort = ParseEffort(*o.effort);
   if (o.bounce) settings.bounce_law = Choose("--bounce", *o.bounce, kBounceLaws);
   if (o.bounce_limit) settings.bounce_limit = ParseBounceLimit(*o.bounce_limit);
   if (o.freeze) settings.freezing = Choose("--freeze", *o.freeze, kFreezings);

@@ -28,7 +28,7 @@ struct RunOptions {
   double dt = 1.0 / 30;           // [s]
 
   std::optional<int> threads;                                            // 0: all cores
-  std::optional<std::string> model, cone, tier, ladder, bounce, bounce_limit, freeze;  // as on the command line
+  std::optional<std::string> model, cone, effort, ladder, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
   std::optional<int> freeze_count, group_bodies;
   bool paper = false;
@@ -54,7 +54,6 @@ Settings MakeSettings(const RunOptions& options);
 
 const char* NameOf(Model model);
 const char* NameOf(Cone cone);
-const char* NameOf(Tier tier);
 const char* NameOf(BounceLaw law);
 const char* NameOf(Freezing freezing);
 

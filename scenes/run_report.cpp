@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "scenes/effort_option.h"
 #include "scenes/run_options.h"
 
 namespace islet {
@@ -174,7 +175,7 @@ std::string RunReport::Json() const {
   json["threads"] = settings_.threads;
   json["model"] = NameOf(settings_.model);
   json["cone"] = NameOf(settings_.cone);
-  json["tier"] = NameOf(settings_.tier);
+  json["effort"] = NameOf(settings_.effort);
   json["bounce"] = NameOf(settings_.bounce_law);
   json["tolerance"] = settings_.tolerance;
   json["freeze"] = NameOf(settings_.freezing);

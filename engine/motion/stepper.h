@@ -227,8 +227,7 @@ class Stepper {
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;
   islands::Partition partition_;
-  static constexpr int kSmallIsland = 20;  // bodies: what is stacked evenly stays even
-  IslandResponder responder_{kSmallIsland};
+  IslandResponder responder_;
   SequentialResolver sequential_;
   Meeting meeting_;
 };

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "scenes/effort_option.h"
 #include "scenes/output_file.h"
 #include "scenes/verify/verify_report.h"
 #include "scenes/verify/verify_run.h"
@@ -18,12 +19,11 @@ VerifyBase CheckOptions(const VerifyOptions& o) {
   const auto require = [](bool good, const char* option, const auto& value, const char* rule) {
     if (!good) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
   };
-  require(o.tier == "certified" || o.tier == "swept", "--tier", o.tier, "one of certified, swept");
   require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
   require(o.group_bodies >= 0, "--group-bodies", o.group_bodies, "at least 0");
   if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
-  return {o.tolerance, o.tier == "swept" ? Tier::kSwept : Tier::kCertified, o.threads.value_or(0), o.group_bodies, o.quick};
+  return {o.tolerance, ParseEffort(o.effort), o.threads.value_or(0), o.group_bodies, o.quick};
 }
 
 void ListChecks(std::span<const Check* const> checks) {
@@ -73,7 +73,7 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
       "of coulomb (default), convex, kinetic, paper: all as in the paper, its freezing too");
   add("--freeze", o->freeze, "LIST", "of off, certified (default: both)");
   add("--tolerance", o->tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
-  add("--tier", o->tier, "NAME", "of coulomb: certified or swept (default certified)");
+  add("--effort", o->effort, "NAME|N", kEffortHelp);
   add("--group-bodies", o->group_bodies, "N", "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
   add("--threads", o->threads, "N", "0: all cores (default)");
   add("--gate", o->gate, "LIST", "only checks of G1, G2 (must hold) or G3 (statistics)");

@@ -20,7 +20,7 @@ namespace islet {
 struct VerifyOptions {
   std::vector<std::string> ids;  // none: all
   std::string dt = "1/60,1/240", model = "coulomb", freeze = "off,certified";
-  std::string tier = "certified";
+  std::string effort = "normal";
   std::string gate;  // "G1,G2"; empty: all
   double tolerance = 1e-6;
   std::optional<int> threads;  // 0: all cores

@@ -59,7 +59,7 @@ Settings EngineSettings(const std::string& model, const std::string& freeze, con
   if (model == "convex") engine.model = Model::kConvex;
   if (model == "kinetic") engine.model = Model::kKinetic;
   if (model != "paper") engine.freezing = freeze == "off" ? Freezing::kOff : Freezing::kCertified;
-  if (model == "coulomb") engine.tier = base.tier;
+  engine.effort = base.effort;
   engine.tolerance = base.tolerance;
   engine.threads = base.threads;
   engine.group_bodies = base.group_bodies;

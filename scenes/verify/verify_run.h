@@ -30,7 +30,7 @@ struct Setting {
 // What is the same for all settings.
 struct VerifyBase {
   double tolerance = 1e-6;
-  Tier tier = Tier::kCertified;
+  Effort effort = qp::kNormalEffort;
   int threads = 0;  // 0: all cores
   int group_bodies = 20;
   bool quick = false;

@@ -1,0 +1,37 @@
+#include "scenes/effort_option.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <stdexcept>
+#include <utility>
+
+namespace islet {
+namespace {
+
+constexpr std::array<std::pair<const char*, Effort>, 3> kEfforts{
+    {{"quick", qp::kQuickEffort}, {"normal", qp::kNormalEffort}, {"thorough", qp::kThoroughEffort}}};
+
+}  // namespace
+
+Effort ParseEffort(const std::string& text) {
+  for (const auto& [name, effort] : kEfforts)
+    if (text == name) return effort;
+  Effort effort = qp::kNormalEffort;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, effort.sweeps);
+  if (error != std::errc() || rest != end || effort.sweeps < 1) {
+    throw std::invalid_argument(
+        fmt::format("--effort must be one of quick, normal, thorough, or a number of sweeps of at least 1; got {}", text));
+  }
+  return effort;
+}
+
+std::string NameOf(const Effort& effort) {
+  for (const auto& [name, known] : kEfforts)
+    if (effort.sweeps == known.sweeps && effort.newton_bodies == known.newton_bodies) return name;
+  return fmt::format("{}", effort.sweeps);
+}
+
+}  // namespace islet
