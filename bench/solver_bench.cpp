@@ -1,9 +1,9 @@
-// Whole solves of an island: models, cones, tiers, threads, cold and warm; against size; small islands; tier against tier.
+// Whole solves of an island: models, cones, efforts, threads, cold and warm; against size; small islands; effort against effort.
 //
 //   ISLET_PROBLEMS=folder bench_solver                       the largest islands of measured frames, then piles of our own
-//   bench_solver --benchmark_filter=whole/                   whole solves; also size/, small/, tiers/
+//   bench_solver --benchmark_filter=whole/                   whole solves; also size/, small/, efforts/
 //
-// What the columns mean and what was measured: bench/README.md, "Whole solves" to "Tiers".
+// What the columns mean and what was measured: bench/README.md, "Whole solves" to "Efforts".
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -40,24 +40,23 @@ struct Way {
   const char* name;
   Model model;
   Cone cone;
-  Tier tier;
+  Effort effort;
   double tolerance;  // of the gap; the engine asks for 1e-8 where its user asks for 1e-6
 };
 constexpr std::array<Way, 6> kWays{{
-    {"convex/circular/1e-6", Model::kConvex, Cone::kCircular, Tier::kCertified, 1e-6},
-    {"convex/circular", Model::kConvex, Cone::kCircular, Tier::kCertified, 1e-8},
-    {"convex/octagon", Model::kConvex, Cone::kOctagon, Tier::kCertified, 1e-8},
-    {"coulomb/octagon", Model::kCoulomb, Cone::kOctagon, Tier::kCertified, 1e-8},
-    {"coulomb/circular/certified", Model::kCoulomb, Cone::kCircular, Tier::kCertified, 1e-8},
-    {"coulomb/circular/swept", Model::kCoulomb, Cone::kCircular, Tier::kSwept, 1e-8},
+    {"convex/circular/1e-6", Model::kConvex, Cone::kCircular, kNormalEffort, 1e-6},
+    {"convex/circular", Model::kConvex, Cone::kCircular, kNormalEffort, 1e-8},
+    {"convex/octagon", Model::kConvex, Cone::kOctagon, kNormalEffort, 1e-8},
+    {"coulomb/octagon", Model::kCoulomb, Cone::kOctagon, kNormalEffort, 1e-8},
+    {"coulomb/circular/thorough", Model::kCoulomb, Cone::kCircular, kThoroughEffort, 1e-8},
+    {"coulomb/circular/normal", Model::kCoulomb, Cone::kCircular, kNormalEffort, 1e-8},
 }};
 
 Settings MakeSettings(const Island& island, const Way& way) {
   Settings settings;
-  settings.model = way.model, settings.cone = way.cone, settings.tier = way.tier;
+  settings.model = way.model, settings.cone = way.cone, settings.effort = way.effort;
   settings.tolerance = way.tolerance, settings.coulomb_tolerance = kMapTolerance;
   settings.velocity_scale = island.scale;
-  settings.expect_rest = island.scale <= kRestShare * kGravityStep;
   return settings;
 }
 
@@ -228,8 +227,8 @@ void Small(benchmark::State& state, const std::function<Island(unsigned)>& make,
   state.counters["islands/s"] = benchmark::Counter(kSmallBatch, benchmark::Counter::kIsIterationInvariantRate);
 }
 
-// The least time of all settings of the tier whose answer has a map (rms, over v_ref) of at most the goal.
-void Tiers(benchmark::State& state, const Make& make, const Way& way) {
+// The least time of all settings of the effort whose answer has a map (rms, over v_ref) of at most the goal.
+void Efforts(benchmark::State& state, const Make& make, const Way& way) {
   constexpr std::array<double, 3> kGoals{1e-3, 1e-4, 1e-5};
   constexpr std::array<const char*, 3> kNames{"1e-3_ms", "1e-4_ms", "1e-5_ms"};
   const Island island = make();
@@ -238,17 +237,14 @@ void Tiers(benchmark::State& state, const Make& make, const Way& way) {
   std::array<double, 3> least{INFINITY, INFINITY, INFINITY};
   double best = INFINITY;
   for (auto _ : state) {
-    for (const double gap : {1e-4, 1e-6, 1e-8}) {
-      if (way.tier == Tier::kSwept && gap != way.tolerance) continue;  // which has no influence there
-      for (const double map : {3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6}) {
-        settings.tolerance = gap, settings.coulomb_tolerance = map;
-        one.Forget();
-        for (int turn = 0; turn < 3; ++turn) one.Turn(island, settings, {});
-        const double reached = Judge(island, one.solution).rms;
-        best = std::min(best, reached);
-        for (size_t i = 0; i < kGoals.size(); ++i)
-          if (reached <= kGoals[i]) least[i] = std::min(least[i], one.Cpu());
-      }
+    for (const double map : {3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6}) {
+      settings.coulomb_tolerance = map;
+      one.Forget();
+      for (int turn = 0; turn < 3; ++turn) one.Turn(island, settings, {});
+      const double reached = Judge(island, one.solution).rms;
+      best = std::min(best, reached);
+      for (size_t i = 0; i < kGoals.size(); ++i)
+        if (reached <= kGoals[i]) least[i] = std::min(least[i], one.Cpu());
     }
   }
   state.counters["contacts"] = island.problem.num_contacts();
@@ -268,7 +264,7 @@ void RegisterIsland(const std::string& name, const Make& make) {
           ->Unit(benchmark::kMillisecond);
     }
     if (!uses_start) continue;
-    benchmark::RegisterBenchmark(("tiers/" + name + "/" + way.name).c_str(), Tiers, make, way)
+    benchmark::RegisterBenchmark(("efforts/" + name + "/" + way.name).c_str(), Efforts, make, way)
         ->Iterations(1)
         ->Unit(benchmark::kSecond);
   }

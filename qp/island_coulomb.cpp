@@ -15,7 +15,6 @@ constexpr int kPlainSweeps = 20;
 // Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
-constexpr double kTowerShare = 0.6;       // of the contacts, in faces
 constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sweeps
 
 // Small islands, by Newton's method.
@@ -32,29 +31,13 @@ double MassRatio(const Problem& problem) {
 
 }  // namespace
 
-// More than `most` bodies that lie on each other's faces: sweeps carry a load from contact to contact of a face, and take long. In
-// cubejam and three dropped stacks 202 of 258 tries (of 200 sweeps) on five bodies and more ended in vain, 210 of 378 on three and four;
-// where faces have fewer of the contacts, 568 of 1,530 and 107 of 1,020. A face: neighbours in the order of the contacts; all
-// walls count as one body.
-bool IslandSolver::IsTower(const Problem& problem, int most) {
-  if (problem.num_bodies() <= most) return false;
-  const std::vector<ContactTerm>& contacts = problem.contacts;
-  size_t in_faces = 0;
-  for (size_t first = 0, end; first < contacts.size(); first = end) {
-    for (end = first + 1; end < contacts.size() && contacts[end].body_a == contacts[first].body_a &&
-                          contacts[end].body_b == contacts[first].body_b;)
-      ++end;
-    if (end - first >= 3) in_faces += end - first;
-  }
-  return static_cast<double>(in_faces) > kTowerShare * static_cast<double>(contacts.size());
-}
-
-// Sweeps, as far as the effort goes; Newton's method from where they end. False if few bodies are not answered so: then the
-// interior point says why.
+// Sweeps, as far as the effort goes; Newton's method from where they end. False where the ladder has neither, and where few bodies are
+// not answered so: then the interior point says why.
 bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   const bool newton = settings.ladder.Has(Rung::kNewton) && problem.num_bodies() <= settings.effort.newton_bodies;
   if (problem.num_bodies() <= kSmallIsland) return newton && SolveByNewton(problem, settings, start, solution);
+  if (!settings.ladder.Has(Rung::kSweeps)) return false;
   const double goal = settings.coulomb_tolerance * settings.velocity_scale;
   const bool starts = start.size() == problem.contacts.size();
   if (starts) TakeOver(problem, start);
@@ -72,6 +55,7 @@ bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   TakeSwept(problem, settings, INFINITY, solution);
   if (newton && iterations_ > 0) solution->rung = Rung::kNewton;
   solution->coulomb_reached = Meets(MapOfSwept(problem), goal);
+  if (!solution->coulomb_reached) solution->status = Status::kInaccurate;
   return true;
 }
 

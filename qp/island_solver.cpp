@@ -127,10 +127,6 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
     solution->rung = Rung::kColumn;
   } else if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
-  } else if (settings.ladder.Has(Rung::kCorners) && SolveCorners(problem, settings, start, solution)) {
-    solution->rung = Rung::kCorners;
-  } else if (SolveCompound(problem, settings, start, solution)) {
-    solution->rung = Rung::kCompound;
   } else if (settings.ladder.Has(Rung::kPlanar) && SolvePlanar(problem, settings, start, solution)) {
     solution->rung = Rung::kPlanar;
   } else {
@@ -153,27 +149,6 @@ bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings,
     return true;
   Prepare(problem, solution);
   in_vain_.Add(Rung::kColumn, Seconds() - begin);
-  return false;
-}
-
-// Where the corners of all faces hold to the law, what lies inside them does, too.
-bool IslandSolver::SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                                Solution* solution) {
-  if (!IsConvex(problem, settings) || !reduction_.Reduce(problem)) return false;
-  const double begin = Seconds();
-  const InVain before = in_vain_;
-  if (!inner_) inner_ = std::make_unique<IslandSolver>();
-  Settings inner = settings;
-  inner.ladder = settings.ladder.Without(Rung::kCorners);
-  reduction_.Select(start, &reduced_start_);
-  inner_->Solve(reduction_.problem(), inner, &trial_, reduced_start_);
-  iterations_ += trial_.iterations;
-  in_vain_.Include(trial_.in_vain);
-  if (trial_.status == Status::kSolved) {
-    reduction_.Expand(trial_, solution);
-    return true;
-  }
-  in_vain_.Fail(Rung::kCorners, before, Seconds() - begin);
   return false;
 }
 
@@ -261,7 +236,6 @@ bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& setti
 // Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be
 // asked for thousands of frames. A tower under constant impulses is unstable and leans by twice as much a frame: one linear step
 // takes that back, or a few sweeps where something is about to slide; there the models differ, and only the exact law is served.
-// On towers that is left to compounds, which take half the time of those sweeps.
 bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                              Solution* solution) {
   if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
@@ -273,7 +247,6 @@ bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, s
   if (!(map <= scale)) return false;
   const bool sticks = StickingStep::Fits(problem, swept_impulses_);
   const bool sweeps = !sticks && map > kSweptShare * goal, steps = sticks && map > kStickShare * goal;
-  if (sweeps && map > goal && MayCompound(settings) && IsTower(problem, kTower)) return false;
   const double begin = Seconds();
   if (steps) sticking_step_.Take(problem, scales_, 0.1 * kStickShare * goal, &swept_impulses_, &swept_velocities_);
   if (sweeps) SweepHeld(problem, goal, map);

@@ -4,28 +4,22 @@
 //   one body              held by walls: closed form where its contacts all reach their targets or do not press
 //   column                bodies on each other that move along one line: one unknown a body, in linear time
 //   impulses that hold    those of the frame before, where they meet the law as they are
-//   points inside a face  left out, the others by what follows
-//   bodies in one motion  carried as one body, by what follows
 //   mirror images         an island symmetric about a plane is solved in that plane, by what follows
 //   no friction           sweeps, then Newton's method where they came near, else an interior point of one row a contact that
 //                         starts from them; the general interior point where that finds no answer
 //   kinetic, convex       one interior-point solve
 //   coulomb, few bodies   sweeps from the frame before, Newton's method on the exact law; where it fails as below, in rounds
-//   coulomb               Gauss-Seidel sweeps with momentum as far as they carry; where their gap misses the tolerance, the convex
-//                         problem with the slips s = mu |u_t| that they found and impulses near theirs, by the interior
-//                         point [DS91, ACLM11]
+//   coulomb               Gauss-Seidel sweeps with momentum, from the frame before, as far as the effort goes; Newton's method
+//                         where it goes farther
 //
 //   threads: one solver per worker
 #pragma once
 
 #include <cmath>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "qp/column.h"
-#include "qp/compounds.h"
-#include "qp/contact_reduction.h"
 #include "qp/coulomb_newton.h"
 #include "qp/gauss_seidel.h"
 #include "qp/in_vain.h"
@@ -52,7 +46,6 @@ class IslandSolver {
   // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kSmallIsland = 20;      // bodies: up to them an answer is as good as iterations get
-  static constexpr int kTower = 4;             // bodies on faces; among more of them sweeps take long
   static constexpr int kSweeps = 100;          // a block
   static constexpr double kAcceptShare = 0.7;  // of the tolerance: what sweeps must reach to be taken as the answer
   // Of the tolerance: what an answer in the plane may leave out of it, and what is asked for in the plane of small islands.
@@ -60,8 +53,6 @@ class IslandSolver {
 
   static double Seconds();  // of a clock that only goes on
   static bool AllZero(std::span<const Vector3> impulses);
-  static bool IsTower(const Problem& problem, int most);
-  static bool MayCompound(const Settings& settings);
   // What a block of sweeps made of `before`, so many blocks on, if they gain as much each.
   static double AtThisPace(double before, double now, int blocks);
   bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution);
@@ -74,11 +65,6 @@ class IslandSolver {
   bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool HoldsExactly(const Problem& problem, const Settings& settings, Solution* solution);
   void SweepHeld(const Problem& problem, double goal, double map);
-  bool SolveCorners(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                    Solution* solution);
-  bool SolveCompound(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                     Solution* solution);
-  bool SolveReduced(const Settings& settings);
   bool SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                    Solution* solution);
   bool SolveByNewton(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
@@ -107,11 +93,6 @@ class IslandSolver {
   Column column_;
   GaussSeidel gauss_seidel_;
   StickingStep sticking_step_;
-  Compounds compounds_;
-  ContactReduction reduction_;
-  std::vector<Vector3> reduced_start_;
-  std::unique_ptr<IslandSolver> inner_;  // of compounds and corners
-  std::vector<double> reduced_scales_;
   int iterations_ = 0;  // of this solve
   InVain in_vain_;      // the same
   Solution trial_;

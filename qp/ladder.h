@@ -14,8 +14,6 @@ enum class Rung : std::uint8_t {
   kClosedForm,     // one contact, or one body that walls hold: a formula
   kColumn,         // bodies on each other that move along one line: one unknown a body
   kHeld,           // the impulses of the frame before still hold
-  kCorners,        // contacts inside the hull of a face's others are left out
-  kCompound,       // bodies that move as one are carried as one
   kPlanar,         // symmetric about a plane: the problem in that plane
   kNormal,         // no friction: sweeps, then Newton's method or an interior point of one row a contact
   kSweeps,         // Gauss-Seidel sweeps first, and alone where they get there
@@ -26,10 +24,9 @@ enum class Rung : std::uint8_t {
   kKeptPairs,   // contacts of two bodies that have not moved since they were found
   kReach,       // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 12, kNumRungs = 15;
+inline constexpr int kNumProblemRungs = 10, kNumRungs = 13;
 inline constexpr const char* kRungNames[kNumRungs] = {
-    "nothing", "merged", "closed_form", "column", "held", "corners", "compound", "planar",
-    "normal", "sweeps", "newton", "interior_point", "free_motion", "kept_pairs", "reach"};
+    "nothing", "merged", "closed_form", "column", "held", "planar", "normal", "sweeps", "newton", "interior_point", "free_motion", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];

@@ -12,7 +12,7 @@ namespace islet::qp {
 
 enum class Status : std::uint8_t {
   kSolved,      // all residuals below the tolerance
-  kInaccurate,  // stopped early (no further progress, or the cap on iterations); the answer is the best point found
+  kInaccurate,  // stopped early (no further progress, or the effort is spent); the answer is the best point found
   kInfeasible,  // no velocities satisfy the contacts; the answer is not usable as it is
   kFailed,      // no finite answer
 };

@@ -1,4 +1,4 @@
-// islet as it stands, through its front door. Lines: the certified tier, the swept tier, the convex model. Freezing is off
+// islet as it stands, through its front door. Lines: normal effort, quick, thorough, the convex model. Freezing is off
 // unless the setting says sleeping. The tolerance of the QPs is swept too; it has no knob called iterations.
 #include "bench/peers/peer.h"
 #include "bench/peers/sweeps.h"
@@ -12,7 +12,8 @@ islet::Settings SettingsOf(const WorldPlan& plan, const Setting& setting) {
   settings.gravity = plan.gravity;
   settings.threads = setting.threads;
   settings.freezing = setting.sleeping ? Freezing::kCertified : Freezing::kOff;
-  if (setting.solver == "swept") settings.tier = Tier::kSwept;
+  if (setting.solver == "quick") settings.effort = qp::kQuickEffort;
+  if (setting.solver == "thorough") settings.effort = qp::kThoroughEffort;
   if (setting.solver == "convex") settings.model = Model::kConvex;
   if (setting.tolerance > 0) settings.tolerance = setting.tolerance;
   return settings;
@@ -66,20 +67,20 @@ Engine TheEngine() {
   constexpr int kRates[] = {15, 30, 60, 120, 240, 480}, kQuickRates[] = {30, 60, 240}, kFewRates[] = {30, 60, 120};
   constexpr double kTolerances[] = {1e-3, 1e-4, 1e-5, 1e-7, 1e-8};
   Engine engine{.name = "islet", .version = ISLET_VERSION, .precision = "double", .settings = {}, .make = Make};
-  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .sleeping = true, .is_default = true}, kRates, kQuickRates,
+  AddTimeSteps({.solver = "normal", .dt = 1.0 / 30, .sleeping = true, .is_default = true}, kRates, kQuickRates,
                &engine.settings);
-  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
-  AddTimeSteps({.solver = "swept", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
+  AddTimeSteps({.solver = "normal", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
+  AddTimeSteps({.solver = "quick", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "convex", .dt = 1.0 / 30}, kFewRates, {}, &engine.settings);
   for (const double tolerance : kTolerances) {
-    engine.settings.push_back({.solver = "certified",
+    engine.settings.push_back({.solver = "normal",
                                .sweep = "tolerance",
                                .dt = 1.0 / 30,
                                .tolerance = tolerance,
                                .quick = tolerance == 1e-4});
   }
-  AddTimeSteps({.solver = "swept", .dt = 1.0 / 30, .sleeping = true}, kFewRates, {}, &engine.settings);
-  AddTimeSteps({.solver = "certified", .dt = 1.0 / 30, .threads = 2}, kFewRates, {}, &engine.settings);
+  AddTimeSteps({.solver = "quick", .dt = 1.0 / 30, .sleeping = true}, kFewRates, {}, &engine.settings);
+  AddTimeSteps({.solver = "normal", .dt = 1.0 / 30, .threads = 2}, kFewRates, {}, &engine.settings);
   return engine;
 }
 

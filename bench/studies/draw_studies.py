@@ -95,8 +95,8 @@ def html_table(headers, lines):
 # ---- profiles ----
 
 SOLVERS = {  # (solver, model, cone): name, colour, dashes
-    ("islet certified", "coulomb", "circular"): ("Coulomb, circular, certified", BLUE, "-"),
-    ("islet swept", "coulomb", "circular"): ("Coulomb, circular, swept", BLUE, "--"),
+    ("islet thorough", "coulomb", "circular"): ("Coulomb, circular, thorough", BLUE, "-"),
+    ("islet normal", "coulomb", "circular"): ("Coulomb, circular, normal", BLUE, "--"),
     ("islet", "coulomb", "octagon"): ("Coulomb, octagon", BLUE, ":"),
     ("islet", "convex", "circular"): ("convex, circular", GREEN, "-"),
     ("islet", "convex", "octagon"): ("convex, octagon", GREEN, ":"),
@@ -128,7 +128,7 @@ def draw_profiles(table, clock, folder, name):
     figure, axes = plt.subplots(len(PANELS), len(TOLERANCES), figsize=(14, 10), sharey=True)
     for row, (title, column, wanted, most) in enumerate(PANELS):
         problems = attempts_by_problem(table, clock, column)
-        # Dense problems of others have no bodies: the swept tier and the paper's model cannot take them, and are left out.
+        # Dense problems of others have no bodies: normal effort and the paper's model cannot take them, and are left out.
         keys = [k for k in wanted if sum(k in a for a in problems.values()) > 0.6 * len(problems)]
         problems = complete(problems, keys)
         for panel, tolerance in zip(axes[row], TOLERANCES):
@@ -272,8 +272,8 @@ def draw_scaling(table, clock, folder):
         (s.replace("_", " "), STAGE_COLOURS[s], {}, s + "_s") for s in ("detect", "static_qp", "move")]
     lines += draw_growth(axes[1][0], table, clock, "pyramid", stages, "one island: a pyramid at rest, a step on one thread (stages: wall time)")
     ways = [("convex", GREEN, {"setting": "convex", "threads": 1}, None),
-            ("Coulomb, certified", BLUE, {"setting": "certified", "threads": 1}, None),
-            ("Coulomb, swept", RED, {"setting": "swept", "threads": 1}, None)]
+            ("Coulomb, thorough", BLUE, {"setting": "thorough", "threads": 1}, None),
+            ("Coulomb, normal", RED, {"setting": "normal", "threads": 1}, None)]
     lines += draw_growth(axes[1][1], table, clock, "solver", ways, "one island: a jammed pile, the solver alone, one thread, cold")
     figure.tight_layout()
     save(figure, folder, "scaling")

@@ -4,7 +4,7 @@
 //
 // Every scene is run from one state with each tolerance, `--ladder auto` and `off` in turn, one thread, 1/30 s; runs are repeated
 // (each second time in the other order) and the same bit for bit, so of each frame the least time counts. In scenes with a lead
-// the state is that after so many frames of the swept tier.
+// the state is that after so many frames of normal effort.
 //   map        [m/s] natural map of exact Coulomb, rms over the contacts, of the worst island of each frame, by engine/certificate
 //   deviation  [m] farthest body from the run with `nothing`, `sweeps` and what motion has at 1e-10, at the end. These scenes may be
 //              chaotic: in the row `nudged` (as that run, one body 1e-9 m aside) stands what deviation means nothing
@@ -128,7 +128,6 @@ struct Run {
 
 WorldSnapshot Lead(const StudyScene& scene) {
   Settings settings = MakeSettings(scene, {"auto", 1e-6});
-  settings.tier = Tier::kSwept;
   World world = BuildScene(*FindScene(scene.scene), scene.parameters, settings).world;
   for (int frame = 0; frame < scene.lead; ++frame) world.Step(kFrame);
   return world.Save();

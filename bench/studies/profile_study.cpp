@@ -87,15 +87,14 @@ void Repeat(const std::function<void()>& solve, Attempt* attempt) {
   attempt->repeats = static_cast<int>(wall.size());
 }
 
-Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp::Tier tier, double tolerance) {
+Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp::Effort effort, double tolerance) {
   static qp::IslandSolver solver;
   qp::Settings settings;
-  settings.model = model, settings.cone = cone, settings.tier = tier;
+  settings.model = model, settings.cone = cone, settings.effort = effort;
   settings.tolerance = 1e-2 * tolerance;  // a relative gap, whose root is the error of the velocities
   settings.aim = std::max(1e-15, 1e-2 * tolerance * tolerance);
   settings.coulomb_tolerance = tolerance, settings.coulomb_rounds = kRounds;
   settings.velocity_scale = problem.solve.v_ref;
-  settings.expect_rest = problem.solve.v_ref <= kRestShare * qp::kGravityStep;
   Attempt attempt;
   qp::Solution solution;
   Repeat([&] { solver.Solve(problem.island.problem, settings, &solution); }, &attempt);
@@ -143,26 +142,25 @@ Attempt RunGeneral(const StudyProblem& problem, const std::function<GeneralAnswe
   return attempt;
 }
 
-Solver IsletSolver(const std::string& name, qp::Model model, qp::Cone cone, qp::Tier tier) {
-  const bool dense = model != qp::Model::kKinetic && tier == qp::Tier::kCertified;
+Solver IsletSolver(const std::string& name, qp::Model model, qp::Cone cone, qp::Effort effort) {
+  const bool dense = model != qp::Model::kKinetic && name != "islet normal";
   return {name, model, cone, [dense](const StudyProblem& p) { return p.rigid || (dense && FitsDense(p.solve)); },
           [=](const StudyProblem& p, double tolerance, double) {
-            return p.rigid ? RunIslet(p, model, cone, tier, tolerance) : RunDense(p, model, cone, tolerance);
+            return p.rigid ? RunIslet(p, model, cone, effort, tolerance) : RunDense(p, model, cone, tolerance);
           }};
 }
 
 std::vector<Solver> AllSolvers() {
   using enum qp::Model;
   using enum qp::Cone;
-  using enum qp::Tier;
   std::vector<Solver> solvers{
-      IsletSolver("islet certified", kCoulomb, kCircular, kCertified),
-      IsletSolver("islet swept", kCoulomb, kCircular, kSwept),
-      IsletSolver("islet", kCoulomb, kOctagon, kCertified),
-      IsletSolver("islet", kConvex, kCircular, kCertified),
-      IsletSolver("islet", kConvex, kOctagon, kCertified),
-      IsletSolver("islet", kKinetic, kCircular, kCertified),
-      IsletSolver("islet", kKinetic, kOctagon, kCertified),
+      IsletSolver("islet thorough", kCoulomb, kCircular, qp::kThoroughEffort),
+      IsletSolver("islet normal", kCoulomb, kCircular, qp::kNormalEffort),
+      IsletSolver("islet", kCoulomb, kOctagon, qp::kNormalEffort),
+      IsletSolver("islet", kConvex, kCircular, qp::kNormalEffort),
+      IsletSolver("islet", kConvex, kOctagon, qp::kNormalEffort),
+      IsletSolver("islet", kKinetic, kCircular, qp::kNormalEffort),
+      IsletSolver("islet", kKinetic, kOctagon, qp::kNormalEffort),
   };
   if (ReferenceAvailable()) {
     solvers.push_back({"reference", kConvex, kCircular, [](const StudyProblem& p) { return FitsReference(p.general); },

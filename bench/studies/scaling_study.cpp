@@ -5,7 +5,7 @@
 //   threads   manystacks and cubeglass on 1 and 2 threads, frame by frame in turn, so that both see the same machine
 //   islands   n towers of five cubes at rest, freezing off, n from 1 to 10,000; the whole step
 //   pyramid   one island: a square pyramid of n cubes at rest, freezing off; the whole step
-//   solver    one island of n jittered cubes between walls: the static-contact problem alone, by model and tier
+//   solver    one island of n jittered cubes between walls: the static-contact problem alone, by model and effort
 //
 // A row is one size and setting; its times are of one step, the median over the steps (threads: the mean), in parts as the
 // engine's own report has them. Sizes rise until the budget of the part is spent.
@@ -217,7 +217,7 @@ void Pyramid(const Options& options, Output* out) {
 struct Way {
   const char* name;
   qp::Model model;
-  qp::Tier tier;
+  qp::Effort effort;
 };
 
 // One solve in a task of a pool, as the engine runs it; repeated while that is cheap.
@@ -225,8 +225,7 @@ void SolvePile(const qp::Island& island, const Way& way, int threads, Row* row) 
   constexpr int kMost = 5;
   constexpr double kEnough = 1;  // [s]
   qp::Settings settings;
-  settings.model = way.model, settings.tier = way.tier, settings.velocity_scale = island.scale;
-  settings.expect_rest = true;
+  settings.model = way.model, settings.effort = way.effort, settings.velocity_scale = island.scale;
   parallel::WorkerPool pool(threads);
   qp::IslandSolver solver;
   qp::Solution solution;
@@ -248,9 +247,9 @@ void SolvePile(const qp::Island& island, const Way& way, int threads, Row* row) 
 }
 
 void Solver(const Options& options, Output* out) {
-  constexpr Way kWays[] = {{"convex", qp::Model::kConvex, qp::Tier::kCertified},
-                           {"certified", qp::Model::kCoulomb, qp::Tier::kCertified},
-                           {"swept", qp::Model::kCoulomb, qp::Tier::kSwept}};
+  constexpr Way kWays[] = {{"convex", qp::Model::kConvex, qp::kNormalEffort},
+                           {"thorough", qp::Model::kCoulomb, qp::kThoroughEffort},
+                           {"normal", qp::Model::kCoulomb, qp::kNormalEffort}};
   const std::vector<std::array<int, 3>> all{{3, 2, 2},    {3, 3, 3},    {5, 4, 4},    {6, 6, 6},    {8, 8, 7},
                                             {10, 10, 10}, {13, 13, 12}, {17, 17, 17}, {22, 21, 21}, {27, 27, 27}};
   const std::vector<std::array<int, 3>> sizes(all.begin(), options.quick ? all.begin() + 6 : all.end());

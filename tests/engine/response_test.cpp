@@ -232,68 +232,6 @@ TEST(ResolveStatic, ColumnOfTenLoads) {
   }
 }
 
-// Which worker balances frozen bodies is chance, and so would be the answer if it depended on what that worker did before.
-TEST(ResolveHolding, IsNeverADraft) {
-  std::vector<Vector3> impulses;
-  for (const bool after_draft : {false, true}) {
-    Island column;
-    column.settings.ladder = column.settings.ladder.Without(qp::Rung::kColumn);
-    column.bodies.push_back(Wall());
-    for (int i = 0; i < 20; ++i) {
-      column.bodies.push_back(UnitCube({0.02 * (i % 3), 0.01 * (i % 4), i + 0.5}));
-      AddFace(&column, i, i + 1, {0, 0, static_cast<double>(i)}, 0, 0.5);
-    }
-    column.AddGravity();
-    column.Begin();
-    column.responder.SetDraft(after_draft);
-    const ResponseOutcome outcome = column.responder.ResolveHolding(
-        {column.members, column.numbers}, {column.contacts, column.frames}, column.settings, kGravity * kDt,
-        /*rest_limit=*/1e-30, kDt, column.bodies, column.impulses);
-    EXPECT_EQ(outcome.status, QpStatus::kSolved);
-    EXPECT_LT(outcome.certificate.dual, 1e-6);
-    if (after_draft) {
-      EXPECT_EQ(column.impulses, impulses);
-    }
-    impulses = column.impulses;
-  }
-}
-
-// What a cube holds keeps the shares that it was given: its neighbours would get other loads. Off the ladder it does not.
-TEST(ResolveHolding, KeepsTheSharesThatHold) {
-  const double load = 0.25 * kGravity * kDt;
-  const double shares[] = {1.4, 0.6, 0.6, 1.4};  // no moment, as with equal ones
-  const auto hold = [&](const char* ladder, bool second, bool open) {
-    Island island;
-    island.settings.ladder = ladder == std::string("off") ? Ladder::Off() : Ladder();
-    island.settings.model = Model::kConvex;
-    island.bodies = {Wall(), Wall(), UnitCube({0, 0, 0.5})};
-    AddFace(&island, 0, 2, Vector3::Zero(), 0, 0.5);
-    for (int c : {2, 3}) island.contacts[c].body_a = second ? 1 : 0;
-    if (open) island.contacts[3].touches = false;
-    island.AddGravity();
-    island.Begin();
-    for (int c = 0; c < 4; ++c) island.impulses[c] = {shares[c] * load, 0, 0};
-    const ResponseOutcome outcome = island.responder.ResolveHolding(
-        {island.members, island.numbers}, {island.contacts, island.frames}, island.settings, kGravity * kDt,
-        /*rest_limit=*/1e-6 * kGravity * kDt, kDt, island.bodies, island.impulses);
-    EXPECT_EQ(outcome.status, QpStatus::kSolved);
-    EXPECT_EQ(outcome.in_vain.times(), 0);
-    EXPECT_LT(FastestPoint(TwistOf(island.bodies[2]), 1), 1e-6 * kGravity * kDt);
-    std::vector<double> held;
-    for (const Vector3& j : island.impulses) held.push_back(j[0] / load);
-    return std::pair(outcome.rung, held);
-  };
-  const auto near = [](const std::vector<double>& held, const double(&wanted)[4]) {
-    for (int c = 0; c < 4; ++c) EXPECT_NEAR(held[c], wanted[c], 1e-9) << c;
-  };
-  for (const auto& [second, open] : {std::pair(false, false), {true, false}, {false, true}}) {
-    const auto [rung, held] = hold("auto", second, open);
-    EXPECT_EQ(rung, qp::Rung::kHeld);
-    near(held, shares);
-  }
-  EXPECT_EQ(hold("off", true, false).first, qp::Rung::kInteriorPoint);
-}
-
 // T15: a heavy cube on a light one.
 TEST(ResolveStatic, HeavyOnLight) {
   for (const double ratio : {1.0, 1e2}) {

@@ -343,7 +343,7 @@ TEST(Column, AsHighAsOneLikes) {
   EXPECT_LT(qp::CoulombMap(problem, solution.velocities, solution.impulses).max, 1e-9 * settings.velocity_scale);
 }
 
-// Of the contacts of a pair some ask for less, and press not; heavy bodies lie on light ones; any tier; no compliance.
+// Of the contacts of a pair some ask for less, and press not; heavy bodies lie on light ones; no compliance.
 TEST(Column, UnlikeContactsAndBodies) {
   Random random(707);
   int columns = 0;
@@ -357,7 +357,6 @@ TEST(Column, UnlikeContactsAndBodies) {
     for (ContactTerm& contact : problem.contacts)
       if (random.Integer(0, 5) == 0) contact.target -= 0.1;
     qp::Settings settings = MakeSettings(problem, trial % 2 == 0 ? Model::kConvex : Model::kCoulomb);
-    settings.tier = trial % 3 == 0 ? qp::Tier::kSwept : qp::Tier::kCertified;
     const qp::Solution ours = Solve(problem, settings);
     if (ours.rung != Rung::kColumn) continue;
     ++columns;

@@ -13,7 +13,6 @@ TEST(Hourglass, NoFrameOfTheFlowFails) {
   for (const int seed : {0, 6}) {
     Settings settings;
     settings.threads = 1;
-    settings.tier = qp::Tier::kSwept;
     SceneParameters parameters;
     if (seed > 0) parameters.seed = seed;
     BuiltScene scene = BuildScene(*FindScene("cubeglass"), parameters, settings);

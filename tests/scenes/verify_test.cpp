@@ -96,7 +96,7 @@ TEST(VerifyArguments, TimeSteps) {
 TEST(VerifyArguments, CrossesModelsStepsAndFreezings) {
   VerifyBase base;
   base.tolerance = 1e-4;
-  base.tier = Tier::kSwept;
+  base.effort = qp::kThoroughEffort;
   base.quick = true;
   const std::vector<Setting> settings =
       CrossSettings("1/60,1/240", "paper,coulomb,coulomb,convex", "off,certified", base);
@@ -106,7 +106,7 @@ TEST(VerifyArguments, CrossesModelsStepsAndFreezings) {
   EXPECT_EQ(settings[0].settings.engine.freezing, Freezing::kPaper);
   EXPECT_EQ(settings[0].settings.engine.cone, Cone::kOctagon);
   EXPECT_EQ(settings[2].settings.engine.model, Model::kCoulomb);
-  EXPECT_EQ(settings[2].settings.engine.tier, Tier::kSwept);
+  EXPECT_EQ(settings[2].settings.engine.effort.sweeps, qp::kThoroughEffort.sweeps);
   EXPECT_EQ(settings[2].settings.engine.freezing, Freezing::kOff);
   EXPECT_EQ(settings[3].settings.engine.freezing, Freezing::kCertified);
   EXPECT_EQ(settings[3].settings.dt, 1.0 / 60);
@@ -141,7 +141,7 @@ TEST(VerifyArguments, OfTheCommand) {
     change(&options);
     return Rejection([&] { Verify(options, checks); });
   };
-  ExpectNames(message([](VerifyOptions* o) { o->tier = "best"; }), "--tier", "best");
+  ExpectNames(message([](VerifyOptions* o) { o->effort = "best"; }), "--effort", "best");
   ExpectNames(message([](VerifyOptions* o) { o->tolerance = kNaN; }), "--tolerance", "nan");
   ExpectNames(message([](VerifyOptions* o) { o->tolerance = 0; }), "--tolerance", "0");
   ExpectNames(message([](VerifyOptions* o) { o->threads = -1; }), "--threads", "-1");
