@@ -11,6 +11,6 @@ struct Effort {
   int newton_bodies = 0;  // islands of no more bodies go on by Newton's method
 };
 
-inline constexpr Effort kQuickEffort{20, 20}, kNormalEffort{100, 20}, kThoroughEffort{3000, std::numeric_limits<int>::max()};
+inline constexpr Effort kQuickEffort{20, 32}, kNormalEffort{100, 32}, kThoroughEffort{3000, std::numeric_limits<int>::max()};
 
 }  // namespace islet::qp

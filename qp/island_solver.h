@@ -75,6 +75,7 @@ class IslandSolver {
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
   bool StartFrom(const Problem& problem, std::span<const Vector3> start);
   static bool Meets(const NaturalMap& map, double goal);
+  NaturalMap SearchFromConvex(const Problem& problem, const Settings& settings, const NaturalMap& swept);
   NaturalMap Search(const Problem& problem, const Settings& settings);
   void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
                         Solution* solution, std::span<const Vector3> near = {});

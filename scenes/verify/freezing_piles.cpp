@@ -91,7 +91,7 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
   for (size_t i = 1; i + 1 < hit.woken.size(); ++i) {
     const double speed = FastestPointOf(never.at_hit[i]);
     asleep += !hit.woken[i] && speed > kMoves;
-    idle += hit.woken[i] && std::max(speed, FastestPointOf(hit.at_hit[i])) < kMoves;
+    idle += speed < kMoves && FastestPointOf(hit.at_hit[i]) > kMoves;
     woken += hit.woken_later[i];
     moved += (never.later[i].position_W - never.at_hit[i].position_W).norm() > 1e-3;
     asleep_later += !hit.woken_later[i] && (never.later[i].position_W - hit.later[i].position_W).norm() > 1e-2;
@@ -102,7 +102,7 @@ void MeasurePileImpact(const CheckSettings& s, Measurements* out) {
   out->Absolute(name + "cubes that would move and stay frozen", "", 0, asleep, 0);
   out->Absolute(name + "of those, within 15 steps", "", 0, asleep_later, 0);
   if (s.engine.freezing == Freezing::kOff) return;
-  out->Absolute(name + "cubes that wake and would not move", "", 0, idle, 0);
+  out->Absolute(name + "cubes that move and would not", "", 0, idle, 0);
   out->Absolute(name + "cubes beside it that wake", "", 0, beside, 0);
   out->AtMost(
       name + "cubes that wake within 15 steps, of those that move", "", woken / std::max(1.0, 1.0 * moved), 2,
