@@ -17,7 +17,7 @@ constexpr int kPerTask = 64;          // bodies
 constexpr double kTurn = 0.04;        // [rad] of one step of the rotation's integration
 constexpr double kCore = 0.9;         // of a shape: what no other body's centre may pass
 constexpr double kSameTime = 1e-13;     // of a step
-constexpr double kLook = 0.2;         // [rad] by which the other body turns between two looks at what goes through it
+constexpr double kLook = 0.2;         // [rad] by which the other body turns at most between two looks at what goes through it
 constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
@@ -363,10 +363,11 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   const Shape& shape = step.shapes[other];
   const bool round = shape.kind() == ShapeKind::kSphere;
   Spin last = partner.spins.empty() ? Spin{} : partner.spins.front();
-  const auto inside = [&](double time) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
+  const auto inside = [&](double time, Spin* before) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
     const Vector3 apart = PositionAt(account, time) - PositionAt(partner, time);
-    return round ? apart : RotationAt(step, other, time, &last).conjugate() * apart;
+    return round ? apart : RotationAt(step, other, time, before).conjugate() * apart;
   };
+  const double allowed = 0.5 * (1 - kCore) * shape.size();  // [m] by which the way may bend off its chord: between core and surface
   double rate = 0;  // [rad/s] fastest turn that matters
   if (!round) {
     rate = step.before[other].angular_velocity_W.norm();
@@ -381,12 +382,21 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   for (size_t s = 0; s + 1 < times.size(); ++s) {
     const double begin = times[s], end = times[s + 1];
     if (end <= begin || Misses(account, partner, begin, end, shape.radius())) continue;
-    const int parts = 1 + static_cast<int>(std::min(1e5, rate * (end - begin) / kLook));
-    Vector3 b = inside(begin);
-    for (int k = 1; k <= parts; ++k) {
-      const Vector3 a = b;
-      b = inside(begin + k * (end - begin) / parts);
+    const double longest = (end - begin) / (1 + std::floor(std::min(1e5, rate * (end - begin) / kLook)));
+    Vector3 a = inside(begin, &last);
+    for (double t = begin, h = longest; t < end; h = std::min(2 * h, longest)) {
+      h = std::min(h, end - t);
+      Spin then = last;
+      const Vector3 middle = inside(t + 0.5 * h, &then), b = inside(t + h, &then), chord = 0.5 * (a + b);
+      const double sag = (middle - chord).norm();
+      if (sag > allowed && chord.norm() < shape.radius() + 0.5 * (b - a).norm() + sag && h > kSameTime * step.dt) {
+        h *= 0.25;  // a half, once doubled
+        continue;
+      }
       if (CrossesCore(shape, a, b)) return true;
+      t += h;
+      a = b;
+      last = then;
     }
   }
   return false;

@@ -139,6 +139,26 @@ TEST_F(LedgerTest, APartnersTurnIsNoWayThroughIt) {
   EXPECT_EQ(Judge().sides_changed, 0);
 }
 
+// A plate that turns by less than a look sees a straight way bend by 0.15 m. What goes past its edge does not go through it, and what
+// goes through it beside its edge does.
+TEST_F(LedgerTest, AWayBendsBetweenTwoLooks) {
+  shapes[0] = Shape::Box({1, 1, 0.001});
+  before[0].kind = after[0].kind = BodyKind::kKinematic;
+  for (const double turn : {-0.15, 0.15}) {
+    before[0].angular_velocity_W = after[0].angular_velocity_W = turn / kDt * Vector3::UnitX();
+    before[0].rotation_WB = Exp(-0.5 * turn * Vector3::UnitX());
+    after[0].rotation_WB = before[0].rotation_WB.conjugate();
+    for (const double y : {0.85, 1.05}) {
+      before[1].position_W = {0, y, 2};
+      before[1].linear_velocity_W = {0, 0, -40};
+      after[1] = before[1];
+      after[1].position_W += kDt * before[1].linear_velocity_W + 0.5 * kDt * kDt * kGravity;
+      after[1].linear_velocity_W += kDt * kGravity;
+      EXPECT_EQ(Judge().sides_changed, y < 1) << turn << " " << y;
+    }
+  }
+}
+
 // A wall that moves does work: the body may gain what it did, and no more.
 TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
   before[0].kind = after[0].kind = BodyKind::kKinematic;
