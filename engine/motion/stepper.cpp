@@ -483,7 +483,7 @@ Path Stepper::PathOf(int i, double h) const {
 double Stepper::FindMeeting(double h) {
   double first = h;
   cut_pair_ = -1;
-  returned_ = guarded_ = false;
+  returned_ = guarded_ = met_ = false;
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
@@ -505,6 +505,7 @@ double Stepper::FindMeeting(double h) {
       cut = CutSpeed(c);
     }
     if (approach <= cut || static_cast<int>(p) == grazing_) {  // too slow for a blow: it carries when it is there
+      met_ = true;
       if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
       Guard(static_cast<int>(p), t, a, b);
       continue;
@@ -1239,7 +1240,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     DetectEnd();
     double missed = Missed();
     const bool moves = LeversMove(h);
-    bool redone = guarded_;  // the way is not the one that was searched
+    bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
     bool deep = false;
     int blows = out_->blows, pass = 1;
     for (double enough = kOverlap;; enough = kClosed) {  // what gaps miss is work: where that is too much, they miss less

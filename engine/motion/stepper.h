@@ -215,6 +215,7 @@ class Stepper {
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;
+  bool met_ = false;  // something on the way that was searched, and no blow
   std::vector<Contact> guards_;
   std::vector<Guarded> guard_of_;
   // Scratch of contact problems.

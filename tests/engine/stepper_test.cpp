@@ -275,6 +275,30 @@ TEST(Stepper, ElasticBallLeavesATurntableBesideBoxes) {
   }
 }
 
+// A needle slides along a thin plate that tumbles: the way of what touches bends by more than both are thick.
+TEST(Stepper, NeedlesStayOnTheirSideOfATumblingPlate) {
+  SplitMix64 random(5);
+  for (int k = 0; k < 150; ++k) {
+    World world(Grouped());
+    const double restitution = random.Uniform(0, 0.5), friction = random.Uniform(0, 1), half = random.Uniform(1e-4, 1e-3);
+    BodyDefinition plate{.shape = Shape::Box({0.1, 0.1, half}), .mass = 1, .friction = friction, .restitution = restitution};
+    plate.angular_velocity_W = random.Uniform(0, 30) * random.Direction();
+    world.Add(plate);
+    BodyDefinition needle{.shape = Shape::Box({0.1, half, half}), .mass = 1, .friction = friction, .restitution = restitution};
+    const Vector3 from = random.Direction();
+    needle.position_W = 0.25 * from;
+    needle.rotation_WB = random.Rotation(3);
+    needle.linear_velocity_W = -random.Uniform(20, 100) * (from + 0.3 * random.Direction()).normalized();
+    needle.angular_velocity_W = random.Uniform(0, 300) * random.Direction();
+    world.Add(needle);
+    for (int i = 0; i < 4; ++i) {
+      const StepReport report = world.Step(0.01);
+      if (report.unstepped > 0) break;  // they stand still for the rest of it, which the report says
+      EXPECT_EQ(report.ledger.sides_changed, 0) << k << " step " << i << " pieces " << report.pieces;
+    }
+  }
+}
+
 // A step of twelve cubes that land asked for memory a hundred times, when each began with empty vectors.
 TEST(Stepper, AllocatesLittleButItsReport) {
   Settings settings = Grouped();
