@@ -10,6 +10,8 @@ namespace {
 
 constexpr double kBalanced = 10;    // times the tolerance: imbalance that counts as none, of the impulses that act on the body
 constexpr double kCalm = 1e-4;      // of |g| dt: velocity of its fastest point that a body at rest may be left with
+constexpr double kWrong = 10;       // times what the answer is wrong by: velocity gained that may be its error
+constexpr double kRounding = 1e-10;  // of |g| dt: the same, where the answer is exact
 constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
@@ -67,11 +69,15 @@ double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
   return load.size > 0 ? sum / load.size : 0;
 }
 
-bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) const {
+bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) {
   return std::max(load.outside, Imbalance(body, load)) <= kBalanced * settings.tolerance;
 }
 
-void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) const {
+Twist CertifiedFreezing::GainOf(const Body& body, const Load& load) {
+  return {load.linear / body.mass, body.InverseInertiaW() * load.angular};
+}
+
+void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
   const Vector3 force_W = body.mass * settings.gravity + body.force_W;
   const auto size = [&](const Vector3& force, const Vector3& torque) { return force.norm() + torque.norm() / body.radius; };
   const bool alike = size(force_W - still->force_W, body.torque_W - still->torque_W) <= kAlike * size(force_W, body.torque_W);
@@ -106,7 +112,8 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& sett
     if (moves_[roots_[i]]) frame.bodies[i].frozen = false;
 }
 
-void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings) {
+void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
+                                 const std::vector<double>& errors, const Settings& settings) {
   FindIslands(frame);
   SumLoads(frame);
   worst_imbalance_ = 0;
@@ -115,7 +122,8 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
     const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed || body.frozen) continue;
     const bool still = held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                       FastestPoint(TwistOf(body), body.radius) <= calm && IsBalanced(body, loads_[i], settings);
+                       FastestPoint(TwistOf(body), body.radius) <= calm && IsBalanced(body, loads_[i], settings) &&
+                       FastestPoint(GainOf(body, loads_[i]), body.radius) <= kWrong * errors[i] + kRounding * frame.rest_speed;
     if (!still) moves_[roots_[i]] = 1;
   }
   for (size_t i = 0; i < frame.bodies.size(); ++i) {

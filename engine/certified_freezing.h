@@ -3,7 +3,8 @@
 //   island   bodies joined by contacts, all of them; so nothing that moves ever meets a frozen body
 //   freezes  where each of its bodies has stood still for freeze_seconds (by the displacement of its farthest point, under the same
 //            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
-//            impulses of this very frame balance what acts on it, inside their cones
+//            impulses of this very frame balance what acts on it, inside their cones: to the tolerance, and to what the solver reached.
+//            However slow, what gains more velocity than the answer is wrong by stands on an edge or a top, and will fall
 //   wakes    at the start of a frame, as a whole: where a contact joins it to a body or a wall that moves, and where its impulses no
 //            longer balance what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was
 //            lowered: all show. It is solved with the others, from the impulses that held it
@@ -23,8 +24,10 @@ class CertifiedFreezing {
   // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings);
 
-  // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began.
-  void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const Settings& settings);
+  // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
+  // body, the worst natural map of the answers of this frame for its island.
+  void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const std::vector<double>& errors,
+                const Settings& settings);
 
   // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
   double worst_imbalance() const { return worst_imbalance_; }
@@ -43,9 +46,10 @@ class CertifiedFreezing {
   };
   void FindIslands(const SuiteFrame& frame);
   void SumLoads(const SuiteFrame& frame);
-  bool IsBalanced(const Body& body, const Load& load, const Settings& settings) const;
+  static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
+  static Twist GainOf(const Body& body, const Load& load);
   static double Imbalance(const Body& body, const Load& load);
-  void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) const;
+  static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 
   std::vector<Stillness> still_;  // per body: since when, and where
   double worst_imbalance_ = 0;

@@ -77,6 +77,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
 // What steps 1 to 3 leave where nothing moves.
 void ContactSuite::Impl::StandStill() {
   frame.after_bounces.assign(frame.bodies.size(), {});
+  errors.assign(frame.bodies.size(), 0.0);
   frame.before_gravity.assign(frame.bodies.size(), {});
 }
 

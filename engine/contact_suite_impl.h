@@ -58,6 +58,7 @@ struct ContactSuite::Impl : SuiteMemory {
   enum Settled : std::uint8_t { kInMotion, kSettled, kRebounds };
   std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
+  std::vector<double> errors;            // [m/s] per body: worst natural map of what was solved with it
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
   void RecallHolding();

@@ -194,6 +194,8 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   outcome.resting = worker->responder.ResolveStatic(held, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
+  const double error = std::max(outcome.collision.certificate.natural_map_max, outcome.resting.certificate.natural_map_max);
+  for (const int i : view.bodies) errors[i] = error;
 }
 
 void ContactSuite::Impl::Record(int island, Stage stage, QpStatus status, const IslandResponder& responder) {
@@ -203,6 +205,7 @@ void ContactSuite::Impl::Record(int island, Stage stage, QpStatus status, const 
 
 void ContactSuite::Impl::ResolveIslands(StepReport* report, LapTimer* timer) {
   frame.before_gravity.assign(frame.bodies.size(), {});
+  errors.assign(frame.bodies.size(), 0.0);
   CutAtImmovable();
   Partition([this](const Contact& c) { return frame.bodies[c.body_a].Moves() || frame.bodies[c.body_b].Moves(); });
   outcomes.assign(partition.num_islands(), {});

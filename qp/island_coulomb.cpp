@@ -21,7 +21,8 @@ constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sw
 // Small islands, by Newton's method.
 constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the frame before
 constexpr double kStartGain = 0.5;                  // of the natural map, for another block
-constexpr double kNewtonShare = 1e-3;               // of the tolerance: what is sought; in the plane all of it, since that is less
+constexpr double kNewtonShare = 1e-5;               // of the tolerance: what is sought; in the plane, where that is less, 1e-3
+constexpr double kNewtonPlanar = 1e-3;
 constexpr int kNewtonSteps = 150;                   // factorisations
 
 double MassRatio(const Problem& problem) {
@@ -123,7 +124,7 @@ bool IslandSolver::SolveByNewton(const Problem& problem, const Settings& setting
 // bounces are to blame is the interior point.
 bool IslandSolver::PolishSwept(const Problem& problem, const Settings& settings, Solution* solution) {
   const double enough = kAcceptShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const double goal = in_plane_ ? enough : kNewtonShare * enough;
+  const double goal = (in_plane_ ? kNewtonPlanar : kNewtonShare) * enough;
   const NaturalMap map = coulomb_newton_.Solve(problem, scales_, goal, enough, kNewtonSteps, &swept_impulses_);
   iterations_ += coulomb_newton_.factorisations();
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);

@@ -15,7 +15,7 @@ set(folders qp islands parallel engine scenes)
 set(also_qp "islands/disjoint_sets.h")
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules

