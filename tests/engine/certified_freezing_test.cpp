@@ -628,7 +628,7 @@ TEST(CertifiedFreezing, SetVelocityAndForceOnAFrozenBody) {
     lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
     testing::Step(&lifted, kDt);
     EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
-    EXPECT_EQ(lifted.body(1).frozen, crowd);
+    EXPECT_FALSE(lifted.body(1).frozen) << "what it carried moves";
   }
 }
 
