@@ -107,8 +107,8 @@ struct StepReport {
   int newly_frozen = 0;
   int awake = 0;
   int frozen = 0;
-  // Certified freezing: worst sum of all impulses on a frozen body, over the sum of their magnitudes; below 1e-3, or the body
-  // would not be frozen.
+  // Certified freezing in crowds: worst sum of all impulses on a frozen body, over the sum of their magnitudes; at most ten times
+  // the tolerance, or the body would not be frozen.
   double frozen_imbalance = 0;
   int restitution_lowered = 0;  // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;

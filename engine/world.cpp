@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -77,6 +78,9 @@ struct World::Impl : WorldState {
   std::vector<LedgerImpulse> ledger_impulses;
   std::vector<int> group_places;  // in impulses, of those of small groups
   LadderReport spared;  // what detection was spared in this step
+  // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
+  std::optional<StepReport> rest;
+  double rest_dt = 0;  // [s]
 
   Impl(const Settings& s, parallel::WorkerPool* p)
       : settings(s),
@@ -124,6 +128,7 @@ struct World::Impl : WorldState {
   void AddGroups(StepReport* report);
   void CheckTouching();
   void Changed();
+  void Remember(double dt, const StepReport& report);
 };
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
@@ -189,8 +194,10 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
   Body& b = impl_->At(body);
   RequireFinite(name, "force", force_W);
   RequireFinite(name, "torque", torque_W);
+  if (b.force_W == force_W && b.torque_W == torque_W) return;
   b.force_W = force_W;
   b.torque_W = torque_W;
+  impl_->rest.reset();
   impl_->groups.Disturb();
 }
 
@@ -199,11 +206,13 @@ void World::SetGravity(const Vector3& gravity_W) {
   impl_->settings.gravity = gravity_W;
   impl_->mover.SetGravity(gravity_W);
   impl_->group_motion.SetGravity(gravity_W);
+  impl_->rest.reset();
   impl_->groups.Disturb();
 }
 
 void World::SetProblemObserver(ProblemObserver observer) {
   impl_->observer = observer;
+  impl_->rest.reset();
   impl_->suite.SetProblemObserver(std::move(observer));
 }
 void World::SetMaterialCallback(MaterialCallback callback) {
@@ -404,6 +413,7 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
 
 void World::Impl::Changed() {
   stale = true;
+  rest.reset();
   groups.Disturb();
 }
 
@@ -538,16 +548,32 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
 }
 
+// A callback may change its mind without telling.
+void World::Impl::Remember(double dt, const StepReport& report) {
+  rest.reset();
+  if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0) return;
+  rest = report;
+  rest->seconds = {};
+  rest_dt = dt;
+}
+
 StepReport World::Step(double dt) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
   Impl& w = *impl_;
+  if (w.rest && w.rest_dt == dt) {
+    w.time += dt;
+    return *w.rest;
+  }
   StepReport report;
   w.dt_hint = dt;
   const double start = Seconds();
   if (w.checked_bodies < w.bodies.size()) CheckInitialOverlap();
   report.seconds.detect += Seconds() - start;
-  if (w.StepOnce(dt, false, &report)) return report;
+  if (w.StepOnce(dt, false, &report)) {
+    w.Remember(dt, report);
+    return report;
+  }
   const double end = w.time + dt;
   w.acted.clear();
   for (int half = 0; half < 2; ++half) w.StepInParts(0.5 * dt, kMostHalvings - 1, &report);
@@ -570,6 +596,7 @@ void World::Restore(const WorldSnapshot& snapshot) {
   SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
   impl_->suite.SetMemory(snapshot.data_->suite);
+  impl_->rest.reset();
 }
 
 std::span<const Body> World::bodies() const { return impl_->bodies; }
