@@ -23,6 +23,7 @@ constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the 
 constexpr double kStartGain = 0.5;                  // of the natural map, for another block
 constexpr double kNewtonShare = 1e-5;               // of the tolerance: what is sought; in the plane, where that is less, 1e-3
 constexpr double kNewtonPlanar = 1e-3;
+constexpr int kBigNewtonSteps = 40;                 // factorisations, of more than 20 bodies
 constexpr int kNewtonSteps = 150;                   // factorisations
 
 double MassRatio(const Problem& problem) {
@@ -48,10 +49,11 @@ bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
     gauss_seidel_.Prepare(problem);
     StartFrom(problem, start);
     map = Search(problem, settings);
-    if (map.rms > kLostRms * settings.velocity_scale) map = SearchFromConvex(problem, settings, map);
+    const bool lost = settings.effort.sweeps >= kSweeps && map.rms > kLostRms * settings.velocity_scale;
+    if (lost) map = SearchFromConvex(problem, settings, map);
   }
   if (newton && !Meets(map, goal)) {
-    coulomb_newton_.Solve(problem, scales_, goal, goal, kNewtonSteps, &swept_impulses_);
+    coulomb_newton_.Solve(problem, scales_, goal, goal, kBigNewtonSteps, &swept_impulses_);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
