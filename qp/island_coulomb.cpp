@@ -23,7 +23,7 @@ constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the 
 constexpr double kStartGain = 0.5;                  // of the natural map, for another block
 constexpr double kNewtonShare = 1e-5;               // of the tolerance: what is sought; in the plane, where that is less, 1e-3
 constexpr double kNewtonPlanar = 1e-3;
-constexpr int kBigNewtonSteps = 40;                 // factorisations, of more than 20 bodies
+constexpr int kBigNewtonSteps = 40;                 // factorisations, where only thorough effort asks for them
 constexpr int kNewtonSteps = 150;                   // factorisations
 
 double MassRatio(const Problem& problem) {
@@ -53,7 +53,8 @@ bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
     if (lost) map = SearchFromConvex(problem, settings, map);
   }
   if (newton && !Meets(map, goal)) {
-    coulomb_newton_.Solve(problem, scales_, goal, goal, kBigNewtonSteps, &swept_impulses_);
+    const int steps = problem.num_bodies() <= kNormalEffort.newton_bodies ? kNewtonSteps : kBigNewtonSteps;
+    coulomb_newton_.Solve(problem, scales_, goal, goal, steps, &swept_impulses_);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);

@@ -34,4 +34,8 @@ std::string NameOf(const Effort& effort) {
   return fmt::format("{}", effort.sweeps);
 }
 
+void NoteTier(const std::string& value) {
+  fmt::print(stderr, "islet: --tier {} is without effect, use --effort: quick, normal (default), thorough, or so many sweeps\n", value);
+}
+
 }  // namespace islet

@@ -11,6 +11,9 @@ namespace islet {
 Effort ParseEffort(const std::string& text);
 std::string NameOf(const Effort& effort);  // that ParseEffort reads
 
+// Of the option --tier, which --effort took the place of: says so on the standard error, and changes nothing.
+void NoteTier(const std::string& value);
+
 inline constexpr const char* kEffortHelp =
     "coulomb: most work for an island: quick, normal, thorough, or so many sweeps (default normal)";
 

@@ -175,6 +175,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "sweeps, newton; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
       "(default auto)");
   add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);
+  command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
   add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
   add(kMethod, "--bounce", o.bounce, "NAME", "bounce law of the priority queue: eq5, eq6 or exact (default exact)");
   add(kMethod, "--bounce-limit", o.bounce_limit, "N|auto",

@@ -174,6 +174,10 @@ foreach(effort quick normal thorough 250)
   file(REMOVE ${SCRATCH}/effort.json)
 endforeach()
 
+islet(status stdout stderr run stack --count 3 --frames 5 --tier swept)
+check_equal("exit status of islet run --tier swept (${stderr})" "${status}" 0)
+check_match("what is said of --tier" stderr "--tier swept.*--effort")
+
 file(STRINGS ${SCRATCH}/f.csv rows)
 list(LENGTH rows num_rows)
 check_equal("lines of the table" "${num_rows}" 6)
