@@ -1,4 +1,4 @@
-// Exact Coulomb friction in IslandSolver: which slips and impulses the sweeps find, and what the interior point makes of them.
+// Exact Coulomb friction in IslandSolver: sweeps and Newton's method as far as the effort goes, and rounds with the interior point.
 #include <algorithm>
 #include <cmath>
 
@@ -9,10 +9,10 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kLostRms = 1e-2;     // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
-constexpr double kWorst = 10;        // times the rms: natural map of the worst contact
-constexpr double kBlockGain = 0.9;    // of the natural map: momentum that leaves more has gone round in circles
-constexpr int kPlainSweeps = 20;
+constexpr double kLostRms = 1e-2;   // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
+constexpr double kWorst = 10;       // times the tolerance of the rms: what the worst contact may have of the natural map
+constexpr double kBlockGain = 0.9;  // of the natural map: momentum that leaves more has gone round in circles
+constexpr int kPlainSweeps = 20;    // that lead out of them
 // Sweeps of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;     // largest mass over the least
 constexpr double kSingleAbove = 1e-4;     // of v_ref: natural map
@@ -21,10 +21,10 @@ constexpr double kRoughTolerance = 1e-4;  // of the solves that only feed the sw
 // Small islands, by Newton's method.
 constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the frame before
 constexpr double kStartGain = 0.5;                  // of the natural map, for another block
-constexpr double kNewtonShare = 1e-5;               // of the tolerance: what is sought; in the plane, where that is less, 1e-3
-constexpr double kNewtonPlanar = 1e-3;
-constexpr int kBigNewtonSteps = 40;                 // factorisations, where only thorough effort asks for them
+constexpr double kNewtonShare = 1e-5;               // of the tolerance: what is sought
+constexpr double kNewtonPlanar = 1e-3;              // the same in the plane, where the tolerance is less
 constexpr int kNewtonSteps = 150;                   // factorisations
+constexpr int kBigNewtonSteps = 40;                 // the same where only thorough effort asks for them
 
 double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
@@ -52,14 +52,15 @@ bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
     const bool lost = settings.effort.sweeps >= kSweeps && map.rms > kLostRms * settings.velocity_scale;
     if (lost) map = SearchFromConvex(problem, settings, map);
   }
-  if (newton && !Meets(map, goal)) {
+  const bool finish = newton && !Meets(map, goal);
+  if (finish) {
     const int steps = problem.num_bodies() <= kNormalEffort.newton_bodies ? kNewtonSteps : kBigNewtonSteps;
     coulomb_newton_.Solve(problem, scales_, goal, goal, steps, &swept_impulses_);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   TakeSwept(problem, settings, INFINITY, solution);
-  if (newton && iterations_ > 0) solution->rung = Rung::kNewton;
+  if (finish) solution->rung = Rung::kNewton;
   solution->coulomb_reached = Meets(MapOfSwept(problem), goal);
   if (!solution->coulomb_reached) solution->status = Status::kInaccurate;
   return true;
