@@ -45,23 +45,25 @@ bool IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const bool starts = start.size() == problem.contacts.size();
   if (starts) TakeOver(problem, start);
   NaturalMap map = starts ? MapOfSwept(problem) : NaturalMap{INFINITY, INFINITY};
+  Rung rung = Rung::kSweeps;
   if (!Meets(map, goal)) {
     gauss_seidel_.Prepare(problem);
     StartFrom(problem, start);
     map = Search(problem, settings);
     const bool lost = settings.effort.sweeps >= kSweeps && map.rms > kLostRms * settings.velocity_scale;
     if (lost) map = SearchFromConvex(problem, settings, map);
+    if (newton && !Meets(map, goal)) {
+      const int steps = problem.num_bodies() <= kNormalEffort.newton_bodies ? kNewtonSteps : kBigNewtonSteps;
+      coulomb_newton_.Solve(problem, scales_, goal, goal, steps, &swept_impulses_);
+      iterations_ += coulomb_newton_.factorisations();
+      rung = Rung::kNewton;
+    }
+    VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);  // without the rounding of thousands of increments
+    map = MapOfSwept(problem);
   }
-  const bool finish = newton && !Meets(map, goal);
-  if (finish) {
-    const int steps = problem.num_bodies() <= kNormalEffort.newton_bodies ? kNewtonSteps : kBigNewtonSteps;
-    coulomb_newton_.Solve(problem, scales_, goal, goal, steps, &swept_impulses_);
-    iterations_ += coulomb_newton_.factorisations();
-  }
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
   TakeSwept(problem, settings, INFINITY, solution);
-  if (finish) solution->rung = Rung::kNewton;
-  solution->coulomb_reached = Meets(MapOfSwept(problem), goal);
+  solution->rung = rung;
+  solution->coulomb_reached = Meets(map, goal);
   if (!solution->coulomb_reached) solution->status = Status::kInaccurate;
   return true;
 }
@@ -156,7 +158,7 @@ void IslandSolver::SolveCoulomb(const Problem& problem, const Settings& settings
   for (;; ++round) {
     accurate = accurate || round >= settings.coulomb_rounds || iterations_ >= settings.patience;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
-    const bool near = !small && circular && round > 1;  // to what the last sweeps found, as in SolveBigCoulomb
+    const bool near = !small && circular && round > 1;  // to what the last sweeps found
     RunInteriorPoint(problem, inner, slips_, &trial_, near ? swept_impulses_ : std::span<const Vector3>());
     if (trial_.status == Status::kFailed || trial_.status == Status::kInfeasible) {
       if (!std::isfinite(best)) *solution = trial_;

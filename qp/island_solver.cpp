@@ -22,8 +22,7 @@ constexpr double kNormalShare = 1e-2;   // of the tolerance: natural map without
 constexpr int kNormalFactorisations = 6;
 constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
 constexpr int kNormalSweeps = 40;      // before an interior point that starts from them
-// Of it: where a linear step begins, and where sweeps do, which are slow. What freezing takes for acceleration is as much as all
-// of it, a billionth of v_ref a frame.
+// Of it: where a linear step begins, and where sweeps do, which are slow.
 constexpr double kStickShare = 0.1, kSweptShare = 1e-2;
 constexpr int kHeldBlocks = 3, kHeldSweeps = 10;
 
