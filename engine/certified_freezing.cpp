@@ -9,8 +9,7 @@ namespace islet {
 namespace {
 
 constexpr double kBalanced = 10;    // times the tolerance: imbalance that counts as none, of the impulses that act on the body
-constexpr double kCalm = 1e-4;      // of |g| dt: velocity of its fastest point that a body at rest may be left with
-constexpr double kWrong = 10;       // times what the answer is wrong by: velocity gained that may be its error
+constexpr double kWrong = 10;       // times what the answer is wrong by: velocity that may be its error
 constexpr double kRounding = 1e-10;  // of |g| dt: the same, where the answer is exact
 constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
 
@@ -117,12 +116,12 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
   FindIslands(frame);
   SumLoads(frame);
   worst_imbalance_ = 0;
-  const double calm = kCalm * std::max(frame.rest_speed, 1e-12);
+  const double calm = kBalanced * settings.tolerance * std::max(frame.rest_speed, 1e-12);
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed || body.frozen) continue;
     const bool still = held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                       FastestPoint(TwistOf(body), body.radius) <= calm && IsBalanced(body, loads_[i], settings) &&
+                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm && IsBalanced(body, loads_[i], settings) &&
                        FastestPoint(GainOf(body, loads_[i]), body.radius) <= kWrong * errors[i] + kRounding * frame.rest_speed;
     if (!still) moves_[roots_[i]] = 1;
   }

@@ -15,7 +15,7 @@ constexpr int kPerTask = 16;       // groups
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
-constexpr double kCalm = 5e-10;    // of |g| dt: velocity that a body at rest may be left with, which the ledger does not miss
+constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that is taken from it when it rests
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
@@ -326,6 +326,7 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
     report->seconds.collision_qp += o.seconds;
     island.collision_status = std::max(island.collision_status, o.status);
     island.collision_iterations += o.iterations;
+    island.map = std::max(island.map, o.map);
     island.certificate.Include(o.certificate);
   }
   for (const auto* answers : {&outcome.carried, &outcome.settled}) {
@@ -334,6 +335,7 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
       report->seconds.static_qp += o.seconds;
       island.static_status = std::max(island.static_status, o.status);
       island.static_iterations += o.iterations;
+      island.map = std::max(island.map, o.map);
       island.contacts = std::max(island.contacts, o.contacts);
       island.certificate.Include(o.certificate);
     }
@@ -346,8 +348,8 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
   report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
 }
 
-// What is remembered of the contacts holds every body, while it rests.
-bool GroupMotion::IsBalanced(const Job& job) const {
+// What is remembered of the contacts holds every body, while it rests, and what it still moves by the ledger does not miss.
+bool GroupMotion::IsBalanced(double dt, const Job& job) const {
   const GroupOutcome& outcome = job.outcome;
   for (size_t i = 0; i < job.group.bodies.size(); ++i) {
     const Body& b = job.group.bodies[i];
@@ -363,13 +365,14 @@ bool GroupMotion::IsBalanced(const Job& job) const {
       loads += outcome.touching_force_W[c].norm();
     }
     if (force.norm() > kBalanced * loads || torque.norm() > kBalanced * loads * b.radius) return false;
+    const Vector3 spin_W = b.InertiaW() * b.angular_velocity_W;
+    if (b.mass * b.linear_velocity_W.norm() > kCalm * loads * dt || spin_W.norm() > kCalm * loads * dt * b.radius) return false;
   }
   return true;
 }
 
 // A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
 void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
-  const double calm = kCalm * std::max(settings_.gravity.norm() * dt, 1e-12);
   bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
   for (const int i : job.members) {
     Body& body = bodies[i];
@@ -383,11 +386,10 @@ void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupM
       memory->still[i] += dt;
     }
     // What was at rest, and is left so under what has changed, need not wait.
-    rests = rests && (memory->still[i] >= settings_.freeze_seconds || was_frozen_[i]) &&
-            FastestPoint(TwistOf(body), body.radius) <= calm;
+    rests = rests && (memory->still[i] >= settings_.freeze_seconds || was_frozen_[i]);
   }
   for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
-  if (!rests || !IsBalanced(job)) return;
+  if (!rests || !IsBalanced(dt, job)) return;
   for (const int i : job.members) {
     SetTwist({}, &bodies[i]);
     bodies[i].frozen = true;

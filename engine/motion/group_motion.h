@@ -70,7 +70,7 @@ class GroupMotion {
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
-  bool IsBalanced(const Job& job) const;
+  bool IsBalanced(double dt, const Job& job) const;
   void Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const;
 
   Settings settings_;
