@@ -12,6 +12,7 @@ namespace {
 constexpr double kFirstStiffness = 100, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
 constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
 constexpr int kEasy = 3, kFair = 6;      // Newton steps of a proximal step that may become stiffer, or a little stiffer
+constexpr double kFast = 1e-2;           // of the natural map: a step that leaves less need not become stiffer near the end
 constexpr int kMostSteps = 25;           // of Newton, in a proximal step
 constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
 constexpr int kPatience = 20;            // proximal steps without a better answer: on the way to it the map may rise for a while
@@ -19,7 +20,7 @@ constexpr int kShortPatience = 3;        // the same, without half of the map, w
 constexpr int kHalvings = 8;
 constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
 constexpr int kKrylov = 20;              // of GMRES, steps
-constexpr double kForcing = 1e-3;        // of the residual, what GMRES may leave
+constexpr double kForcing = 1e-2;        // of the residual, what GMRES may leave
 constexpr double kUseful = 0.3;          // of the residual, what it may leave at the end
 
 double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
@@ -32,17 +33,19 @@ Vector3 Law(const Vector3& x, double friction) {
 
 // An element of the generalised derivative of Law, and the same without what a normal pull does to friction; times `scale`.
 void LawSlopes(const Vector3& x, double friction, double scale, Matrix3* slope, Matrix3* plain) {
-  const double tangent = Tangent(x), cosine = x[1] / tangent, sine = x[2] / tangent;
-  const bool slides = x[0] > 0 && tangent > friction * x[0];
+  const double tangent = Tangent(x);
+  const bool slides = x[0] > 0 && tangent >= friction * x[0];
   slope->setZero();
   if (x[0] > 0 && !slides) slope->diagonal().setConstant(scale);
-  if (slides) {
+  if (slides) (*slope)(0, 0) = scale;
+  const bool rubs = slides && tangent > 0;
+  const double cosine = rubs ? x[1] / tangent : 0, sine = rubs ? x[2] / tangent : 0;
+  if (rubs) {
     const double turn = friction * x[0] / tangent * scale;
-    (*slope)(0, 0) = scale;
     slope->bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
   }
   *plain = *slope;
-  if (slides) slope->bottomLeftCorner<2, 1>() << scale * friction * cosine, scale * friction * sine;
+  if (rubs) slope->bottomLeftCorner<2, 1>() << scale * friction * cosine, scale * friction * sine;
 }
 
 }  // namespace
@@ -153,7 +156,8 @@ bool CoulombNewton::Step(double aim, int most) {
   return true;
 }
 
-// Steps that were easy make the springs stiffer, those that failed softer.
+// Steps that were easy make the springs stiffer, those that failed softer. Near the end rounding, which grows with the stiffness, is why
+// steps fail: only what falls slowly is made stiffer there, and never again as stiff as what failed.
 NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough,
                                 int max_factorisations, std::vector<Vector3>* impulses) {
   problem_ = &problem, rho_ = &rho;
@@ -175,21 +179,25 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   pulls_.resize(contacts), impulses_.resize(contacts), slopes_.resize(contacts), plain_slopes_.resize(contacts);
   basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
   for (auto& vector : basis_) vector.resize(unknowns);
-  system_.Prepare(problem, 1, /*all_unknowns=*/true);
+  system_.Prepare(problem, 1);
   int stalled = 0;
+  double most = kMostStiffness;
   while (best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness) {
     const int before = factorisations_;
-    const bool good = Step(kStepShare * best.rms, std::min(kMostSteps, max_factorisations - factorisations_));
+    const bool refines = best.max <= enough;
+    const bool good = Step(kStepShare * best.rms, std::min(refines ? kFair : kMostSteps, max_factorisations - factorisations_));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
-    const bool better = map.rms < best.rms, refines = best.max <= enough;
+    const bool better = map.rms < best.rms, fast = map.max <= kFast * best.max;
     stalled = map.rms < (refines ? 0.5 : 1) * best.rms ? 0 : stalled + 1;
     if (better) best = map, *impulses = impulses_;
     if (stalled >= (refines ? kShortPatience : kPatience)) break;
+    if (refines && !good) most = std::min(most, kSoften * stiffness_);
     if (good || better) {
       centre_ = impulses_;
       const int steps = factorisations_ - before;
-      stiffness_ = std::min(kMostStiffness, stiffness_ * (steps <= kEasy ? kStiffen : steps <= kFair ? kStiffenLittle : 1));
+      if (!(refines && fast)) stiffness_ *= steps <= kEasy ? kStiffen : steps <= kFair ? kStiffenLittle : 1;
+      stiffness_ = std::min(most, stiffness_);
     } else {
       stiffness_ *= kSoften;
       VelocitiesAfter(problem, centre_, &v_);
