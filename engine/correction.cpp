@@ -10,20 +10,17 @@
 namespace islet {
 namespace {
 
-constexpr int kBlocks = 5, kSweeps = 100;  // blocks of so many sweeps, between which drifts are followed
-// Of the deepest overlap: to how much it is corrected, by sweeps and by the relative gap of the interior point, whose displacements
-// are good to about its root. What a correction leaves tilts a tower, and tilts grow: with 1e-3 for all islands stacks of 10, 20 and
+constexpr int kSweeps = 500;
+// Of the deepest overlap: to how much it is corrected, by sweeps, and the tolerance of the interior point. What a correction leaves tilts a tower, and tilts grow: with 1e-3 for all islands stacks of 10, 20 and
 // 30 cubes that were dropped came to rest after 56, 170 and 160 frames on average, and five of eight of 100 cubes fell; now after 31,
 // 28 and 34, and none. In a heap the next pass sees to the rest; 1e-6 takes six times as long there (cubeglass), 1e-2 halves the time
 // of the motion, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
 // overlaps of up to 0.01 m.
 struct Accuracy {
-  double change, gap;
+  double change, tolerance;
 };
-constexpr Accuracy kFine{1e-9, 1e-10}, kCoarse{1e-3, 1e-6};
-constexpr int kSwept = 12;            // bodies: up to them sweeps reach what is fine
-constexpr int kFewBodies = 50;        // up to them, if some lie on faces, and in the plane, all is to be fine
-constexpr double kLeastDrift = 1e-2;  // of the change
+constexpr Accuracy kFine{1e-9, 1e-8}, kCoarse{1e-3, 1e-4};
+constexpr int kFewBodies = 50;        // up to them, if some lie on faces, all is to be fine
 
 // Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
 // farther at all than that or than the longest way that a body of the island goes freely in the step. Between surfaces that are
@@ -118,24 +115,13 @@ double Corrector::Share(const IslandToCorrect& island, std::span<const Body> bod
   return std::min({1.0, most / against, std::max(most, longest) / farthest});
 }
 
-// What stands on each other moves along its line, and what is symmetric about a plane in that: sweeps in space would leave a tilt.
+// What stands on each other moves along its line: sweeps would leave a tilt.
 bool Corrector::SolveProblem(double scale, bool exact) {
   const double begin = Seconds();
   const qp::InVain before = report_.in_vain;
-  qp::Rung rung = qp::Rung::kPlanar;
-  bool solved;
+  qp::Rung rung = qp::Rung::kColumn;
   failed_ = false;
-  if (ladder_.Has(qp::Rung::kColumn) && SolveColumn(scale)) {
-    rung = qp::Rung::kColumn;
-    solved = true;
-  } else if (ladder_.Has(rung) && plane_.Reduce(problem_, scale)) {
-    qp::Rung inside;
-    solved = SolveReduced(scale, exact, plane_.problem(), &flat_solution_, &inside);
-    if (solved) plane_.Expand(problem_, flat_solution_, &solution_);
-  } else {
-    solved = SolveReduced(scale, exact, problem_, &solution_, &rung);
-  }
-  if (!solved) {
+  if (!(ladder_.Has(rung) && SolveColumn(scale)) && !SolveWhole(scale, exact, &rung)) {
     report_.in_vain.Fail(rung, before, Seconds() - begin);
     return false;
   }
@@ -155,48 +141,31 @@ bool Corrector::SolveColumn(double scale) {
 
 // Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
 // there is no way out for all, which costs it most, it is asked once in a step: cubeglass spent 5 s of one frame on 24 passes.
-bool Corrector::SolveReduced(double scale, bool exact, const qp::Problem& problem, qp::Solution* solution,
-                             qp::Rung* rung) {
-  solution->slips.assign(problem.contacts.size(), 0.0);
-  solution->velocities.assign(6 * problem.bodies.size(), 0.0);
-  solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
+bool Corrector::SolveWhole(double scale, bool exact, qp::Rung* rung) {
+  solution_.slips.assign(problem_.contacts.size(), 0.0);
+  solution_.velocities.assign(6 * problem_.bodies.size(), 0.0);
+  solution_.impulses.assign(problem_.contacts.size(), Vector3::Zero());
   *rung = qp::Rung::kSweeps;
   const double begin = Seconds();
-  qp::Ladder left = ladder_.Without(qp::Rung::kColumn);  // has been asked
-  const bool in_plane = &problem != &problem_;
-  const bool fine = in_plane || (problem.num_bodies() <= kFewBodies && HasFace(problem));
-  const bool sweeps = !fine || problem.num_bodies() <= kSwept;
-  if ((ladder_.Has(*rung) && sweeps) || !exact) {
-    const Accuracy& reached = fine && sweeps ? kFine : kCoarse;
-    if (Sweep(reached.change * scale, problem, solution)) return true;
+  const bool fine = problem_.num_bodies() <= kFewBodies && HasFace(problem_);
+  if ((ladder_.Has(*rung) && !fine) || !exact) {
+    sweeps_.Prepare(problem_);
+    const int sweeps = sweeps_.Sweep(problem_, kSweeps, kCoarse.change * scale, &solution_.impulses, &solution_.velocities, qp::Pace::kMomentum);
+    if (sweeps < kSweeps) return true;
     if (!exact) return false;
     report_.in_vain.Add(*rung, Seconds() - begin);
-    if (problem.num_bodies() <= kSwept) left = left.Without(qp::Rung::kNormal);  // begins with sweeps there, too
   }
   qp::Settings settings;
   settings.model = qp::Model::kConvex;
-  settings.ladder = left;
+  settings.ladder = fine ? ladder_.Without(qp::Rung::kColumn) : qp::Ladder::Off();  // columns and sweeps have been asked
   settings.velocity_scale = scale;
-  settings.tolerance = (fine ? kFine : kCoarse).gap;
-  solver_.Solve(problem, settings, solution);
-  report_.in_vain.Include(solution->in_vain);
-  *rung = solution->rung;
-  const bool solved = solution->status == qp::Status::kSolved || solution->status == qp::Status::kInaccurate;
+  settings.tolerance = (fine ? kFine : kCoarse).tolerance;
+  solver_.Solve(problem_, settings, &solution_);
+  report_.in_vain.Include(solution_.in_vain);
+  *rung = solution_.rung;
+  const bool solved = solution_.status == qp::Status::kSolved || solution_.status == qp::Status::kInaccurate;
   failed_ = !solved;
   return solved;
-}
-
-bool Corrector::Sweep(double tolerance, const qp::Problem& problem, qp::Solution* solution) {
-  sweeps_.Prepare(problem);
-  for (int block = 0; block < kBlocks; ++block) {
-    if (block == 1) qp::ImpulseScales(problem, &scales_);
-    if (block > 0)
-      drift_.Follow(problem, scales_, kLeastDrift * tolerance, &sweeps_, &solution->impulses, &solution->velocities);
-    if (sweeps_.Sweep(problem, kSweeps, tolerance, &solution->impulses, &solution->velocities, qp::Pace::kMomentum) <
-        kSweeps)
-      return true;
-  }
-  return false;
 }
 
 }  // namespace islet

@@ -12,11 +12,9 @@
 #include "engine/lift.h"
 #include "engine/step_report.h"
 #include "qp/column.h"
-#include "qp/drift.h"
 #include "qp/gauss_seidel.h"
 #include "qp/island_solver.h"
 #include "qp/ladder.h"
-#include "qp/planar_problem.h"
 
 namespace islet {
 
@@ -52,8 +50,7 @@ class Corrector {
  private:
   bool SolveColumn(double scale);
   bool SolveProblem(double scale, bool exact);
-  bool SolveReduced(double scale, bool exact, const qp::Problem& problem, qp::Solution* solution, qp::Rung* rung);
-  bool Sweep(double tolerance, const qp::Problem& problem, qp::Solution* solution);
+  bool SolveWhole(double scale, bool exact, qp::Rung* rung);
   double Share(const IslandToCorrect& island, std::span<const Body> bodies) const;
 
   qp::Ladder ladder_;
@@ -61,11 +58,8 @@ class Corrector {
   qp::Problem problem_;
   qp::Solution solution_;
   qp::Column column_;
-  qp::PlanarProblem plane_;
-  qp::Solution flat_solution_;
   qp::IslandSolver solver_;
   qp::GaussSeidel sweeps_;
-  qp::Drift drift_;
   std::vector<double> scales_;  // of the problem's impulses
   double share_ = 1;            // of the displacements that is made
   bool failed_ = false;

@@ -53,10 +53,7 @@ qp::Settings SolverSettings(const Settings& settings, double v_ref) {
   out.cone = settings.cone;
   out.effort = settings.effort;
   out.ladder = settings.ladder;
-  out.tolerance =
-      1e-2 * settings.tolerance;  // a relative gap of t^2 bounds the velocity error by t; this is the cheap middle
-  out.coulomb_tolerance = settings.tolerance;
-  out.coulomb_rounds = settings.coulomb_rounds;
+  out.tolerance = settings.tolerance;
   out.velocity_scale = v_ref;
   return out;
 }
@@ -71,11 +68,10 @@ void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   if (status == QpStatus::kNone) return;
   ++summary->solved;
   summary->failed += status == QpStatus::kInfeasible || status == QpStatus::kFailed;
-  summary->inaccurate += status == QpStatus::kInaccurate;
-  summary->coulomb_capped += coulomb_capped;
+  summary->missed += status == QpStatus::kInaccurate;
+  summary->worst_map = std::max(summary->worst_map, map);
   summary->iterations += iterations;
   summary->iterations_max = std::max(summary->iterations_max, iterations);
-  summary->rounds_max = std::max(summary->rounds_max, rounds);
 }
 
 // Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
@@ -109,7 +105,7 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto good = [&] {
     // On the brink of a jam the interior point stalls: less bounce is better than a bad answer.
-    const bool stalled = bounces && solution_.rung == qp::Rung::kInteriorPoint;
+    const bool stalled = bounces && settings.model != Model::kCoulomb && solution_.rung == qp::Rung::kInteriorPoint;
     const bool accepted = solution_.status == qp::Status::kSolved || (!stalled && Usable(solution_.status));
     return accepted && (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <=
                                         energy_before * (1 + settings.tolerance));
@@ -127,8 +123,6 @@ void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* o
   outcome->iterations += solution_.iterations;
   outcome->rung = solution_.rung;
   outcome->in_vain.Include(solution_.in_vain);
-  outcome->rounds = std::max(outcome->rounds, solution_.rounds);
-  outcome->coulomb_capped = settings.model == Model::kCoulomb && !solution_.coulomb_reached;
 }
 
 // The status of what was solved; where it is no answer, the compliant one is taken.
@@ -155,6 +149,7 @@ void IslandResponder::Finish(const IslandView& island, const Settings& settings,
     return;
   }
   outcome->certificate = Certify(problem_, solution_, settings.model, settings.cone, v_ref);
+  outcome->map = outcome->certificate.natural_map_rms / v_ref;
   IslandGatherer::ScatterVelocities(solution_, island.bodies, bodies);
   for (size_t c = 0; c < island.contacts.size(); ++c) impulses[island.contacts[c]] = solution_.impulses[c];
 }

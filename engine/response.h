@@ -30,14 +30,13 @@ struct IslandView {
 struct ResponseOutcome {
   QpStatus status = QpStatus::kNone;
   int iterations = 0;
-  int rounds = 0;
-  bool coulomb_capped = false;  // exact Coulomb not reached within the cap on rounds; the certificate says how far
   bool restitution_lowered = false;
   double seconds = 0;                  // [s] wall
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
   qp::InVain in_vain;                  // rungs tried before
   Certificate certificate;
+  double map = 0;  // natural map of the model, rms, over v_ref
   void AddTo(QpSummary* summary, LadderReport* ladder) const;
 };
 

@@ -18,7 +18,6 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 constexpr int kPolish = 30;
 constexpr double kRounding = 1e-14;       // of the fastest approach
 constexpr double kHeapSettled = 1e-6;     // the same where approaches a thousand times as fast are left over as slight
-constexpr double kTiedTolerance = 1e-14;  // of the gap
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
 
@@ -153,12 +152,12 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
   }
 }
 
-// Coulomb contacts with Newton's rebounds, all at once, in the plane of the problem or as it is. Whether there is an answer, which
+// Coulomb contacts with Newton's rebounds, all at once. Whether there is an answer, which
 // must not hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
-bool SequentialResolver::SolveTies(bool flat) {
+bool SequentialResolver::SolveTies() {
   const double approach = -queue_.top_key();
-  const qp::Problem& problem = flat ? tied_plane_.problem() : tied_problem_;
-  qp::Solution& solution = flat ? flat_solution_ : tied_solution_;
+  const qp::Problem& problem = tied_problem_;
+  qp::Solution& solution = tied_solution_;
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
   solution.slips.assign(problem.contacts.size(), 0.0);
   solution.velocities.clear();
@@ -173,15 +172,11 @@ bool SequentialResolver::SolveTies(bool flat) {
     if (!heap) sweep(kPolish, kRounding);
   } else {
     qp::Settings settings;
-    settings.tolerance = kTiedTolerance;
-    settings.coulomb_tolerance = kTiedMap;
+    settings.tolerance = kTiedMap;
     settings.velocity_scale = approach;
-    settings.ladder = qp::Ladder::Off().With(qp::Rung::kSweeps);
-    if (flat) settings.ladder = settings.ladder.With(qp::Rung::kPlanar);
     tie_solver_.Solve(problem, settings, &solution);
-    if (solution.status != qp::Status::kSolved || !solution.coulomb_reached) return false;
+    if (solution.status != qp::Status::kSolved) return false;
   }
-  if (flat) tied_plane_.Expand(tied_problem_, flat_solution_, &tied_solution_);
   double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];
@@ -197,13 +192,11 @@ bool SequentialResolver::SolveTies(bool flat) {
   return gain <= kEnergySlack * work + left;
 }
 
-// False, and nothing has changed, if there is no answer. A symmetric blow is resolved in its plane: then the impulses are symmetric
-// too, and so is what later steps conclude from them. One that is nearly so may gain by what it is off, and is then solved as it is.
+// False, and nothing has changed, if there is no answer.
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
   GatherTies(group_contacts, contacts);
-  const bool flat = tied_plane_.Reduce(tied_problem_, -queue_.top_key());
-  if (!(flat && SolveTies(true)) && !SolveTies(false)) return false;
+  if (!SolveTies()) return false;
   for (size_t k = 0; k < tied_.size(); ++k) {
     const int number = group_contacts[tied_[k]];
     impulses[number] += tied_solution_.impulses[k];

@@ -51,7 +51,7 @@ class SequentialResolver {
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
-  bool SolveTies(bool flat);
+  bool SolveTies();
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
@@ -67,8 +67,7 @@ class SequentialResolver {
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
   qp::Problem tied_problem_;
-  qp::PlanarProblem tied_plane_;
-  qp::Solution tied_solution_, flat_solution_;
+  qp::Solution tied_solution_;
   qp::GaussSeidel tie_sweeps_;
   qp::IslandSolver tie_solver_;
 };

@@ -21,8 +21,6 @@ void Settings::Validate() const {
   Require(freeze_travel > 0 && freeze_travel < 1, "freeze_travel", freeze_travel, "in (0, 1) body radii");
   Require(tolerance > 0 && tolerance <= 0.1, "tolerance", tolerance, "in (0, 0.1]");
   Require(effort.sweeps >= 0, "effort.sweeps", effort.sweeps, ">= 0");
-  Require(effort.newton_bodies >= 0, "effort.newton_bodies", effort.newton_bodies, ">= 0");
-  Require(coulomb_rounds >= 1, "coulomb_rounds", coulomb_rounds, ">= 1");
   Require(touch_gap > 0 && touch_gap < 0.1, "touch_gap", touch_gap, "in (0, 0.1) of a shape's size");
   Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance,
           "in (0, touch_gap]");

@@ -46,9 +46,10 @@ struct Settings {
   std::vector<Region> cold_volumes;  // kPaper: bodies freeze only inside one of these; none: everywhere
 
   // Accuracy
-  Effort effort = qp::kNormalEffort;        // cap on the work for an island, kCoulomb on the circular cone
-  double tolerance = 1e-6;            // of the QPs: relative duality gap, and natural map over v_ref
-  int coulomb_rounds = 3;             // kCoulomb, where sweeps do not lead: cap on re-solves with lagged slip [DS91]
+  // Of the contact problems. kCoulomb: natural map of the law over v_ref, rms over the contacts of an island, and ten times that at any.
+  // Other models: the error of velocities over v_ref, bounded by the duality gap.
+  double tolerance = 1e-6;
+  Effort effort = qp::kNormalEffort;  // kCoulomb: cap on the work for an island that does not get there
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
   double overlap_tolerance = 2.5e-4;  // motion repeats until no pair overlaps by more; per shape size

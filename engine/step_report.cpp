@@ -52,11 +52,10 @@ bool Ledger::Clean() const {
 void QpSummary::Include(const QpSummary& other) {
   solved += other.solved;
   failed += other.failed;
-  inaccurate += other.inaccurate;
-  coulomb_capped += other.coulomb_capped;
+  missed += other.missed;
+  worst_map = std::max(worst_map, other.worst_map);
   iterations += other.iterations;
   iterations_max = std::max(iterations_max, other.iterations_max);
-  rounds_max = std::max(rounds_max, other.rounds_max);
   seconds += other.seconds;
 }
 

@@ -49,7 +49,7 @@ struct Ledger {
 enum class QpStatus : std::uint8_t {
   kNone,        // no problem had to be solved
   kSolved,      // to the tolerance
-  kInaccurate,  // stopped early, certificate above tolerance but usable
+  kInaccurate,  // the effort was spent before the tolerance was reached; the certificate tells how far it got
   kInfeasible,  // no velocities satisfy the contacts (walls that close on a body); the compliant answer was taken
   kFailed,      // no finite answer; the island kept its velocities without approach
 };
@@ -58,11 +58,10 @@ const char* ToString(QpStatus status);
 struct QpSummary {  // over the islands of one step
   int solved = 0;   // problems handed to the solver
   int failed = 0;   // of these, kInfeasible or kFailed
-  int inaccurate = 0;
-  int coulomb_capped = 0;  // solved, but the exact Coulomb law not to the tolerance within the cap on rounds
-  int iterations = 0;      // interior-point iterations, sum
+  int missed = 0;   // of these, kInaccurate: the effort was spent before the tolerance was reached
+  double worst_map = 0;    // natural map of the model, rms over the contacts, over v_ref: the worst problem
+  int iterations = 0;      // factorisations, sum
   int iterations_max = 0;  // in one problem
-  int rounds_max = 0;      // re-solves for exact Coulomb in one problem
   double seconds = 0;      // wall time of the stage's solves, summed over islands
   void Include(const QpSummary& other);
 };
@@ -94,7 +93,8 @@ struct IslandReport {
   QpStatus static_status = QpStatus::kNone;
   int collision_iterations = 0;
   int static_iterations = 0;
-  Certificate certificate;  // worse of the two problems
+  double map = 0;           // natural map of the model, rms, over v_ref; this and
+  Certificate certificate;  // are those of the worse of the two problems
 };
 
 struct StepReport {

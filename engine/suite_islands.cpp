@@ -246,6 +246,7 @@ void ContactSuite::Impl::ReportIslands(StepReport* report) const {
     island.static_status = outcome.resting.status;
     island.collision_iterations = outcome.collision.iterations;
     island.static_iterations = outcome.resting.iterations;
+    island.map = std::max(outcome.collision.map, outcome.resting.map);
     island.certificate = outcome.collision.certificate;
     island.certificate.Include(outcome.resting.certificate);
     report->islands.push_back(island);

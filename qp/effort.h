@@ -2,15 +2,13 @@
 // for every machine and number of threads.
 #pragma once
 
-#include <limits>
-
 namespace islet::qp {
 
 struct Effort {
-  int sweeps = 0;         // visits of every contact
-  int newton_bodies = 0;  // islands of no more bodies go on by Newton's method
+  int sweeps = 0;       // visits of every contact, on islands of more than 32 bodies
+  bool newton = false;  // these islands go on by Newton's method; smaller ones always do
 };
 
-inline constexpr Effort kQuickEffort{20, 32}, kNormalEffort{100, 32}, kThoroughEffort{3000, std::numeric_limits<int>::max()};
+inline constexpr Effort kQuickEffort{20, false}, kNormalEffort{100, false}, kThoroughEffort{3000, true};
 
 }  // namespace islet::qp

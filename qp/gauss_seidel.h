@@ -1,6 +1,5 @@
 // Projected block Gauss-Seidel for exact Coulomb friction: visits the contacts in a fixed order and solves each exactly
-// with the others held. Cheap per sweep and good at local stick-slip, slow to carry loads across a pile. Here it polishes
-// what the interior point left, and finds the slips of the next round.                                     [JAJ98]
+// with the others held. Cheap per sweep and good at local stick-slip, slow to carry loads across a pile.           [JAJ98]
 //
 // Contacts are visited eight at a time (sweep_kernels) in an order that depends on the contact graph alone
 // (sweep_order); large islands are swept in parts by the idle workers of the pool. Same bits for any number of threads.

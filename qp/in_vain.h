@@ -1,5 +1,5 @@
 // Rungs of the ladder that were tried and did not serve, and the time that took. The time of a rung that was tried within one that
-// failed is that one's; sweeps between rounds that were no answer count as time of the sweeps, and as no try.
+// failed is that one's.
 #pragma once
 
 #include <array>

@@ -24,7 +24,6 @@ constexpr int kStuck = 3;
 constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
 constexpr double kResidualShare = 2;   // residuals [velocity] may be this many times the tolerance of the gap
-constexpr double kSoftness = 3e-2;     // of a contact's own W_nn, where impulses near given ones are asked for
 constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
 constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
 // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
@@ -46,16 +45,15 @@ double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / 
 }  // namespace
 
 void InteriorPoint::Solve(const Problem& problem, const Settings& settings, std::span<const double> slips,
-                          Solution* solution, std::span<const Vector3> near) {
-  Load(problem, settings, slips, near);
+                          Solution* solution) {
+  Load(problem, settings, slips);
   ChooseStart();
   solution->iterations = 0;
   solution->status = Iterate(settings, solution);
-  Extract(problem, settings.velocity_scale, slips, near, solution);
+  Extract(problem, settings.velocity_scale, slips, solution);
 }
 
-void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::span<const double> slips,
-                         std::span<const Vector3> near) {
+void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::span<const double> slips) {
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   scaled_.bodies.assign(problem.bodies.begin(), problem.bodies.end());
   scaled_.contacts.assign(problem.contacts.begin(), problem.contacts.end());
@@ -84,36 +82,25 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
   rows_.clear();
   degree_ = 0;
   batches_.Clear();
-  softness_.assign(nc, 0.0);
   for (int c = 0; c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
     Vector3 offset = contact.drift;
     if (!slips.empty()) offset[0] += slips[c] * per_velocity;
     if (!kinetic) offset[0] -= contact.target;
-    if (!near.empty()) {
-      softness_[c] = kSoftness * DelassusBlock(problem, problem.contacts[c])(0, 0);
-      offset[0] -= softness_[c] * near[c][0] * per_velocity;
-    }
-    AddRows({c,
-             kinetic ? 1 : 0,
-             ChooseCone(contact.friction, settings.cone),
-             offset,
-             contact.compliance,
-             softness_[c] * mean_mass_,
-             {}});
+    AddRows({c, kinetic ? 1 : 0, ChooseCone(contact.friction, settings.cone), offset, contact.compliance, {}});
   }
   for (int c = 0; kinetic && c < nc; ++c) {
     const ContactTerm& contact = scaled_.contacts[c];
-    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, 0.0, {}});
+    AddRows({c, 0, {ConeKind::kRay, 0}, contact.drift - Vector3(contact.target, 0, 0), 0.0, {}});
   }
-  kkt_.Prepare(scaled_, kinetic ? 2 : 1, !settings.ladder.Has(Rung::kNormal));
+  kkt_.Prepare(scaled_, kinetic ? 2 : 1);
   PlaceRows();
 }
 
 void InteriorPoint::AddRows(const Rows& rows) {
   rows_.push_back(rows);
   rows_.back().place = batches_.Add({scaled_.contacts[rows.contact], rows.contact, rows.cone, rows.offset,
-                                     rows.compliance, rows.softness, rows.field});
+                                     rows.compliance, rows.field});
   degree_ += Degree(rows.cone.kind);
 }
 
@@ -167,8 +154,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   bool solved = false;
   int stalled = 0;
   double look_below = HasNaturalMap() ? kMapAim / kMapPerGap : 0;  // merit
-  const double aim = settings.aim > 0 ? std::min(settings.aim, settings.tolerance) : settings.tolerance;
-  const double least_sigma = aim < settings.tolerance ? kLeastSigma : 0;
+  const double tolerance = settings.gap_tolerance(), aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
+  const double least_sigma = aim < tolerance ? kLeastSigma : 0;
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
   bool single = scaled_.num_bodies() >= kSingleBodies && kkt_.CanBeSingle();
   for (;; ++solution->iterations) {
@@ -178,7 +165,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     if (!std::isfinite(merit)) break;
     // Among solved points that which is nearest to the answer counts: a residual e moves velocities by e, a gap by its root. If
     // they weighed the same the search would end when the residuals reach rounding, with a gap that can still fall far.
-    if (merit <= settings.tolerance) {
+    if (merit <= tolerance) {
       merit = std::max(now.gap / motion, residual * residual);
       if (!solved) solved = true, best_merit = INFINITY;
     } else if (solved) {
@@ -190,11 +177,11 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       best = {gap, now.primal, now.dual};
       best_z_ = z_, best_y_ = y_;
     }
-    if (!solved && now.primal > settings.tolerance && LeastEnergy() > energy_limit_) {
+    if (!solved && now.primal > tolerance && LeastEnergy() > energy_limit_) {
       best = {gap, INFINITY, now.dual}, best_z_ = z_, best_y_ = y_;
       break;
     }
-    bool there = solved && (aim >= settings.tolerance || merit <= aim);
+    bool there = solved && (aim >= tolerance || merit <= aim);
     if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kMapAim) {
       const double map = NaturalMap();
       there = map <= kMapAim;
@@ -204,14 +191,14 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       break;
     if (!UpdateScalings()) break;
     single = single && gap > kSingleAbove &&
-             AffineInSingle(kSingleError * std::max(now.dual, kResidualShare * settings.tolerance));
+             AffineInSingle(kSingleError * std::max(now.dual, kResidualShare * tolerance));
     if (!single) {
       kkt_.Factorise(scaled_, blocks_, normal_blocks_);
       ComputeDirection(1, false, &direction_);
     }
     const double mu = now.gap / degree_;
     refine_ = gap < kRefineBelow;
-    refine_to_ = 0.1 * std::min(kResidualShare * settings.tolerance, std::sqrt(aim));
+    refine_to_ = 0.1 * std::min(kResidualShare * tolerance, std::sqrt(aim));
     const double affine = LongestStep(direction_.bound, 1);
     // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
     const bool stuck = stalled >= kStuck;
@@ -219,7 +206,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double sigma = std::max(least_sigma, std::pow(1 - affine, careful ? kCarefulPower : kSigmaPower));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
-    const double least = kLeastShare * aim * (aim < settings.tolerance ? motion : energy_scale_) / degree_;
+    const double least = kLeastShare * aim * (aim < tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     const double share = least_sigma > 0 ? std::clamp(affine, kStepShare, kMostShare) : kStepShare;
@@ -252,12 +239,12 @@ double InteriorPoint::LeastEnergy() {
   const int stride = 6 * kkt_.num_fields();
   double lack = 0;
   for (const Rows& rows : rows_) {
-    if (rows.field == 0 && !rows.IsSoft()) lack -= ImpulseAt(rows.cone, z_, rows.place).dot(rows.offset);
+    if (rows.field == 0 && rows.compliance == 0) lack -= ImpulseAt(rows.cone, z_, rows.place).dot(rows.offset);
   }
   if (lack <= 0) return 0;
   std::fill(error_.begin(), error_.end(), 0.0);
   for (const Rows& rows : rows_) {
-    if (rows.field > 0 || rows.IsSoft()) continue;
+    if (rows.field > 0 || rows.compliance > 0) continue;
     AddForce(scaled_.contacts[rows.contact], stride, 0, 1, ImpulseAt(rows.cone, z_, rows.place), &error_);
   }
   double push = 0;
@@ -284,8 +271,7 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   return true;
 }
 
-void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
-                            std::span<const Vector3> near, Solution* solution) {
+void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips, Solution* solution) {
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   solution->velocities.resize(static_cast<size_t>(6) * nb);
   for (int i = 0; i < nb; ++i) At(solution->velocities, 6 * i) = problem.bodies[i].velocity;
@@ -295,7 +281,6 @@ void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::
   for (int c = 0; c < nc; ++c) {
     solution->impulses[c] = mean_mass_ * velocity_scale * ImpulseAt(rows_[c].cone, z_, rows_[c].place);
     ApplyImpulse(problem, problem.contacts[c], solution->impulses[c], solution->velocities.data());
-    if (!near.empty()) solution->slips[c] += softness_[c] * (solution->impulses[c][0] - near[c][0]);
   }
   solution->multipliers.clear();
   solution->bounce_multipliers.clear();

@@ -25,11 +25,7 @@ class InteriorPoint {
  public:
   // slips: one number per contact added to the normal row (De Saxce), or empty for none. Solves the convex problem of
   // settings.cone, or the kinetic one if settings.model says so. `solution` keeps its memory.
-  // near: impulses, or empty. The slips then give way a little, in proportion to how far the normal impulses end up from
-  // these (a proximal step): of all impulses that hold, those near by are chosen, and slips that contradict each other in
-  // a jam do no harm. The solution's slips are those that its answer satisfies.
-  void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution,
-             std::span<const Vector3> near = {});
+  void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution);
 
  private:
   static constexpr int kBatchesPerPiece = 64;
@@ -40,10 +36,9 @@ class InteriorPoint {
     int field;  // whose velocity it constrains
     ContactCone cone;
     Vector3 offset;
-    double compliance, softness;  // R = compliance I + softness n n^T
+    double compliance;
     RowPlace place;
     double rho = 0;  // of the natural map, 3 / tr W
-    bool IsSoft() const { return compliance > 0 || softness > 0; }
   };
   struct Residuals {
     double gap, primal, dual;
@@ -55,8 +50,7 @@ class InteriorPoint {
     RowDirection View() { return {target.data(), ds.data(), dz.data(), plain.data(), constants.data()}; }
   };
 
-  void Load(const Problem& problem, const Settings& settings, std::span<const double> slips,
-            std::span<const Vector3> near);
+  void Load(const Problem& problem, const Settings& settings, std::span<const double> slips);
   void AddRows(const Rows& rows);
   void PlaceRows();
   void ChooseStart();
@@ -75,8 +69,7 @@ class InteriorPoint {
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
-  void Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
-               std::span<const Vector3> near, Solution* solution);
+  void Extract(const Problem& problem, double velocity_scale, std::span<const double> slips, Solution* solution);
   // run(first, last) over the batches, side by side.
   template <typename Run>
   void ForBatches(const Run& run) {
@@ -104,7 +97,6 @@ class InteriorPoint {
   std::vector<double> partial_;   // per range of batches
   bool refine_ = false;
   double refine_to_ = 0;               // error of a direction that is small enough
-  std::vector<double> softness_;       // per contact, in the caller's units: what its slip gives way per impulse
   std::vector<Lanes> softening_;       // (I + D R)^-1, nine a batch; unused where R = 0
   std::vector<Lanes> scaling_blocks_;  // D, nine a batch
   std::vector<Matrix3> blocks_;        // D per contact

@@ -15,16 +15,12 @@ namespace {
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
 constexpr int kMendingSweeps = 20;
-constexpr double kHeldShare = 1e-3;     // of the tolerance: what held before must meet, frame after frame
-constexpr double kRoundingGap = 1e-11;  // what rounding may leave of a gap
-constexpr double kColumnShare = 0.1;    // of what held must meet: what slides or turns in a column
-constexpr double kNormalShare = 1e-2;   // of the tolerance: natural map without friction, by Newton's method
-constexpr int kNormalFactorisations = 6;
-constexpr double kNormalStart = 1e-5;  // of v_ref: natural map (rms) of sweeps from which Newton's method gets there
-constexpr int kNormalSweeps = 40;      // before an interior point that starts from them
-// Of it: where a linear step begins, and where sweeps do, which are slow.
-constexpr double kStickShare = 0.1, kSweptShare = 1e-2;
-constexpr int kHeldBlocks = 3, kHeldSweeps = 10;
+constexpr double kHeldShare = 1e-4;    // of the tolerance: what held before must meet, frame after frame
+constexpr double kColumnShare = 1e-3;  // the same: what a column must meet
+constexpr double kColumnSlide = 1e-4;  // and what may slide or turn in it
+constexpr double kExactGap = 1e-3;     // the same: gap of both
+
+double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 bool AnyFriction(const Problem& problem) {
   return std::any_of(problem.contacts.begin(), problem.contacts.end(),
@@ -67,9 +63,7 @@ bool AllFinite(const Solution& solution) {
 
 // No impulses, and all that goes with them.
 void Prepare(const Problem& problem, Solution* solution) {
-  solution->rounds = 0;
   solution->gap = 0;
-  solution->coulomb_reached = true;
   solution->status = Status::kSolved;
   solution->multipliers.clear();
   solution->bounce_multipliers.clear();
@@ -79,12 +73,6 @@ void Prepare(const Problem& problem, Solution* solution) {
 }
 
 }  // namespace
-
-double IslandSolver::AtThisPace(double before, double now, int blocks) { return now * std::pow(now / before, blocks); }
-
-double IslandSolver::Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 bool IslandSolver::AllZero(std::span<const Vector3> impulses) {
   return std::all_of(impulses.begin(), impulses.end(), [](const Vector3& j) { return j.isZero(0); });
@@ -99,8 +87,6 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     solution->rung = Rung::kNothing;
   } else if (settings.ladder.Has(Rung::kClosedForm) && SolveOneContact(problem, settings, solution)) {
     solution->rung = Rung::kClosedForm;
-  } else if (settings.ladder.Has(Rung::kClosedForm) && SolveOneBody(problem, settings, solution)) {
-    solution->rung = Rung::kClosedForm;
   } else {
     Climb(problem, settings, start, solution);
   }
@@ -109,16 +95,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
 
-// One body, contacts with walls that all stick or do not press.
-bool IslandSolver::SolveOneBody(const Problem& problem, const Settings& settings, Solution* solution) {
-  if (!OneBody::Fits(problem)) return false;
-  const double begin = Seconds();
-  if (one_body_.Solve(problem, settings, solution)) return true;
-  in_vain_.Add(Rung::kClosedForm, Seconds() - begin);
-  return false;
-}
-
-// What no formula for few contacts answers, from columns upwards.
+// What no formula answers.
 void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                          Solution* solution) {
   ImpulseScales(problem, &scales_);
@@ -126,84 +103,69 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
     solution->rung = Rung::kColumn;
   } else if (settings.ladder.Has(Rung::kHeld) && StillHold(problem, settings, start, solution)) {
     solution->rung = Rung::kHeld;
-  } else if (settings.ladder.Has(Rung::kPlanar) && SolvePlanar(problem, settings, start, solution)) {
-    solution->rung = Rung::kPlanar;
   } else {
     SolveWhole(problem, settings, start, solution);
   }
 }
 
-// Nearly a formula: judged like what still holds, by the gap that was asked for, and by the energy: who says which bounces are to
-// blame for too much of it is the interior point.
+// Nearly a formula: judged like what still holds.
 bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings, Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
-  const double begin = Seconds(), goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const double slide = std::min(kColumnTolerance * settings.velocity_scale, kColumnShare * goal);
-  if (!column_.Solve(problem, slide, solution->velocities, &swept_impulses_)) return false;
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  const bool useful =
-      KineticEnergy(problem, swept_velocities_.data()) <= (1 + settings.tolerance) * settings.energy_limit;
-  if (useful && MapOfSwept(problem).max <= goal && HoldsExactly(problem, settings, solution) &&
-      solution->gap <= std::max(kRoundingGap, settings.tolerance))
-    return true;
-  Prepare(problem, solution);
+  const double begin = Seconds(), scale = settings.velocity_scale;
+  const double slide = std::min(kColumnTolerance, kColumnSlide * settings.tolerance) * scale;
+  if (!column_.Solve(problem, slide, solution->velocities, &swept_.impulses)) return false;
+  VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);
+  if (IsUseful(problem, settings) && HoldsExactly(problem, settings, kColumnShare, solution)) return true;
   in_vain_.Add(Rung::kColumn, Seconds() - begin);
   return false;
 }
 
-// In the plane all is measured as in space: each group of contacts has the scale that its contacts have together.
-bool IslandSolver::SolvePlanar(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                               Solution* solution) {
-  if (settings.cone != Cone::kCircular || AnyCompliance(problem) || !IsConvex(problem, settings) ||
-      !planar_.Reduce(problem, settings.velocity_scale))
+// Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be asked for
+// thousands of frames, and a tower under constant impulses leans by twice as much a frame.
+bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
+                             Solution* solution) {
+  if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
+      !IsConvex(problem, settings) || AllZero(start))
     return false;
-  const double begin = Seconds();
-  const InVain before = in_vain_;
-  planar_.MergeImpulses(start, &planar_start_);
-  whole_scales_.swap(scales_);
-  planar_.MergeScales(whole_scales_, &scales_);
-  Prepare(planar_.problem(), &planar_solution_);
-  in_plane_ = true;
-  if (!SolveOneContact(planar_.problem(), settings, &planar_solution_)) {
-    Settings inner = settings;
-    if (problem.num_bodies() <= kSmallIsland) inner.coulomb_tolerance *= kPlanarShare;
-    SolveWhole(planar_.problem(), inner, planar_start_, &planar_solution_);
-  }
-  in_plane_ = false;
-  scales_.swap(whole_scales_);
-  const double goal = settings.coulomb_tolerance * settings.velocity_scale;
-  if (planar_solution_.status == Status::kSolved && AllFinite(planar_solution_) &&
-      planar_.Expand(problem, planar_solution_, solution) <= kPlanarShare * goal) {
-    solution->coulomb_reached =
-        solution->coulomb_reached || CoulombMap(problem, solution->velocities, solution->impulses, scales_).rms <= goal;
-    return true;
+  TakeOver(problem, start);
+  return HoldsExactly(problem, settings, kHeldShare, solution);
+}
+
+// Whether the swept impulses meet the law to that share of the tolerance, and in other models than exact Coulomb's without slip.
+bool IslandSolver::HoldsExactly(const Problem& problem, const Settings& settings, double share, Solution* solution) {
+  const double goal = share * settings.tolerance * settings.velocity_scale;
+  if (!(MapOfSwept(problem).max <= goal)) return false;
+  ReturnSwept(problem, settings, solution);
+  if (solution->gap <= kExactGap * settings.tolerance) {
+    if (settings.model == Model::kCoulomb) return true;
+    const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
+    std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
+    if (slip <= goal) return true;
   }
   Prepare(problem, solution);
-  in_vain_.Fail(Rung::kPlanar, before, Seconds() - begin);
   return false;
 }
 
-// Without a look at symmetry or at the frame before.
+// By what no formula serves. Without friction the models are one, unless something bounces in the kinetic one.
 void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
-  if (AnyFriction(problem) && settings.model == Model::kCoulomb) {
-    if (settings.cone != Cone::kCircular || !SolveExact(problem, settings, start, solution))
-      SolveCoulomb(problem, settings, solution);
-  } else if (AnyFriction(problem) || !settings.ladder.Has(Rung::kNormal) ||
-             !SolveNormal(problem, settings, start, solution)) {
+  const bool exact = settings.model == Model::kCoulomb, circular = settings.cone == Cone::kCircular;
+  const bool rubs = AnyFriction(problem);
+  if (rubs ? exact && circular : IsConvex(problem, settings)) {
+    SolveExact(problem, settings, start, solution);
+    if (!exact) std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
+  } else if (rubs && exact) {
+    SolveOctagon(problem, settings, solution);
+  } else {
     Settings inner = settings;
-    if (problem.num_bodies() <= kSmallIsland) inner.aim = kSmallAim;
+    if (IsSmall(problem)) inner.aim = kSmallAim;
     RunInteriorPoint(problem, inner, {}, solution);
   }
 }
 
 void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
-                                    Solution* solution, std::span<const Vector3> near) {
-  if (in_plane_) {
-    planar_interior_point_.Solve(problem, planar_.weights(), settings, slips, solution, near);
-  } else {
-    interior_point_.Solve(problem, settings, slips, solution, near);
-  }
+                                    Solution* solution) {
+  interior_point_.Solve(problem, settings, slips, solution);
   iterations_ += solution->iterations;
   solution->rung = Rung::kInteriorPoint;
 }
@@ -212,8 +174,7 @@ bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& setti
   if (problem.contacts.size() != 1 || problem.contacts[0].compliance > 0) return false;
   const double begin = Seconds();
   const ContactTerm& contact = problem.contacts[0];
-  Matrix3 w = DelassusBlock(problem, contact);
-  if (w(2, 2) == 0) w(2, 2) = w(1, 1);  // in the plane nothing moves along the second tangent
+  const Matrix3 w = DelassusBlock(problem, contact);
   const Vector3 u = ContactVelocity(contact, solution->velocities.data());
   double multiplier = 0;
   if (!SolveAlone(w, u, contact, settings, &solution->impulses[0], &multiplier)) {
@@ -232,160 +193,65 @@ bool IslandSolver::SolveOneContact(const Problem& problem, const Settings& setti
   return true;
 }
 
-// Whether the impulses of the frame before meet the law as they are: to much more than the tolerance, since the same may be
-// asked for thousands of frames. A tower under constant impulses is unstable and leans by twice as much a frame: one linear step
-// takes that back, or a few sweeps where something is about to slide; there the models differ, and only the exact law is served.
-bool IslandSolver::StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                             Solution* solution) {
-  if (start.size() != problem.contacts.size() || AnyCompliance(problem) || settings.cone != Cone::kCircular ||
-      !IsConvex(problem, settings) || AllZero(start))
-    return false;
-  TakeOver(problem, start);
-  const double scale = settings.coulomb_tolerance * settings.velocity_scale, goal = kHeldShare * scale;
-  const double map = MapOfSwept(problem).max;
-  if (!(map <= scale)) return false;
-  const bool sticks = StickingStep::Fits(problem, swept_impulses_);
-  const bool sweeps = !sticks && map > kSweptShare * goal, steps = sticks && map > kStickShare * goal;
-  const double begin = Seconds();
-  if (steps) sticking_step_.Take(problem, scales_, 0.1 * kStickShare * goal, &swept_impulses_, &swept_velocities_);
-  if (sweeps) SweepHeld(problem, goal, map);
-  const double reached = steps || sweeps ? MapOfSwept(problem).max : map;
-  if (reached <= goal && HoldsExactly(problem, settings, solution)) return true;
-  in_vain_.Add(Rung::kHeld, Seconds() - begin);
-  return false;
-}
-
-// Whether the swept impulses, whose map is small enough, have a small gap, too, and in other models than exact Coulomb's no slip.
-bool IslandSolver::HoldsExactly(const Problem& problem, const Settings& settings, Solution* solution) {
-  const double goal = kHeldShare * settings.coulomb_tolerance * settings.velocity_scale;
-  if (!TakeSwept(problem, settings, kHeldShare, solution)) return false;
-  if (settings.model == Model::kCoulomb) return true;
-  const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
-  std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
-  return slip <= goal;
-}
-
-// A few sweeps of what TakeOver has and whose natural map [velocity] is given; given up where their pace does not lead to `goal`.
-void IslandSolver::SweepHeld(const Problem& problem, double goal, double map) {
-  gauss_seidel_.Prepare(problem);
-  for (int left = kHeldBlocks; left > 0; --left) {
-    const double before = map;
-    const int sweeps =
-        gauss_seidel_.Sweep(problem, kHeldSweeps, 0.1 * kSweptShare * goal, &swept_impulses_, &swept_velocities_);
-    map = MapOfSwept(problem).max;
-    if (sweeps < kHeldSweeps || AtThisPace(before, map, left - 1) > goal) break;
-  }
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-}
-
-// Takes the answer of the sweeps if it meets the exact law by itself, to `share` of the tolerance.
-bool IslandSolver::AcceptSweeps(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  return MapOfSwept(problem).max <= share * settings.coulomb_tolerance * settings.velocity_scale &&
-         TakeExact(problem, settings, share, solution);
-}
-
-// Takes swept impulses with velocities without the rounding of thousands of increments, unless their gap is too large.
-bool IslandSolver::TakeExact(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
-  return TakeSwept(problem, settings, share, solution);
-}
-
-// Takes impulses, and velocities that must be exactly those that they make, unless their gap is too large. A contact's slip gives
-// way by as much as it approaches faster than it may: with these slips the answer is feasible.
-bool IslandSolver::TakeSwept(const Problem& problem, const Settings& settings, double share, Solution* solution) {
-  double gap = 0, energy = 0;
-  swept_slips_.resize(problem.contacts.size());
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    const ContactTerm& contact = problem.contacts[c];
-    const Vector3& j = swept_impulses_[c];
-    Vector3 u = ContactVelocity(contact, swept_velocities_.data()) + contact.compliance * j;
-    u[0] -= contact.target;
-    swept_slips_[c] = Slip(u, contact.friction, Cone::kCircular);
-    swept_slips_[c] += std::max(0.0, -u[0]);
-    u[0] += swept_slips_[c];
-    gap += std::abs(j.dot(u));
-  }
-  const double scale = settings.velocity_scale;
-  for (const BodyTerm& body : problem.bodies)
-    energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
-  if (gap > share * settings.coulomb_tolerance * energy) return false;
-  solution->impulses = swept_impulses_;
-  solution->velocities = swept_velocities_;
-  solution->slips = swept_slips_;
-  solution->gap = gap / energy;
-  solution->status = Status::kSolved;
-  solution->rung = Rung::kSweeps;
-  return true;
-}
-
-// No contact has friction. False where there is no answer (bounces that contradict each other, walls that close on a body), or
-// none that these methods find.
-bool IslandSolver::SolveNormal(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
-                               Solution* solution) {
-  if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
-  const double begin = Seconds(), goal = kNormalShare * settings.coulomb_tolerance * settings.velocity_scale;
-  const bool big = problem.num_bodies() > kSmallIsland && !in_plane_;
-  gauss_seidel_.Prepare(problem);
-  // As it is where an interior point follows: that survives what is wild, and judging it costs as much as a dozen sweeps.
-  if (big && start.size() == problem.contacts.size()) {
-    TakeOver(problem, start);
-  } else {
-    StartFrom(problem, start);
-  }
-  gauss_seidel_.Sweep(problem, big ? kNormalSweeps : kSweeps, goal, &swept_impulses_, &swept_velocities_,
-                      Pace::kMomentum);
-  const double map = MapOfSwept(problem).rms;
-  bool solved = false;
-  if (map <= kNormalStart * settings.velocity_scale) {
-    solution->impulses = swept_impulses_;
-    solved = normal_newton_.Solve(problem, goal, kNormalFactorisations, &solution->impulses);
-    iterations_ += normal_newton_.factorisations();
-  }
-  if (!solved && big) {
-    solution->impulses = swept_impulses_;
-    solved = normal_interior_point_.Solve(problem, settings, map, swept_velocities_, &solution->impulses);
-    iterations_ += normal_interior_point_.factorisations();
-    solution->gap = normal_interior_point_.gap();
-  }
-  if (!solved) {
-    solution->gap = 0;
-    solution->impulses.assign(problem.contacts.size(), Vector3::Zero());
-    in_vain_.Add(Rung::kNormal, Seconds() - begin);
-    return false;
-  }
-  VelocitiesAfter(problem, solution->impulses, &solution->velocities);
-  solution->rung = Rung::kNormal;
-  return true;
+void IslandSolver::TakeNone(const Problem& problem) {
+  swept_.impulses.assign(problem.contacts.size(), Vector3::Zero());
+  CopyFreeVelocities(problem, &swept_.velocities);
 }
 
 // The caller's impulses, one per contact, inside the cones.
 void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> start) {
-  swept_impulses_.resize(start.size());
+  swept_.impulses.resize(start.size());
   for (size_t c = 0; c < start.size(); ++c)
-    swept_impulses_[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
-  VelocitiesAfter(problem, swept_impulses_, &swept_velocities_);
+    swept_.impulses[c] = ProjectOnCircularCone(start[c], problem.contacts[c].friction);
+  VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);
 }
 
 // Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
 // and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that. Returns whether
 // they are of use.
 bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
-  swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
-  CopyFreeVelocities(problem, &swept_velocities_);
+  TakeNone(problem);
   if (start.size() != problem.contacts.size() || AllZero(start)) return false;
   const double without = MapOfSwept(problem).rms;
   TakeOver(problem, start);
   if (MapOfSwept(problem).rms < kWildShare * without) {
-    gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_impulses_, &swept_velocities_, Pace::kMomentum);
+    gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
     if (MapOfSwept(problem).rms < kGuessShare * without) return true;
   }
-  swept_impulses_.assign(problem.contacts.size(), Vector3::Zero());
-  CopyFreeVelocities(problem, &swept_velocities_);
+  TakeNone(problem);
   return false;
 }
 
 NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {
-  return CoulombMap(problem, swept_velocities_, swept_impulses_, scales_);
+  return CoulombMap(problem, swept_.velocities, swept_.impulses, scales_);
+}
+
+// Who says which bounces are to blame for too much energy is the interior point.
+bool IslandSolver::IsUseful(const Problem& problem, const Settings& settings) const {
+  return KineticEnergy(problem, swept_.velocities.data()) <= (1 + settings.gap_tolerance()) * settings.energy_limit;
+}
+
+// Impulses, and velocities that must be exactly those that they make. A contact's slip gives way by as much as it approaches faster
+// than it may: with these slips the answer is feasible.
+void IslandSolver::ReturnSwept(const Problem& problem, const Settings& settings, Solution* solution) {
+  double gap = 0, energy = 0;
+  solution->slips.resize(problem.contacts.size());
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const Vector3& j = swept_.impulses[c];
+    Vector3 u = ContactVelocity(contact, swept_.velocities.data()) + contact.compliance * j;
+    u[0] -= contact.target;
+    const double slip = Slip(u, contact.friction, Cone::kCircular) + std::max(0.0, -u[0]);
+    solution->slips[c] = slip;
+    u[0] += slip;
+    gap += std::abs(j.dot(u));
+  }
+  const double scale = settings.velocity_scale;
+  for (const BodyTerm& body : problem.bodies)
+    energy += 0.5 * body.mass * (body.velocity.head<3>().squaredNorm() + scale * scale);
+  solution->impulses = swept_.impulses;
+  solution->velocities = swept_.velocities;
+  solution->gap = gap / energy;
 }
 
 }  // namespace islet::qp

@@ -145,17 +145,8 @@ void KktSystem::Pack(const Problem& problem) {
   }
 }
 
-void KktSystem::Prepare(const Problem& problem, int num_fields, bool all_unknowns) {
+void KktSystem::Prepare(const Problem& problem, int num_fields) {
   num_fields_ = num_fields;
-  frictionless_ = num_fields == 1 && !all_unknowns &&
-                  std::all_of(problem.contacts.begin(), problem.contacts.end(),
-                              [](const ContactTerm& c) { return c.friction == 0; });
-  if (frictionless_) {
-    normal_.Prepare(problem);
-    inverse_inertias_.clear();
-    for (const BodyTerm& body : problem.bodies) inverse_inertias_.push_back(body.inverse_inertia);
-    return;
-  }
   FindPairs(problem);
   if (full_.cholesky.Analyse(problem.num_bodies(), 6 * num_fields, pairs_)) {
     PlaceBlocks(problem.num_bodies());
@@ -206,11 +197,6 @@ void KktSystem::AddBlock(Matrix<Number>& matrix, int b, const Number* d) {
 int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e,
                          Precision precision) {
   by_single_ = precision == Precision::kSingle && CanBeSingle();
-  if (frictionless_) {
-    sigma_.clear();
-    for (const Matrix3& block : d) sigma_.push_back(block(0, 0));
-    return normal_.Factorise(sigma_);
-  }
   assert(pair_of_.size() == problem.contacts.size());
   static_cast<void>(problem);
   if (num_fields_ == 2) {
@@ -233,27 +219,10 @@ int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, 
 }
 
 void KktSystem::Solve(double* x) {
-  if (frictionless_ && normal_.width() == 3) {
-    SolveNormal(x);
-  } else if (frictionless_) {
-    normal_.Solve(x);
-  } else if (by_single_) {
+  if (by_single_) {
     single_.cholesky.Solve(x);
   } else {
     full_.cholesky.Solve(x);
-  }
-}
-
-// No contact turns a body: the rotations are their own.
-void KktSystem::SolveNormal(double* x) {
-  const size_t nb = inverse_inertias_.size();
-  translations_.resize(3 * nb);
-  for (size_t i = 0; i < nb; ++i) std::copy_n(x + 6 * i, 3, &translations_[3 * i]);
-  normal_.Solve(translations_.data());
-  for (size_t i = 0; i < nb; ++i) {
-    std::copy_n(&translations_[3 * i], 3, x + 6 * i);
-    const Vector3 spin(x[6 * i + 3], x[6 * i + 4], x[6 * i + 5]);
-    Eigen::Map<Vector3>(x + 6 * i + 3).noalias() = inverse_inertias_[i] * spin;
   }
 }
 

@@ -6,8 +6,7 @@
 //   6x6 blocks, positive definite                     12x12 blocks per pair of bodies, quasi-definite
 //
 // D_c (3x3) is the scaling of contact c's friction cone, E_c (a number) that of its row u_n >= b, N_c the normal row of
-// J_c. Both fields of a body stay together, so the graph is that of the contacts either way. Without friction D_c is a number
-// too, and normal_system.h takes over.
+// J_c. Both fields of a body stay together, so the graph is that of the contacts either way.
 //   threads: one caller at a time, idle workers help (block_cholesky.h); allocates only in Prepare, while problems grow
 #pragma once
 
@@ -15,7 +14,6 @@
 #include <vector>
 
 #include "qp/block_cholesky.h"
-#include "qp/normal_system.h"
 #include "qp/precision.h"
 #include "qp/problem.h"
 
@@ -24,22 +22,21 @@ namespace islet::qp {
 class KktSystem {
  public:
   // Takes the masses and the Jacobians. The symbolic phase is kept while the graph of the problem is the same.
-  // num_fields: 1 or 2. With one field and no friction, by numbers instead of blocks and, for balls, with three unknowns a body,
-  // unless all six are wanted.
-  void Prepare(const Problem& problem, int num_fields, bool all_unknowns = false);
+  // num_fields: 1 or 2.
+  void Prepare(const Problem& problem, int num_fields);
 
   // problem: the one that was prepared. D: one symmetric block per contact. E: one number per contact, unused with one
-  // field. precision: of the factors; single costs about two thirds and is offered with one field and friction (CanBeSingle).
+  // field. precision: of the factors; single costs about two thirds and is offered with one field (CanBeSingle).
   // Returns the number of pivots that had to be replaced (0 in a healthy factorisation).
   int Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e,
                 Precision precision = Precision::kDouble);
-  bool CanBeSingle() const { return num_fields_ == 1 && !frictionless_; }
+  bool CanBeSingle() const { return num_fields_ == 1; }
 
   // x <- S^-1 x by the last factorisation; unknowns body by body, field by field: x[(6 num_fields) body + 6 field + i].
   void Solve(double* x);
 
   int num_fields() const { return num_fields_; }
-  const BlockCholesky& cholesky() const { return frictionless_ ? normal_.cholesky() : full_.cholesky; }
+  const BlockCholesky& cholesky() const { return full_.cholesky; }
 
  private:
   struct BodyMass {
@@ -71,14 +68,7 @@ class KktSystem {
   void AddBlock(Matrix<Number>& matrix, int block, const Number* d);
   void PrepareSingle();
 
-  void SolveNormal(double* x);
-
   int num_fields_ = 1;
-  bool frictionless_ = false;  // one field, no friction: normal_ in place of all the rest
-  NormalSystem normal_;
-  std::vector<double> sigma_;              // per contact
-  std::vector<Matrix3> inverse_inertias_;  // per body
-  std::vector<double> translations_;       // 3 per body
   Matrix<double> full_;
   Matrix<float> single_;
   bool single_placed_ = false, single_packed_ = false;  // of this graph, of this problem

@@ -50,7 +50,7 @@ Matrix3 LawSlope(Model model, const Vector3& x, double mu) {
 
 }  // namespace
 
-LocalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses) {
+NaturalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses) {
   const Eigen::VectorXd velocities = problem.delassus * impulses + problem.velocity;
   double largest = 0, sum = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
@@ -114,12 +114,12 @@ int LocalNewton::Polish(const ScaledLocalProblem& problem, Model model, double g
   model_ = model;
   stiffness_ = kFirstStiffness;
   centre_ = *impulses;
-  LocalMap best = NaturalMapOf(problem, model, *impulses);
+  NaturalMap best = NaturalMapOf(problem, model, *impulses);
   int spent = 0, stalled = 0;
   while (!best.Meets(goal) && spent < max_factorisations && stiffness_ > kLeastStiffness && stalled < kPatience) {
     const int before = spent;
     const bool good = Step(std::min(kMaxInner, max_factorisations - spent), &spent);
-    const LocalMap map = NaturalMapOf(problem, model, impulses_);
+    const NaturalMap map = NaturalMapOf(problem, model, impulses_);
     const bool better = map.rms < best.rms;
     stalled = better ? 0 : stalled + 1;
     if (better) best = map, *impulses = impulses_;

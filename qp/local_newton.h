@@ -14,6 +14,7 @@
 
 #include "qp/local_gram.h"
 #include "qp/local_problem.h"
+#include "qp/natural_map.h"
 #include "qp/settings.h"
 
 namespace islet::qp {
@@ -42,10 +43,6 @@ class LocalNewton {
 
 // Per contact |j - P_K(j - u_hat)| in scaled units, over the velocity scale; u_hat as in CoulombMap (island_solver.h) or, for
 // the convex model, u.
-struct LocalMap {
-  double max, rms;
-  bool Meets(double goal) const { return rms <= goal && max <= 10 * goal; }
-};
-LocalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses);
+NaturalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses);
 
 }  // namespace islet::qp

@@ -29,8 +29,6 @@ struct LocalSolution {
   Eigen::VectorXd velocities;   // u = W j + q
   std::vector<double> slips;    // per contact: the De Saxce term that the solved problem used; 0 unless kCoulomb
   int iterations = 0;           // factorisations, of the interior point and of Newton's method
-  int rounds = 0;               // interior-point solves for exact Coulomb
-  bool coulomb_reached = true;  // kCoulomb: the natural map of the exact law is below its tolerance
 };
 
 // The problem in units in which every contact has tr W_cc = 3 and velocities are of order one: scaled W = D W D with one

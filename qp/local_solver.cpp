@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kSweeps = 100;        // between two interior-point solves
 constexpr int kNewtonSteps = 150;   // between two interior-point solves
+constexpr int kMostRounds = 30;     // of exact Coulomb
 constexpr double kPaid = 0.5;       // what a round must have made of the best map to have its answer followed up
 constexpr double kGoalShare = 0.5;  // of the tolerance: so that nobody who measures otherwise finds it missed
 constexpr double kSofteningOfBlocks = 1e-12;  // scaled: blocks W_cc may be singular
@@ -123,27 +124,26 @@ void LocalSolver::SolveConvex(const ScaledLocalProblem& problem, const Settings&
 }
 
 void LocalSolver::SolveCoulomb(const ScaledLocalProblem& problem, const Settings& settings, LocalSolution* solution) {
-  const double goal = kGoalShare * settings.coulomb_tolerance;
+  const double goal = kGoalShare * settings.tolerance;
   Eigen::VectorXd offset = problem.velocity, impulses;
   const Sweeper sweeper(problem);
-  LocalMap best{INFINITY, INFINITY};
+  NaturalMap best{INFINITY, INFINITY};
   double best_before = INFINITY;  // of the rounds but the last
   bool infeasible = false;        // without slips; with them sliding contacts need not open
   const auto keep = [&](const Eigen::VectorXd& j) {
-    const LocalMap map = NaturalMapOf(problem, Model::kCoulomb, j);
+    const NaturalMap map = NaturalMapOf(problem, Model::kCoulomb, j);
     if (map.rms < best.rms) best = map, solution->impulses = j;
     return map;
   };
-  for (int round = 1; round <= settings.coulomb_rounds; ++round) {
+  for (int round = 1; round <= kMostRounds; ++round) {
     const auto result = interior_point_.Solve(problem, settings.cone, settings.max_iterations, offset, &impulses);
     solution->iterations += result.iterations;
-    solution->rounds = round;
     infeasible = result.infeasible;
-    const LocalMap inner = keep(impulses);
+    const NaturalMap inner = keep(impulses);
     if (best.Meets(goal)) break;
     Eigen::VectorXd start = impulses;
     sweeper.Sweep(kSweeps, &start);
-    const LocalMap swept = keep(start);
+    const NaturalMap swept = keep(start);
     if (best.Meets(goal)) break;
     if (inner.rms < swept.rms) start = impulses;
     // The best so far, unless it has been tried in vain.
@@ -154,10 +154,7 @@ void LocalSolver::SolveCoulomb(const ScaledLocalProblem& problem, const Settings
     if (best.Meets(goal)) break;
     UpdateOffset(problem, Cone::kCircular, start, &offset);
   }
-  solution->coulomb_reached = best.Meets(settings.coulomb_tolerance);
-  solution->status = solution->coulomb_reached ? Status::kSolved
-                     : infeasible              ? Status::kInfeasible
-                                               : Status::kInaccurate;
+  solution->status = best.Meets(settings.tolerance) ? Status::kSolved : infeasible ? Status::kInfeasible : Status::kInaccurate;
 }
 
 // The octagon has no Newton's finish and no sweeps: the round whose slips are closest to those of its answer is kept.
@@ -165,19 +162,17 @@ void LocalSolver::SolveCoulombOctagon(const ScaledLocalProblem& problem, const S
                                       LocalSolution* solution) {
   Eigen::VectorXd offset = problem.velocity, impulses;
   double best = INFINITY;
-  for (int round = 1; round <= settings.coulomb_rounds && best > kGoalShare * settings.coulomb_tolerance; ++round) {
+  for (int round = 1; round <= kMostRounds && best > kGoalShare * settings.tolerance; ++round) {
     const auto result = interior_point_.Solve(problem, settings.cone, settings.max_iterations, offset, &impulses);
     solution->iterations += result.iterations;
-    solution->rounds = round;
     const double change = UpdateOffset(problem, Cone::kOctagon, impulses, &offset);
     if (change < best) {
       best = change;
       solution->impulses = impulses;
-      solution->status = StatusOf(result, settings.coulomb_tolerance * settings.coulomb_tolerance);
+      solution->status = StatusOf(result, settings.tolerance * settings.tolerance);
     }
   }
-  solution->coulomb_reached = best <= settings.coulomb_tolerance;
-  if (!solution->coulomb_reached && solution->status == Status::kSolved) solution->status = Status::kInaccurate;
+  if (!(best <= settings.tolerance) && solution->status == Status::kSolved) solution->status = Status::kInaccurate;
 }
 
 }  // namespace islet::qp

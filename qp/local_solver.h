@@ -15,8 +15,8 @@ namespace islet::qp {
 
 class LocalSolver {
  public:
-  // The problem must be valid. settings.tolerance is that of the natural map of the convex model, coulomb_tolerance of that of
-  // exact Coulomb: rms over the contacts, over the velocity scale, and ten times that at any contact.
+  // The problem must be valid. settings.tolerance is that of the natural map of the model: rms over the contacts, over the velocity
+  // scale, and ten times that at any contact.
   void Solve(const LocalProblem& problem, const Settings& settings, LocalSolution* solution);
 
  private:

@@ -11,6 +11,8 @@ namespace islet::qp {
 
 struct NaturalMap {
   double max, rms;
+  // What is asked for: rms over the contacts at most the goal, and ten times that at any.
+  bool Meets(double goal) const { return rms <= goal && max <= 10 * goal; }
 };
 
 NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocities,

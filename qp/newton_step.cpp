@@ -65,7 +65,7 @@ double InteriorPoint::MassNorm(const std::vector<double>& momentum) const {
 
 bool InteriorPoint::HasNaturalMap() const {
   return kkt_.num_fields() == 1 && std::all_of(rows_.begin(), rows_.end(), [](const Rows& rows) {
-           return rows.cone.kind != ConeKind::kOctagon && rows.softness == 0;
+           return rows.cone.kind != ConeKind::kOctagon;
          });
 }
 

@@ -27,9 +27,8 @@ RowPlace RowBatches::Add(const Item& item) {
   batch.used[lane] = 1;
   batch.contact[lane] = item.index;
   batch.friction[lane] = item.cone.friction;
-  batch.yield[0][lane] = item.compliance + item.softness;
-  batch.yield[1][lane] = item.compliance;
-  batch.soft = batch.soft || item.compliance > 0 || item.softness > 0;
+  batch.compliance[lane] = item.compliance;
+  batch.soft = batch.soft || item.compliance > 0;
   for (int d = 0; d < 3; ++d) {
     batch.offset[d][lane] = item.offset[d];
     for (int k = 0; k < 6; ++k) {

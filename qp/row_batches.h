@@ -24,7 +24,7 @@ class RowBatches {
     int index;  // of the contact
     ContactCone cone;
     Vector3 offset;
-    double compliance, softness;
+    double compliance;
     int field;  // rows of field 1 enter the matrix negatively
   };
 

@@ -197,11 +197,11 @@ inline void BandCorrection(double low, double high, Vec (&x)[N]) {
 // inverse = (I + D R)^-1 and D <- inverse D. Similar to a positive definite matrix, so that no pivots have to be sought. By
 // rows, I + D R is well scaled even where D spans many orders; updating D by a matrix of rank one instead would lose its
 // small part.
-inline void Soften(Vec normal, Vec tangential, Vec (&d)[3][3], Vec (&inverse)[3][3]) {
+inline void Soften(Vec compliance, Vec (&d)[3][3], Vec (&inverse)[3][3]) {
   Vec m[3][3];
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      m[i][j] = d[i][j] * (j == 0 ? normal : tangential);
+      m[i][j] = d[i][j] * compliance;
       inverse[i][j] = Vec{};
     }
     m[i][i] += 1;

@@ -20,7 +20,7 @@ struct alignas(64) RowBatch {
   double jacobian[2][3][6][kRowLanes];
   double offset[3][kRowLanes];  // the constant part of the contact velocity
   double friction[kRowLanes];
-  double yield[2][kRowLanes];  // diagonal of R, normal and tangential: the contact velocity gives way by R j
+  double compliance[kRowLanes];  // R: the contact velocity gives way by R j
   double used[kRowLanes];      // 1 or 0
   int velocity[2][kRowLanes];  // first of the six numbers in y that it constrains
   int contact[kRowLanes];

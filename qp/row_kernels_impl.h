@@ -43,7 +43,7 @@ inline void ContactVelocity(const RowBatch& batch, int lane, const double* y, Ve
 }
 
 inline void AddYield(const RowBatch& batch, int lane, const Vec (&j)[3], Vec (&u)[3]) {
-  for (int d = 0; d < 3; ++d) u[d] += Load(batch.yield[d > 0] + lane) * j[d];
+  for (int d = 0; d < 3; ++d) u[d] += Load(batch.compliance + lane) * j[d];
 }
 
 // u <- S^T u, S = (I + D R)^-1.
@@ -104,7 +104,7 @@ bool Scale(const RowArrays& arrays, int from, int to, Lanes* target, Lanes* d) {
       for (int i = 0; i < N; ++i) Store(target[batch.first + i].at + lane, -lambda[i] * Load(batch.used + lane));
       ScalingBlock(Load(batch.friction + lane), arrays.edges, point, inverse, block);
       if (batch.soft) {
-        Soften(Load(batch.yield[0] + lane), Load(batch.yield[1] + lane), block, softening);
+        Soften(Load(batch.compliance + lane), block, softening);
         for (int i = 0; i < 9; ++i) Store(arrays.softening[9 * b + i].at + lane, softening[i / 3][i % 3]);
       }
       for (int i = 0; i < 9; ++i) Store(d[9 * b + i].at + lane, block[i / 3][i % 3]);

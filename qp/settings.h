@@ -22,20 +22,20 @@ enum class Cone {
 struct Settings {
   Model model = Model::kCoulomb;
   Cone cone = Cone::kCircular;
-  Effort effort = kNormalEffort;  // of exact Coulomb friction on the circular cone
-  double tolerance = 1e-8;   // relative duality gap; dual violation over the velocity scale
-  double aim = 0;            // of gap over 1/2 m v_ref^2; if below the tolerance: iterate on while that helps
-  int max_iterations = 100;  // of one interior-point solve
-  int coulomb_rounds = 3;    // octagon, where Newton's method fails, or no sweeps: cap on re-solves with lagged slip
-  // Exact Coulomb in rounds: factorisations after which no further one begins.
-  int patience = std::numeric_limits<int>::max();
-  // Of exact Coulomb: natural map (rms) over the velocity scale that sweeps aim at; relative gap at which they are the answer.
-  double coulomb_tolerance = 1e-6;
+  Effort effort = kNormalEffort;  // of exact Coulomb friction
+  // Exact Coulomb: natural map over v_ref, as by NaturalMap::Meets. Other models: see gap_tolerance.
+  double tolerance = 1e-6;
+  double aim = 0;             // of the gap over 1/2 m v_ref^2; if below its tolerance: iterate on while that helps
+  int max_iterations = 100;   // of one interior-point solve
   Ladder ladder;              // rungs that may be used
   double velocity_scale = 1;  // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has
   // more, the solve stops as infeasible. Infinity: a million times the energy at hand.
   double energy_limit = std::numeric_limits<double>::infinity();
+
+  // Relative duality gap of interior points. Its root bounds the error of the velocities: a hundredth of the tolerance is the cheap
+  // middle between the tolerance and its square.
+  double gap_tolerance() const { return 1e-2 * tolerance; }
 };
 
 }  // namespace islet::qp

@@ -11,7 +11,7 @@
 namespace islet::qp {
 
 enum class Status : std::uint8_t {
-  kSolved,      // all residuals below the tolerance
+  kSolved,      // to the tolerance
   kInaccurate,  // stopped early (no further progress, or the effort is spent); the answer is the best point found
   kInfeasible,  // no velocities satisfy the contacts; the answer is not usable as it is
   kFailed,      // no finite answer
@@ -28,12 +28,10 @@ struct Solution {
   // (one per contact), that of u_n >= target; M (v - p) = N^T gamma.
   std::vector<double> multipliers;
   std::vector<double> bounce_multipliers;
-  int iterations = 0;           // factorisations, all rounds together
-  bool coulomb_reached = true;  // kCoulomb: the natural map of the exact law is below its tolerance
-  int rounds = 0;               // interior-point solves for exact Coulomb
-  double gap = 0;               // relative duality gap reached
-  Rung rung = Rung::kNothing;   // that the answer came from
-  InVain in_vain;               // rungs tried before, and sweeps between rounds that were no answer
+  int iterations = 0;          // factorisations, all together
+  double gap = 0;              // relative duality gap reached
+  Rung rung = Rung::kNothing;  // that the answer came from
+  InVain in_vain;              // rungs tried before
 };
 
 }  // namespace islet::qp

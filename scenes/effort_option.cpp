@@ -30,7 +30,7 @@ Effort ParseEffort(const std::string& text) {
 
 std::string NameOf(const Effort& effort) {
   for (const auto& [name, known] : kEfforts)
-    if (effort.sweeps == known.sweeps && effort.newton_bodies == known.newton_bodies) return name;
+    if (effort.sweeps == known.sweeps && effort.newton == known.newton) return name;
   return fmt::format("{}", effort.sweeps);
 }
 

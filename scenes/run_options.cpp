@@ -171,7 +171,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
   add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
   add(kMethod, "--ladder", o.ladder, "off|auto|RUNG,...",
-      "cheaper ways to the same answer, tried first: nothing, merged, closed_form, column, held, planar, normal, "
+      "cheaper ways to the same answer, tried first: nothing, merged, closed_form, column, held, "
       "sweeps, newton; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
       "(default auto)");
   add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);

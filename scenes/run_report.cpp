@@ -50,9 +50,9 @@ Json QpJson(const QpSummary& qp, double frames) {
           {"iterations_mean", qp.iterations / problems},
           {"iterations_max", qp.iterations_max},
           {"failed", qp.failed},
-          {"inaccurate", qp.inaccurate},
-          {"coulomb_capped", qp.coulomb_capped},
-          {"rounds_max", qp.rounds_max},
+          {"missed", qp.missed},
+          {"missed_share", qp.missed / problems},
+          {"worst_map", qp.worst_map},
           {"seconds_per_frame", qp.seconds / frames}};
 }
 
@@ -241,8 +241,8 @@ std::string RunReport::Summary() const {
   double sum = 0;
   for (const double seconds : step_seconds_) sum += seconds;
   const auto qp = [](const QpSummary& q) {
-    return fmt::format("{} solved, {:.1f} iterations each, {} failed, {} inaccurate", q.solved,
-                       q.iterations / std::max(1.0, static_cast<double>(q.solved)), q.failed, q.inaccurate);
+    return fmt::format("{} solved, {} failed; {} ({:.2g} %) spent the effort above the tolerance, the worst at {:.1e} v_ref", q.solved, q.failed,
+                       q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
   std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", scene_.name,
                                  info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);

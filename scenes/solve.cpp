@@ -114,7 +114,6 @@ Json ToJson(const Result& r, const SolveOptions& options) {
   json["status"] = r.status;
   json["method"] = number(read, r.method);
   json["iterations"] = number(read, r.answer.iterations);
-  json["rounds"] = number(read, r.answer.rounds);
   json["seconds"] = number(read, r.seconds);
   json["v_ref"] = number(read, r.problem.v_ref);
   json["natural_map_max"] = number(usable, v.natural_map_max);

@@ -14,7 +14,6 @@ namespace {
 constexpr double kSameMass = 1e-12;   // relative: entries of a rigid body's block that should be equal, or zero
 constexpr double kLeastScale = 1e-6;  // of the fastest contact: least v_ref
 constexpr int kMostDense = 3000;      // contacts
-constexpr int kMostRounds = 30;       // of lagged slip
 constexpr double kLeastAim = 1e-15;   // relative gap
 
 using Entry = SparseMatrix::InnerIterator;
@@ -130,7 +129,6 @@ void SolveSparse(const SolveProblem& problem, const qp::Settings& settings, Solv
   solver.Solve(*problem.rigid, settings, &solution);
   answer->status = solution.status;
   answer->iterations = solution.iterations;
-  answer->rounds = solution.rounds;
   for (int c = 0; c < problem.file.num_contacts(); ++c) answer->r.segment<3>(3 * c) = solution.impulses[c];
   answer->v = FreeVelocities(problem.file, problem.file.load);  // of those that nothing touches
   for (size_t i = 0; i < problem.touched.size(); ++i)
@@ -159,7 +157,6 @@ void SolveDense(const SolveProblem& problem, const qp::Settings& settings, Solve
   }
   answer->status = solution.status;
   answer->iterations = solution.iterations;
-  answer->rounds = solution.rounds;
   answer->r = solution.impulses;
   answer->u = solution.velocities;
   if (file.global) answer->v = FreeVelocities(file, file.load + file.coupling * answer->r);
@@ -191,11 +188,9 @@ SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, const SolveLaw& la
   qp::Settings settings;
   settings.model = law.model;
   settings.cone = law.cone;
-  settings.coulomb_tolerance = law.tolerance;
-  settings.coulomb_rounds = kMostRounds;
+  settings.effort = qp::kThoroughEffort;
+  settings.tolerance = law.tolerance;
   settings.velocity_scale = problem.v_ref;
-  // Of the interior point on islands: a relative gap, whose root is the error of the velocities.
-  settings.tolerance = sparse ? 1e-2 * law.tolerance : law.tolerance;
   settings.aim = std::max(kLeastAim, 1e-2 * law.tolerance * law.tolerance);
   SolveAnswer answer;
   answer.sparse = sparse;

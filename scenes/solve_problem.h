@@ -39,7 +39,6 @@ struct SolveAnswer {
   Eigen::VectorXd v;     // global only: of all bodies
   Eigen::VectorXd u, r;  // of the contacts
   int iterations = 0;    // factorisations
-  int rounds = 0;        // of lagged slip, exact Coulomb only
 };
 
 struct SolveLaw {

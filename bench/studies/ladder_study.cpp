@@ -87,7 +87,7 @@ struct Run {
   double qp = 0;                  // [s]
   LadderReport ladder, motion_ladder;
   double map_mean = 0, map_max = 0, penetration = 0, contacts = 0, energy = 0;
-  int failed = 0, inaccurate = 0, capped = 0, frozen = 0;
+  int failed = 0, missed = 0, frozen = 0;
   double deviation = 0;          // [m]
   std::vector<Vector3> centres;  // [m] of all bodies at the end
   std::uint64_t hash = 0;
@@ -110,7 +110,7 @@ struct Run {
     contacts += report.active_contacts;
     energy = report.kinetic_energy, frozen = report.frozen;
     for (const QpSummary& summary : {report.collision_qp, report.static_qp})
-      failed += summary.failed, inaccurate += summary.inaccurate, capped += summary.coulomb_capped;
+      failed += summary.failed, missed += summary.missed;
   }
 
   // A repeat: the least time of each frame, all else of the faster run.
@@ -230,7 +230,7 @@ class Study {
   static std::string Columns() {
     std::string columns =
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
-        "energy_end,penetration_max,contacts_mean,frozen_end,failed,inaccurate,capped,escalations,vain_s,";
+        "energy_end,penetration_max,contacts_mean,frozen_end,failed,missed,escalations,vain_s,";
     for (const char* rung : qp::kProblemRungNames) columns += rung + std::string("_n,") + rung + "_s,";
     return columns + "position_problems,position_seconds,spared_positions,kept_pairs,spared_detections,state_hash";
   }
@@ -279,7 +279,7 @@ class Study {
       rungs << run.motion_ladder.rungs[static_cast<int>(rung)].problems << ',';
     csv_.Row(scene.name, scene.frames, scene.lead, kind.name, kind.tolerance, repeats, run.Cpu(), run.Wall(), run.qp,
              run.map_mean, run.map_max, run.deviation, run.energy, run.penetration, run.contacts, run.frozen,
-             run.failed, run.inaccurate, run.capped, run.ladder.in_vain.times() + run.motion_ladder.in_vain.times(),
+             run.failed, run.missed, run.ladder.in_vain.times() + run.motion_ladder.in_vain.times(),
              run.ladder.in_vain.seconds() + run.motion_ladder.in_vain.seconds(), rungs.str() + Hex(run.hash));
     std::ostringstream line;
     line << "  ladder: " << scene.name << ' ' << kind.name << ' ' << kind.tolerance << ": " << run.Cpu() << " s, "

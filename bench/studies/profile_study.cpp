@@ -31,7 +31,6 @@ namespace fs = std::filesystem;
 constexpr double kLadder[] = {1e-2, 1e-3, 1e-5, 1e-6, 1e-8, 1e-10};
 constexpr double kExactEnough = 1e-9;   // no rung beyond
 constexpr double kRestShare = 3;        // times g dt: slower islands are expected to rest, as the engine does
-constexpr int kRounds = 30;             // of lagged slip, as islet solve
 constexpr double kRepeatSeconds = 0.1;  // an attempt is repeated until so much time has gone
 constexpr int kRepeats = 5;
 constexpr double kSaturationSeconds = 0.02;  // where that costs something, the same bits at two rungs end the ladder
@@ -91,9 +90,8 @@ Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp
   static qp::IslandSolver solver;
   qp::Settings settings;
   settings.model = model, settings.cone = cone, settings.effort = effort;
-  settings.tolerance = 1e-2 * tolerance;  // a relative gap, whose root is the error of the velocities
+  settings.tolerance = tolerance;
   settings.aim = std::max(1e-15, 1e-2 * tolerance * tolerance);
-  settings.coulomb_tolerance = tolerance, settings.coulomb_rounds = kRounds;
   settings.velocity_scale = problem.solve.v_ref;
   Attempt attempt;
   qp::Solution solution;

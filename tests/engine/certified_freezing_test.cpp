@@ -98,11 +98,11 @@ TEST(CertifiedFreezing, WhatMovesOnItKeepsItAwake) {
 // Nothing that moves ever meets a frozen body: a pile that is touched wakes as a whole, before the blow is resolved, moves as one that
 // was never frozen, and has its impulses explain what it does.
 TEST(CertifiedFreezing, PileThatIsTouchedWakesAsAWhole) {
-  World worlds[2] = {World(testing::AsCrowd(OneThread())), World([] {
-                       Settings settings = testing::AsCrowd(OneThread());
-                       settings.freezing = Freezing::kOff;
-                       return settings;
-                     }())};
+  Settings freezes = testing::AsCrowd(OneThread());
+  freezes.effort = qp::kThoroughEffort;
+  Settings never = freezes;
+  never.freezing = Freezing::kOff;
+  World worlds[2] = {World(freezes), World(never)};
   for (World& world : worlds) {
     world.Add(Floor());
     for (int i = 0; i < 25; ++i) world.Add(Cube({1.001 * (i % 5), 1.001 * (i / 5), 0.5}));
@@ -121,7 +121,7 @@ TEST(CertifiedFreezing, PileThatIsTouchedWakesAsAWhole) {
     EXPECT_TRUE(frozen == 0 || frozen == 41) << frozen;
     touched = touched || frozen == 0;
     for (int i = 1; i <= 42; ++i)
-      EXPECT_LT((worlds[0].body(i).position_W - worlds[1].body(i).position_W).norm(), 1e-5) << frame << ", " << i;
+      EXPECT_LT((worlds[0].body(i).position_W - worlds[1].body(i).position_W).norm(), 1e-4) << frame << ", " << i;
   }
   EXPECT_TRUE(touched);
 }

@@ -259,7 +259,7 @@ TEST(ContactSuite, LoadsPassToTheNearestContactOfTheSameBodies) {
   s.Resolve();
   const std::vector<Vector3> before(s.suite.impulses().begin(), s.suite.impulses().end());
   for (Contact& contact : s.contacts) contact.feature += 10;
-  s.contacts[3].point_W.x() -= 1e-9;
+  s.contacts[3].point_W.x() -= 1e-11;
   const StepReport report = s.Resolve();
   EXPECT_EQ(report.ladder.rungs[static_cast<int>(qp::Rung::kHeld)].problems, 1);
   for (size_t c = 0; c < before.size(); ++c) EXPECT_LT((s.suite.impulses()[c] - before[c]).norm(), 1e-9) << c;

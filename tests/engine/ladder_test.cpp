@@ -21,7 +21,7 @@ constexpr int kFrames = 90;
 
 Settings OffTheLadder(Settings settings) {
   settings.ladder = Ladder::Off();
-  settings.coulomb_rounds = 15;
+  settings.effort = qp::kThoroughEffort;
   return settings;
 }
 

@@ -44,7 +44,6 @@ TEST(Settings, EveryBadValueIsNamed) {
       {"tolerance", "0", [](Settings* s) { s->tolerance = 0; }},
       {"tolerance", "0.2", [](Settings* s) { s->tolerance = 0.2; }},
       {"tolerance", "nan", [](Settings* s) { s->tolerance = kNan; }},
-      {"coulomb_rounds", "0", [](Settings* s) { s->coulomb_rounds = 0; }},
       {"touch_gap", "0.1", [](Settings* s) { s->touch_gap = 0.1; }},
       {"touch_gap", "nan", [](Settings* s) { s->touch_gap = kNan; }},
       {"overlap_tolerance", "0.5", [](Settings* s) { s->overlap_tolerance = 0.5; }},
@@ -80,7 +79,7 @@ TEST(Settings, LimitsThatAreValid) {
   settings.freeze_count = 0;
   settings.tolerance = 0.1;
   settings.overlap_tolerance = settings.touch_gap;
-  settings.motion_passes = settings.coulomb_rounds = 1;
+  settings.motion_passes = 1;
   settings.gravity.setZero();
   settings.cold_volumes = {{{1, 1, 1}, {1, 1, 1}}};
   EXPECT_NO_THROW(settings.Validate());

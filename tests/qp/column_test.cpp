@@ -114,7 +114,6 @@ TEST(Column, AgreesWithTheInteriorPoint) {
             MakeColumn(&random, random.Integer(2, 12), trial % 5 == 0 ? 0 : 0.5, bounces, Ends(trial % 3)).problem;
         qp::Settings settings = MakeSettings(problem, model);
         settings.cone = cone;
-        settings.tolerance = 1e-13;
         const qp::Solution ours = Solve(problem, settings);
         settings.ladder = qp::Ladder::Off();
         const qp::Solution full = Solve(problem, settings);
@@ -196,7 +195,6 @@ TEST(Column, Leaning) {
     for (int i = 0; i < 5; ++i)
       Displace(i, lean * (random.Uniform(-1, 1) * aside + random.Uniform(-1, 1) * up.cross(aside)), &problem);
     qp::Settings settings = MakeSettings(problem, trial % 2 == 0 ? Model::kConvex : Model::kCoulomb);
-    settings.tolerance = 1e-13;
     const qp::Solution ours = Solve(problem, settings);
     columns += ours.rung == Rung::kColumn;
     if (ours.rung != Rung::kColumn) continue;

@@ -258,11 +258,9 @@ TEST(GaussSeidel, AgreesWithTheIslandSolver) {
     SCOPED_TRACE(island.name);
     ++total;
     qp::Settings settings;
-    settings.coulomb_rounds = 60;
-    settings.tolerance = 1e-12;
     settings.velocity_scale = VelocityScale(island.problem);
     solver.Solve(island.problem, settings, &solution);
-    const double scale = settings.velocity_scale, goal = settings.coulomb_tolerance * scale;
+    const double scale = settings.velocity_scale, goal = settings.tolerance * scale;
     if (qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms > goal) continue;
     ++reached;
     Swept polished{solution.impulses, solution.velocities, 0};

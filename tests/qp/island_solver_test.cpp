@@ -19,6 +19,7 @@ namespace {
 
 using qp::Cone;
 using qp::Model;
+using qp::NaturalMap;
 
 Problem SlidingCube() {
   ProblemBuilder builder;
@@ -76,10 +77,10 @@ TEST(IslandSolver, OctagonCoulombOnATallStackAtRest) {
 TEST(IslandSolver, OctagonCoulombOnATallStackThatSlides) {
   const Problem problem = TallStack(2);
   qp::Settings settings = MakeSettings(problem, Model::kCoulomb, Cone::kOctagon);
-  for (const int rounds : {1, 3, 30}) {
-    settings.coulomb_rounds = rounds;
+  for (const int sweeps : {20, 100, 3000}) {
+    settings.effort.sweeps = sweeps;
     const qp::Solution solution = Solve(problem, settings);
-    EXPECT_EQ(solution.status, qp::Status::kSolved);
+    EXPECT_EQ(solution.status, sweeps == 3000 ? qp::Status::kSolved : qp::Status::kInaccurate);
     ASSERT_EQ(solution.velocities.size(), 6u * problem.num_bodies());
     EXPECT_LE(solution.gap, 1e-8);
     EXPECT_LT(MomentumResidual(problem, solution.velocities, solution.impulses), 1e-6);
@@ -102,7 +103,6 @@ TEST(IslandSolver, OneContactIsTheClosedForm) {
     Problem twice = problem;
     twice.contacts.push_back(contact);
     qp::Settings settings = MakeSettings(twice, Model::kCoulomb);
-    settings.coulomb_rounds = 30;
     EXPECT_LT(VelocityDistance(problem, Solve(twice, settings).velocities, solution.velocities), 1e-4);
   }
 }
@@ -173,33 +173,27 @@ TEST(IslandSolver, KineticMultipliersFulfilTheirConditions) {
 }
 
 // Share of 300 islands on which the natural map of exact Coulomb falls below `goal` times the velocity scale.
-double ShareBelow(double goal, double tolerance, int rounds, bool bounces, double mass_ratio) {
+double ShareBelow(double goal, bool bounces, double mass_ratio) {
   int reached = 0, total = 0;
   for (const NamedProblem& island : RandomIslands(94, 300, mass_ratio, bounces)) {
-    qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
-    settings.tolerance = tolerance;
-    settings.coulomb_rounds = rounds;
+    const qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
     const qp::Solution solution = Solve(island.problem, settings);
     EXPECT_LT(MomentumResidual(island.problem, solution.velocities, solution.impulses), 1e-6) << island.name;
-    const double map = qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms;
+    const NaturalMap map = qp::CoulombMap(island.problem, solution.velocities, solution.impulses);
+    EXPECT_EQ(solution.status == qp::Status::kSolved, map.Meets(settings.tolerance * settings.velocity_scale)) << island.name;
     ++total;
-    if (map <= goal * settings.velocity_scale) ++reached;
+    if (map.rms <= goal * settings.velocity_scale) ++reached;
   }
   return static_cast<double>(reached) / total;
 }
 
-// The map is of the order of the root of the inner gap: 1e-8 gives 1e-5 to 1e-4, and 1e-6 takes a gap of 1e-12.
 TEST(IslandSolver, CoulombMapByDefault) {
-  EXPECT_GE(ShareBelow(1e-4, 1e-8, 4, false, 10), 0.98);
-  EXPECT_GE(ShareBelow(1e-4, 1e-8, 4, true, 10), 0.97);
-}
-TEST(IslandSolver, CoulombMapWithTightInnerTolerance) {
-  EXPECT_GE(ShareBelow(1e-6, 1e-12, 30, false, 10), 0.95);
-  EXPECT_GE(ShareBelow(1e-6, 1e-12, 30, true, 10), 0.95);
+  EXPECT_GE(ShareBelow(1e-8, false, 10), 0.95);
+  EXPECT_GE(ShareBelow(1e-8, true, 10), 0.95);
 }
 TEST(IslandSolver, CoulombMapAtLargeMassRatios) {
-  EXPECT_GE(ShareBelow(1e-4, 1e-12, 30, false, 1e6), 0.96);
-  EXPECT_GE(ShareBelow(1e-4, 1e-12, 30, true, 1e6), 0.96);
+  EXPECT_GE(ShareBelow(1e-6, false, 1e6), 0.96);
+  EXPECT_GE(ShareBelow(1e-6, true, 1e6), 0.96);
 }
 
 TEST(IslandSolver, OrderOfContactsAndBodiesDoesNotMatter) {
@@ -219,12 +213,11 @@ TEST(IslandSolver, OrderOfContactsAndBodiesDoesNotMatter) {
     std::shuffle(shuffled.contacts.begin(), shuffled.contacts.end(), random.engine());
     for (const Model model : {Model::kConvex, Model::kCoulomb}) {
       qp::Settings settings = MakeSettings(island.problem, model);
-      settings.coulomb_rounds = 30;
       settings.aim =
           1e-14;  // a gap of 1e-8 leaves 1e-4 of the velocity open, and the two orders may use that differently
       const qp::Solution one = Solve(island.problem, settings), other = Solve(shuffled, settings);
       if (model == Model::kCoulomb) {
-        const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+        const double goal = settings.tolerance * settings.velocity_scale;
         if (qp::CoulombMap(island.problem, one.velocities, one.impulses).rms > goal) continue;
         if (qp::CoulombMap(shuffled, other.velocities, other.impulses).rms > goal) continue;
       }
@@ -315,14 +308,13 @@ TEST(Ladder, AgreesWithTheFullMethod) {
       const Problem problem = trial % 2 == 0 ? RandomCluster(&random, bodies, friction, friction, 10)
                                              : RandomStack(&random, 1 + bodies / 4, friction, friction, 10);
       qp::Settings settings = MakeSettings(problem, friction > 0 ? Model::kConvex : Model::kCoulomb);
-      settings.tolerance = 1e-13;
       const qp::Solution full = Solve(problem, OffTheLadder(settings)), climbed = Solve(problem, settings);
       EXPECT_LE(VelocityDistance(problem, full.velocities, climbed.velocities), 1e-5 * settings.velocity_scale);
       EXPECT_EQ(full.rung, qp::Rung::kInteriorPoint);
       ++used[static_cast<int>(climbed.rung)];
     }
   }
-  EXPECT_GT(used[static_cast<int>(qp::Rung::kNormal)], 30);
+  EXPECT_GT(used[static_cast<int>(qp::Rung::kNewton)], 30);
   EXPECT_GT(used[static_cast<int>(qp::Rung::kInteriorPoint)], 30);
 }
 
@@ -368,9 +360,9 @@ TEST(Ladder, WhatHeldIsJudgedAnew) {
   for (int trial = 0; trial < 60; ++trial) {
     Problem problem = trial % 2 == 0 ? RandomCluster(&random, 6, 0.5, 0.5, 10) : RandomStack(&random, 4, 0.5, 0.5, 10);
     qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-    settings.coulomb_tolerance = 1e-10;
+    settings.tolerance = 1e-10;
     const qp::Solution before = Solve(problem, settings);
-    settings.coulomb_tolerance = 1e-6;
+    settings.tolerance = 1e-6;
     if (ExactMap(problem, before) > 1e-10 * settings.velocity_scale) continue;
     settings.ladder = qp::Ladder::Off().With(qp::Rung::kHeld);
     for (int decade = -16; decade <= -2; ++decade) {
@@ -390,7 +382,7 @@ TEST(Ladder, WhatHeldIsJudgedAnew) {
       const bool held = solution.rung == qp::Rung::kHeld;
       ++(held ? kept : refused);
       if (!held) continue;
-      EXPECT_LE(ExactMap(now, solution), 1e-3 * settings.coulomb_tolerance * settings.velocity_scale);
+      EXPECT_LE(ExactMap(now, solution), 1e-3 * settings.tolerance * settings.velocity_scale);
       EXPECT_LT(MomentumResidual(now, solution.velocities, solution.impulses), 1e-9);
       EXPECT_TRUE(decade <= -4 || trial % 3 == 0);
     }
@@ -421,26 +413,7 @@ TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
     EXPECT_LE(ExactMap(problem, after), (after.iterations == 0 ? 1e-8 : 1e-6) * settings.velocity_scale);
   }
   EXPECT_LT(3 * warm, 2 * cold);  // what slides much takes most of either
-  EXPECT_GT(swept, 20);
-}
-
-TEST(IslandSolver, PatienceEndsTheRounds) {
-  Random random(120);
-  int shorter = 0;
-  for (int trial = 0; trial < 20; ++trial) {
-    Problem problem = RandomStack(&random, trial < 15 ? 6 : 20, 0.2, 0.4, 2);
-    for (qp::BodyTerm& body : problem.bodies) body.velocity.head<2>() += random.Vector(0.3).head<2>();
-    qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-    settings.ladder = qp::Ladder::Off();
-    const qp::Solution patient = Solve(problem, settings);
-    settings.patience = 1;
-    const qp::Solution impatient = Solve(problem, settings);
-    EXPECT_EQ(impatient.rounds, 1);
-    EXPECT_EQ(impatient.status, qp::Status::kSolved);
-    EXPECT_EQ(impatient.coulomb_reached, ExactMap(problem, impatient) <= 1e-6 * settings.velocity_scale);
-    shorter += impatient.iterations < patient.iterations;
-  }
-  EXPECT_GT(shorter, 10);
+  EXPECT_GT(swept, 10);
 }
 
 // The impulses of the frame before say which of several answers comes next, more than the order of the contacts does.
@@ -472,12 +445,12 @@ TEST(Ladder, FromTheFrameBeforeOrderMattersLittle) {
   EXPECT_LE(far, 3);
 }
 
-// One contact with a trace of friction is no frictionless island: it gets the full method.
+// Without friction the convex model is Coulomb's. One contact with a trace of it makes them two.
 TEST(Ladder, FrictionlessMeansWithoutAnyFriction) {
   Random random(108);
   Problem problem = RandomCluster(&random, 14, 0, 0, 10);
   const qp::Settings settings = MakeSettings(problem, Model::kConvex);
-  EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kNormal);
+  EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kNewton);
   problem.contacts[2].friction = 1e-9;
   EXPECT_EQ(Solve(problem, settings).rung, qp::Rung::kInteriorPoint);
 }
@@ -494,8 +467,7 @@ TEST(Ladder, NearlyFrictionlessMeetsTheExactLaw) {
       for (size_t c = 0; c < problem.contacts.size(); c += 2) problem.contacts[c].friction = friction;
       const qp::Solution rough = Solve(problem, settings);
       EXPECT_EQ(rough.status, qp::Status::kSolved);
-      EXPECT_NE(rough.rung, qp::Rung::kNormal);
-      EXPECT_LE(ExactMap(problem, rough), settings.coulomb_tolerance * settings.velocity_scale);
+      EXPECT_LE(ExactMap(problem, rough), settings.tolerance * settings.velocity_scale);
       EXPECT_LT(VelocityDistance(problem, smooth.velocities, rough.velocities),
                 1e-4 * settings.velocity_scale  // the root of the gap
       );
@@ -511,20 +483,21 @@ TEST(IslandSolver, AnswersAreWhatTheySayWhenTheEffortIsSpent) {
     for (const NamedProblem& island : RandomIslands(101 + bounces, 150, 10, bounces)) {
       SCOPED_TRACE(island.name);
       qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
-      settings.effort = {.sweeps = 30, .newton_bodies = 0};
-      if (island.problem.num_bodies() <= 20) continue;  // always as exact as they get
+      settings.effort = {.sweeps = 30};
+      if (island.problem.num_bodies() <= 32) continue;  // always as exact as they get
       const qp::Solution solution = Solve(island.problem, settings);
       const bool rubs = std::any_of(island.problem.contacts.begin(), island.problem.contacts.end(),
                                     [](const ContactTerm& contact) { return contact.friction > 0; });
       if (rubs) {  // without friction the problem is convex, and solved as such
         EXPECT_EQ(solution.iterations, 0);
       }
-      const double goal = settings.coulomb_tolerance * settings.velocity_scale;
+      const double goal = settings.tolerance * settings.velocity_scale;
       const double map = ExactMap(island.problem, solution);
       EXPECT_NEAR(map, qp::CoulombMap(island.problem, solution.velocities, solution.impulses).rms, 1e-3 * map + 1e-12);
-      EXPECT_EQ(solution.coulomb_reached, map <= goal) << map;
+      const bool solved = solution.status == qp::Status::kSolved;
+      EXPECT_LE(solved ? map : 0, goal);
       ++total;
-      if (solution.coulomb_reached) ++reached;
+      reached += solved;
       EXPECT_LT(MomentumResidual(island.problem, solution.velocities, solution.impulses),
                 1e-11 * settings.velocity_scale);
       for (int c = 0; c < island.problem.num_contacts(); ++c) {
@@ -539,7 +512,7 @@ TEST(IslandSolver, AnswersAreWhatTheySayWhenTheEffortIsSpent) {
 
 TEST(IslandSolver, StartImpulsesDoNotChangeTheAnswer) {
   Random random(103);
-  int both = 0;
+  int both = 0, far = 0;
   for (int trial = 0; trial < 40; ++trial) {
     const Problem problem = RandomCluster(&random, random.Integer(14, 30), 0.2, 0.8, 10);
     for (const qp::Effort& effort : {qp::kNormalEffort, qp::kThoroughEffort}) {
@@ -560,12 +533,13 @@ TEST(IslandSolver, StartImpulsesDoNotChangeTheAnswer) {
       EXPECT_EQ(warm.velocities, cold.velocities) << "nor is one of another size";
       solver.Solve(problem, settings, &warm, other.impulses);
       EXPECT_EQ(warm.status, cold.status);
-      if (!warm.coulomb_reached || !cold.coulomb_reached) continue;
+      if (warm.status != qp::Status::kSolved || cold.status != qp::Status::kSolved) continue;
       ++both;
-      EXPECT_LT(VelocityDistance(problem, warm.velocities, cold.velocities), 1e-4 * settings.velocity_scale);
+      far += VelocityDistance(problem, warm.velocities, cold.velocities) > 1e-4 * settings.velocity_scale;
     }
   }
-  EXPECT_GE(both, 40) << both;
+  EXPECT_GE(both, 40);
+  EXPECT_LE(far, 2);  // exact friction may have more than one answer
 }
 
 // A few impulses that do not fit make the whole worse than none; it is of use all the same.
@@ -601,14 +575,14 @@ TEST(IslandSolver, SweepsSatisfyTheSlipsTheyReturn) {
     for (ContactTerm& contact : problem.contacts)
       if (trial % 3 == 0) contact.compliance = 0.01 * qp::DelassusBlock(problem, contact)(0, 0);
     qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
-    if (trial % 3 != 0) settings.coulomb_tolerance = 1e-10;  // which sweeps often miss
+    if (trial % 3 != 0) settings.tolerance = 1e-10;  // which sweeps often miss
     const double v_ref = settings.velocity_scale;
     const qp::Solution solution = Solve(problem, settings);
     if (solution.rung != qp::Rung::kSweeps) continue;
     ++(problem.contacts[0].compliance > 0 ? compliant : swept);
-    const double goal = settings.coulomb_tolerance * v_ref;
-    EXPECT_EQ(solution.status == qp::Status::kSolved, solution.coulomb_reached);
-    if (solution.coulomb_reached) {
+    const double goal = settings.tolerance * v_ref;
+    const bool solved = solution.status == qp::Status::kSolved;
+    if (solved) {
       EXPECT_LE(ExactMap(problem, solution), goal);
     } else {
       EXPECT_LE(ExactMap(problem, solution), 3e-2 * v_ref) << "the effort is spent";
@@ -626,44 +600,11 @@ TEST(IslandSolver, SweepsSatisfyTheSlipsTheyReturn) {
       gap += std::abs(solution.impulses[c].dot(u));
     }
     EXPECT_NEAR(gap, solution.gap * energy, 1e-12 * energy);
-    missed += !solution.coulomb_reached;
+    missed += !solved;
   }
   EXPECT_GE(swept, 10);
   EXPECT_GE(compliant, 3);
   EXPECT_GE(missed, 3) << "of " << swept;
-}
-
-// Whatever the slips asked for and the impulses to stay near, the answer solves the convex problem with the slips returned.
-TEST(IslandSolver, ProximalStepSatisfiesTheSlipsItReturns) {
-  Random random(104);
-  for (const NamedProblem& island : RandomIslands(105, 60, 100, true)) {
-    SCOPED_TRACE(island.name);
-    const Problem& problem = island.problem;
-    qp::Settings settings = MakeSettings(problem, Model::kConvex);
-    std::vector<double> slips(problem.contacts.size());
-    std::vector<Vector3> near(problem.contacts.size());
-    for (size_t c = 0; c < slips.size(); ++c) {
-      slips[c] = random.Uniform(0, 0.5) * settings.velocity_scale;
-      near[c] = {random.Uniform(0, 1) / qp::DelassusBlock(problem, problem.contacts[c])(0, 0), 0, 0};
-    }
-    qp::InteriorPoint solver;
-    qp::Solution solution;
-    solver.Solve(problem, settings, slips, &solution, near);
-    EXPECT_EQ(solution.status, qp::Status::kSolved) << qp::ToString(solution.status);
-    double gap = 0, mass = 0, moved = 0;
-    for (const qp::BodyTerm& body : problem.bodies) mass += body.mass;
-    for (size_t c = 0; c < slips.size(); ++c) {
-      const ContactTerm& contact = problem.contacts[c];
-      const Vector3 u = ShiftedVelocity(contact, solution, c, solution.slips[c]);
-      EXPECT_GE(u[0] - contact.friction * u.tail<2>().norm(), -1e-6 * settings.velocity_scale);
-      gap += solution.impulses[c].dot(u);
-      moved = std::max(moved, std::abs(solution.slips[c] - slips[c]));
-    }
-    const double energy = KineticEnergy(problem, FreeVelocities(problem)) +
-                          0.5 * mass * settings.velocity_scale * settings.velocity_scale;
-    EXPECT_LT(std::abs(gap), 1e-7 * energy);
-    EXPECT_GT(moved, 0);  // it does give way
-  }
 }
 
 // Boxes thrown into a shaft with four walls and a floor, packed so closely that hardly any velocities let all of them bounce:
@@ -694,8 +635,8 @@ Problem FullShaft(Random* random, int width, int layers, double restitution) {
   return builder.problem;
 }
 
-// Most of these have no Coulomb answer near by, and with slips that do not give way the convex problem has none at all. What comes back
-// has a natural map of a few hundredths, and says so.
+// Most of these have no Coulomb answer near by, and the convex problem has none at all. What comes back of big ones has a natural map of
+// a few hundredths, and says so; small ones say that their bounces contradict each other, and which are to blame.
 TEST(IslandSolver, CollisionsOnTheBrinkOfAJamHaveAUsableAnswer) {
   Random random(106);
   for (int trial = 0; trial < 12; ++trial) {
@@ -703,7 +644,14 @@ TEST(IslandSolver, CollisionsOnTheBrinkOfAJamHaveAUsableAnswer) {
     const Problem problem = FullShaft(&random, 3, 3 + trial / 4, 0.1 + 0.2 * (trial % 4));
     const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
     const qp::Solution solution = Solve(problem, settings);
-    EXPECT_EQ(solution.status, solution.coulomb_reached ? qp::Status::kSolved : qp::Status::kInaccurate)
+    if (solution.status == qp::Status::kInfeasible && problem.num_bodies() <= 32) {
+      double blamed = 0;
+      for (size_t c = 0; c < problem.contacts.size(); ++c)
+        if (problem.contacts[c].target > 0) blamed = std::max(blamed, solution.impulses[c][0]);
+      EXPECT_GT(blamed, 0);
+      continue;
+    }
+    EXPECT_TRUE(solution.status == qp::Status::kSolved || solution.status == qp::Status::kInaccurate)
         << qp::ToString(solution.status);
     EXPECT_LT(MomentumResidual(problem, solution.velocities, solution.impulses), 1e-9 * settings.velocity_scale);
     EXPECT_LT(ExactMap(problem, solution), 0.15 * settings.velocity_scale);

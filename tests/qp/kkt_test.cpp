@@ -99,37 +99,6 @@ TEST(Kkt, TwoFieldsAgreeWithDense) {
   }
 }
 
-// Without friction only the normal rows enter; balls have three unknowns.
-TEST(Kkt, WithoutFrictionAgreesWithDense) {
-  Random random(47);
-  qp::KktSystem kkt;
-  for (const bool levers : {true, false}) {
-    Problem problem = RandomCluster(&random, 10, 0, 0, 10);
-    for (ContactTerm& contact : problem.contacts) {
-      if (levers) continue;
-      contact.jacobian_a.rightCols<3>().setZero();
-      contact.jacobian_b.rightCols<3>().setZero();
-    }
-    std::vector<Matrix3> d;
-    for (int c = 0; c < problem.num_contacts(); ++c) {
-      d.push_back(Matrix3::Zero());
-      d.back()(0, 0) = random.Uniform(0.1, 10);
-    }
-    const std::vector<double> e(problem.contacts.size(), 0.0);
-    for (const bool all_unknowns : {false, true}) {
-      kkt.Prepare(problem, 1, all_unknowns);
-      EXPECT_EQ(kkt.Factorise(problem, d, e), 0);
-      EXPECT_EQ(kkt.cholesky().block(), levers || all_unknowns ? 6 : 3);
-      const MatrixXd s = DenseSystem(problem, 1, d, e);
-      const VectorXd b = VectorXd::NullaryExpr(s.rows(), [&] { return random.Uniform(-1, 1); });
-      std::vector<double> x(b.data(), b.data() + b.size());
-      kkt.Solve(x.data());
-      const Eigen::Map<const VectorXd> found(x.data(), b.size());
-      EXPECT_LT((s * found - b).norm(), 1e-12 * s.norm() * found.norm());
-    }
-  }
-}
-
 TEST(Kkt, RepeatedUseAllocatesNothing) {
   Random random(46);
   qp::KktSystem kkt;

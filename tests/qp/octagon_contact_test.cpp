@@ -185,8 +185,8 @@ TEST(OctagonContact, IsWhatTheInteriorPointFinds) {
         EXPECT_EQ(formula.rung, qp::Rung::kClosedForm);
         settings.ladder = qp::Ladder::Off();
         settings.aim = 1e-13;
-        settings.coulomb_rounds = 100;
-        settings.coulomb_tolerance = 1e-8;
+        settings.effort = qp::kThoroughEffort;
+        settings.tolerance = 1e-8;
         const qp::Solution rounds = Solve(problem, settings);
         EXPECT_EQ(rounds.rung, qp::Rung::kInteriorPoint);
         EXPECT_LT(VelocityDistance(problem, rounds.velocities, formula.velocities), 1e-5 * settings.velocity_scale);

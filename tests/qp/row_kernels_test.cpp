@@ -49,8 +49,7 @@ class RowKernelsOf : public ::testing::TestWithParam<std::tuple<std::string, Con
         e.cone = qp::ChooseCone(field == 0 ? 0 : random_.Uniform(0.1, 1.5), std::get<1>(GetParam()));
         e.contact = c, e.field = field, e.offset = random_.Vector(1);
         e.compliance = c % 3 == 0 ? random_.Uniform(0, 2) : 0;
-        e.softness = c % 2 == 0 ? random_.Uniform(0, 2) : 0;
-        e.place = batches_.Add({problem_.contacts[c], c, e.cone, e.offset, e.compliance, e.softness, field});
+        e.place = batches_.Add({problem_.contacts[c], c, e.cone, e.offset, e.compliance, field});
         entries_.push_back(e);
       }
     }
@@ -72,9 +71,9 @@ class RowKernelsOf : public ::testing::TestWithParam<std::tuple<std::string, Con
     qp::ContactCone cone;
     int contact, field;
     Vector3 offset;
-    double compliance, softness;
+    double compliance;
     qp::RowPlace place;
-    Vector3 Yield(const Vector3& j) const { return compliance * j + Vector3(softness * j[0], 0, 0); }
+    Vector3 Yield(const Vector3& j) const { return compliance * j; }
   };
 
   Rows Inside(const qp::ContactCone& cone) {
@@ -177,8 +176,7 @@ TEST_P(RowKernelsOf, ScalingsAreThoseOfTheCones) {
     for (int i = 0; i < NumRows(e.cone.kind); ++i) negative[i] = -lambda[i];
     ExpectSame(Get(target_, e), negative, e);
     const Matrix3 plain = ScalingBlock(e.cone, scaling);
-    const Vector3 r(e.compliance + e.softness, e.compliance, e.compliance);
-    const Matrix3 soft = (Matrix3::Identity() + plain * r.asDiagonal()).inverse();
+    const Matrix3 soft = (Matrix3::Identity() + e.compliance * plain).inverse();
     const Matrix3 d = Block(d_, e);
     EXPECT_LT((d - soft * plain).norm(), 1e-10 * plain.norm());
     EXPECT_EQ(d, d.transpose());

@@ -218,7 +218,7 @@ islet(status stdout stderr solve ${problems} --report solved.json)
 check_equal("exit status of islet solve (${stderr})" "${status}" 0)
 check_match("table of islet solve" stdout "2 of 2 solved")
 file(READ ${SCRATCH}/solved.json report)
-foreach(key file contacts bodies model cone tolerance status method iterations rounds seconds v_ref natural_map_max
+foreach(key file contacts bodies model cone tolerance status method iterations seconds v_ref natural_map_max
     natural_map_rms coulomb_map_max coulomb_map_rms siconos_error gap momentum asymmetry)
   string(JSON value ERROR_VARIABLE error GET "${report}" 1 ${key})
   check_equal("${key} in the report of islet solve" "${error}" "NOTFOUND")
