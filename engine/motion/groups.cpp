@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "engine/suite_frame.h"
 
@@ -89,11 +90,36 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   });
   sorted_.clear();
   for (const int i : order_) sorted_.push_back(rooms_[i]);
-  for (size_t i = 0; i < sorted_.size(); ++i)
-    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k)
-      if (sorted_[i].Meets(sorted_[k])) add(order_[i], order_[k]);
-  std::sort(pairs_.begin(), pairs_.end());
+  const int second = (axis + 1) % 3, third = (axis + 2) % 3;
+  met_.resize(sorted_.size());
+  for (size_t i = 0; i < sorted_.size(); ++i) {
+    const Box& room = sorted_[i];
+    size_t met = 0;  // without branches: most rooms along the axis do not meet, and which do is anyone's guess
+    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= room.upper[axis]; ++k) {
+      const Box& other = sorted_[k];
+      met_[met] = static_cast<int>(k);
+      met += static_cast<size_t>(static_cast<int>(other.lower[second] <= room.upper[second]) & static_cast<int>(other.upper[second] >= room.lower[second]) &
+                                 static_cast<int>(other.lower[third] <= room.upper[third]) & static_cast<int>(other.upper[third] >= room.lower[third]));
+    }
+    for (size_t k = 0; k < met; ++k) add(order_[i], order_[met_[k]]);
+  }
+  SortPairs(n);
   islands::BuildPartition({cut_, pairs_}, &partition_);
+}
+
+// By their first bodies, and those few that share it by their second.
+void Groups::SortPairs(size_t num_bodies) {
+  starts_.assign(num_bodies + 1, 0);
+  for (const auto& [i, k] : pairs_) ++starts_[i + 1];
+  std::partial_sum(starts_.begin(), starts_.end(), starts_.begin());
+  unsorted_.swap(pairs_);
+  pairs_.resize(unsorted_.size());
+  for (const auto& pair : unsorted_) pairs_[starts_[pair.first]++] = pair;
+  int begin = 0;
+  for (const int end : starts_) {  // each has moved on to where the next one starts
+    std::sort(pairs_.begin() + begin, pairs_.begin() + end);
+    begin = end;
+  }
 }
 
 bool Groups::StaysInRoom(const Body& body, const Shape& shape, int number) const {

@@ -33,10 +33,12 @@ class Groups {
   bool StaysInRoom(const Body& body, const Shape& shape, int number) const;
 
  private:
+  void SortPairs(size_t num_bodies);
+
   std::vector<Box> rooms_;                     // per body; of half-spaces and removed bodies unused
   std::vector<Box> sorted_;                    // in order of the sweep
-  std::vector<int> order_, planes_;
-  std::vector<std::pair<int, int>> pairs_;
+  std::vector<int> order_, planes_, met_, starts_;
+  std::vector<std::pair<int, int>> pairs_, unsorted_;
   std::vector<std::uint8_t> cut_;
   islands::Partition partition_;
 };
