@@ -1,6 +1,7 @@
 #include "engine/correction.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "engine/stopwatch.h"
@@ -11,15 +12,13 @@ namespace islet {
 namespace {
 
 constexpr int kSweeps = 500;
-// Of the deepest overlap: to how much it is corrected, by sweeps, and the tolerance of the interior point. What a correction leaves tilts a tower, and tilts grow: with 1e-3 for all islands stacks of 10, 20 and
-// 30 cubes that were dropped came to rest after 56, 170 and 160 frames on average, and five of eight of 100 cubes fell; now after 31,
-// 28 and 34, and none. In a heap the next pass sees to the rest; 1e-6 takes six times as long there (cubeglass), 1e-2 halves the time
-// of the motion, but what opens too far stays open (1.4 mm between cubes that met 0.14 m deep), and three frames of 120 keep
-// overlaps of up to 0.01 m.
-struct Accuracy {
-  double change, tolerance;
-};
-constexpr Accuracy kFine{1e-9, 1e-8}, kCoarse{1e-3, 1e-4};
+// Of the deepest overlap: tolerance of small islands, and the least change of a sweep in heaps. What a correction leaves tilts a tower,
+// and tilts grow: with 1e-3 for all islands stacks of 10, 20 and 30 cubes that were dropped came to rest after 56, 170 and 160 frames on
+// average, and five of eight of 100 cubes fell; by what is fine after 31, 28 and 34, and none. In a heap the next pass sees to the rest;
+// 1e-6 takes six times as long there (cubeglass), 1e-2 halves the time of the motion, but what opens too far stays open (1.4 mm between
+// cubes that met 0.14 m deep), and three frames of 120 keep overlaps of up to 0.01 m.
+constexpr double kFine = 1e-8, kCoarse = 1e-3;
+constexpr double kColumnMap = 1e-9;  // of the same: natural map of a column's correction
 constexpr int kFewBodies = 50;        // up to them, if some lie on faces, all is to be fine
 
 // Times the deepest overlap of its island: no correction of a pass moves a point farther against what its body touches, nor
@@ -64,7 +63,7 @@ Twist DisplacementOf(const qp::Solution& solution, size_t member) {
 
 // The change of the planned displacements, from rest, that opens all predicted gaps. (The planned displacements themselves as v0
 // would drown a millimetre in a metre of flight.)
-bool Corrector::Solve(const IslandToCorrect& island, bool exact, std::span<const Body> bodies) {
+bool Corrector::Solve(const IslandToCorrect& island, std::span<const Body> bodies) {
   gatherer_.Gather(bodies, island.near, island.bodies, island.contacts, &problem_);
   LevelMasses(&problem_);
   for (qp::BodyTerm& body : problem_.bodies) {
@@ -76,7 +75,7 @@ bool Corrector::Solve(const IslandToCorrect& island, bool exact, std::span<const
     problem_.contacts[k].friction = 0;
     problem_.contacts[k].drift = Vector3(island.gaps[island.contacts[k]], 0, 0);
   }
-  if (!SolveProblem(island.scale, exact)) return false;
+  if (!SolveProblem(island.scale)) return false;
   share_ = Share(island, bodies);
   return true;
 }
@@ -115,18 +114,22 @@ double Corrector::Share(const IslandToCorrect& island, std::span<const Body> bod
   return std::min({1.0, most / against, std::max(most, longest) / farthest});
 }
 
-// What stands on each other moves along its line: sweeps would leave a tilt.
-bool Corrector::SolveProblem(double scale, bool exact) {
+// What stands on each other moves along its line: sweeps would leave a tilt. Small islands on faces are answered as exactly as contact
+// problems are; heaps are swept, and what that leaves the next pass sees to.
+bool Corrector::SolveProblem(double scale) {
   const double begin = Seconds();
-  const qp::InVain before = report_.in_vain;
   qp::Rung rung = qp::Rung::kColumn;
-  failed_ = false;
-  if (!(ladder_.Has(rung) && SolveColumn(scale)) && !SolveWhole(scale, exact, &rung)) {
-    report_.in_vain.Fail(rung, before, Seconds() - begin);
-    return false;
+  if (!(ladder_.Has(rung) && SolveColumn(scale))) {
+    const bool fine = problem_.num_bodies() <= kFewBodies && HasFace(problem_);
+    if (fine || !ladder_.Has(qp::Rung::kSweeps)) {
+      if (!SolveFine(scale, &rung)) return false;
+    } else {
+      Sweep(scale);
+      rung = qp::Rung::kSweeps;
+    }
   }
   report_.Add(rung, 1, problem_.num_contacts(), Seconds() - begin);
-  return true;
+  return std::ranges::all_of(solution_.velocities, [](double d) { return std::isfinite(d); });
 }
 
 // Over thousands of bodies, or mass ratios of thousands, sums lose digits: what is not fine then goes the other ways.
@@ -136,36 +139,31 @@ bool Corrector::SolveColumn(double scale) {
   solution_.slips.assign(problem_.contacts.size(), 0.0);
   qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
   qp::ImpulseScales(problem_, &scales_);
-  return qp::CoulombMap(problem_, solution_.velocities, solution_.impulses, scales_).max <= kFine.change * scale;
+  return qp::CoulombMap(problem_, solution_.velocities, solution_.impulses, scales_).max <= kColumnMap * scale;
 }
 
-// Sweeps carry small overlaps away in a fraction of an interior-point solve; where they do not settle it does the work. Where
-// there is no way out for all, which costs it most, it is asked once in a step: cubeglass spent 5 s of one frame on 24 passes.
-bool Corrector::SolveWhole(double scale, bool exact, qp::Rung* rung) {
-  solution_.slips.assign(problem_.contacts.size(), 0.0);
-  solution_.velocities.assign(6 * problem_.bodies.size(), 0.0);
-  solution_.impulses.assign(problem_.contacts.size(), Vector3::Zero());
-  *rung = qp::Rung::kSweeps;
+// False where there is no way out for all.
+bool Corrector::SolveFine(double scale, qp::Rung* rung) {
   const double begin = Seconds();
-  const bool fine = problem_.num_bodies() <= kFewBodies && HasFace(problem_);
-  if ((ladder_.Has(*rung) && !fine) || !exact) {
-    sweeps_.Prepare(problem_);
-    const int sweeps = sweeps_.Sweep(problem_, kSweeps, kCoarse.change * scale, &solution_.impulses, &solution_.velocities, qp::Pace::kMomentum);
-    if (sweeps < kSweeps) return true;
-    if (!exact) return false;
-    report_.in_vain.Add(*rung, Seconds() - begin);
-  }
   qp::Settings settings;
   settings.model = qp::Model::kConvex;
-  settings.ladder = fine ? ladder_.Without(qp::Rung::kColumn) : qp::Ladder::Off();  // columns and sweeps have been asked
+  settings.ladder = ladder_.Without(qp::Rung::kColumn);  // has been asked
   settings.velocity_scale = scale;
-  settings.tolerance = (fine ? kFine : kCoarse).tolerance;
+  settings.tolerance = kFine;
   solver_.Solve(problem_, settings, &solution_);
   report_.in_vain.Include(solution_.in_vain);
   *rung = solution_.rung;
-  const bool solved = solution_.status == qp::Status::kSolved || solution_.status == qp::Status::kInaccurate;
-  failed_ = !solved;
-  return solved;
+  if (solution_.status == qp::Status::kSolved || solution_.status == qp::Status::kInaccurate) return true;
+  report_.in_vain.Add(*rung, Seconds() - begin);
+  return false;
+}
+
+void Corrector::Sweep(double scale) {
+  solution_.slips.assign(problem_.contacts.size(), 0.0);
+  solution_.velocities.assign(6 * problem_.bodies.size(), 0.0);
+  solution_.impulses.assign(problem_.contacts.size(), Vector3::Zero());
+  sweeps_.Prepare(problem_);
+  sweeps_.Sweep(problem_, kSweeps, kCoarse * scale, &solution_.impulses, &solution_.velocities, qp::Pace::kMomentum);
 }
 
 }  // namespace islet

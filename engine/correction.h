@@ -35,22 +35,20 @@ class Corrector {
  public:
   explicit Corrector(qp::Ladder ladder) : ladder_(ladder) {}
 
-  // exact: the interior point is asked where sweeps do not settle. False if no way out was found.
-  bool Solve(const IslandToCorrect& island, bool exact, std::span<const Body> bodies);
+  // False if no way out was found.
+  bool Solve(const IslandToCorrect& island, std::span<const Body> bodies);
 
   // Of the last island, by place in its bodies: [m, rad].
   Displacement CorrectionOf(size_t member) const;
-
-  // Of the last island: whether the interior point was asked and found no answer.
-  bool failed() const { return failed_; }
 
   // How the position problems since the last call were answered; what has no answer counts as tried in vain.
   LadderReport TakeReport();
 
  private:
   bool SolveColumn(double scale);
-  bool SolveProblem(double scale, bool exact);
-  bool SolveWhole(double scale, bool exact, qp::Rung* rung);
+  bool SolveProblem(double scale);
+  bool SolveFine(double scale, qp::Rung* rung);
+  void Sweep(double scale);
   double Share(const IslandToCorrect& island, std::span<const Body> bodies) const;
 
   qp::Ladder ladder_;
@@ -62,7 +60,6 @@ class Corrector {
   qp::GaussSeidel sweeps_;
   std::vector<double> scales_;  // of the problem's impulses
   double share_ = 1;            // of the displacements that is made
-  bool failed_ = false;
   LadderReport report_;
 };
 

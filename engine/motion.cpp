@@ -153,7 +153,7 @@ MotionOutcome Mover::Move(const MotionPlan& plan, std::span<const double> tolera
   shifted_contacts_.clear();
   earlier_.Clear();
   MotionOutcome outcome;
-  outcome.reached = swept_only_ = false;
+  outcome.reached = false;
   const bool asks_all = !settings_.ladder.Has(qp::Rung::kFreeMotion);
   for (outcome.passes = 0;; ++outcome.passes) {
     const std::vector<Contact>& near = outcome.passes <= kFlightPasses ? *contacts : earlier_.With(*contacts, bodies);
@@ -275,7 +275,6 @@ bool Mover::Correct(bool ask_all, std::span<const double> tolerances, std::span<
     const double scale = deepest > 0 ? deepest : SlightOverlap(contacts[island_contacts_[first]], tolerances);
     CorrectIsland(island, worker, scale, bodies, contacts);
   });
-  for (const std::uint8_t failed : failed_) swept_only_ |= failed != 0;
   return std::any_of(corrected_.begin(), corrected_.end(), [](std::uint8_t corrected) { return corrected != 0; });
 }
 
@@ -302,7 +301,7 @@ void Mover::FindIslands(double deepest, std::span<const double> tolerances, std:
   islands::BuildPartition({cut_, pairs_}, &partition_);
   island_contacts_.resize(partition_.contacts.size());
   for (size_t k = 0; k < island_contacts_.size(); ++k) island_contacts_[k] = linked_[partition_.contacts[k]];
-  for (auto* flags : {&wanted_, &corrected_, &failed_}) flags->assign(partition_.num_islands(), 0);
+  for (auto* flags : {&wanted_, &corrected_}) flags->assign(partition_.num_islands(), 0);
   corrections_.assign(bodies.size(), {});
 }
 
@@ -312,11 +311,9 @@ void Mover::CorrectIsland(int island, int worker, double scale, std::span<const 
   const std::span<const int> members = partition_.bodies_of(island);
   const int first = partition_.contact_start[island], last = partition_.contact_start[island + 1];
   const std::span<const int> numbers = std::span<const int>(island_contacts_).subspan(first, last - first);
-  const bool found =
-      corrector.Solve({members, numbers, {contacts, frames_}, gaps_, free_way_, scale}, !swept_only_, bodies);
+  const bool found = corrector.Solve({members, numbers, {contacts, frames_}, gaps_, free_way_, scale}, bodies);
   if (!wanted_[island]) return;
   corrected_[island] = found;
-  failed_[island] = corrector.failed();
   for (size_t i = 0; found && i < members.size(); ++i) {
     const Displacement correction = corrections_[members[i]] = corrector.CorrectionOf(i);
     planned_[members[i]].linear += correction.linear;

@@ -126,9 +126,8 @@ class Mover {
   std::vector<Pose> start_, end_;              // per body, of this step
   std::vector<double> free_way_;               // [m] per body, of this step: without corrections
   std::vector<double> ways_;                   // [m] per body: of its farthest point as planned first, at most
-  bool swept_only_ = false;                    // an interior-point solve of this step has failed
   std::vector<std::uint8_t> cut_, held_;       // per body
-  std::vector<std::uint8_t> wanted_, corrected_, failed_, free_;  // per island
+  std::vector<std::uint8_t> wanted_, corrected_, free_;  // per island
   std::vector<std::pair<int, int>> pairs_, shifted_pairs_;        // of this pass; of this step: joined by corrections
   std::vector<int> linked_, island_contacts_;
   std::vector<Matrix3> frames_;
