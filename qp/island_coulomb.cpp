@@ -56,9 +56,15 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
       map = Improve(problem, settings);
       if (iterations_ > 0) solution->rung = Rung::kNewton;
     }
-    const bool quick = settings.effort.sweeps < kNormalEffort.sweeps;
-    const bool lost = small ? !map.Meets(goal) || !IsUseful(problem, settings)
-                            : !quick && map.rms > kLostRms * settings.velocity_scale;
+    bool lost;
+    if (small) {
+      lost = !map.Meets(goal) || !IsUseful(problem, settings);
+    } else {
+      const bool quick = settings.effort.sweeps < kNormalEffort.sweeps;
+      const auto astray = [&] { return !quick && map.rms > kLostRms * settings.velocity_scale; };
+      if (climbs && astray()) map = Improve(problem, settings);  // mostly they find back
+      lost = astray();
+    }
     if ((lost || !climbs) && SolveFromConvex(problem, settings, &map, solution)) return;
   }
   ReturnSwept(problem, settings, solution);
