@@ -19,7 +19,7 @@ constexpr double kInside = 0.02;    // of a size: bodies that are so deep in eac
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
-constexpr double kGain = 1e-9;      // of the energy at hand: a piece that gains more is done again, shorter
+constexpr double kGain = 1e-11;     // of the energy at hand: a piece that gains more is done again, shorter
 constexpr double kRounding = 1e-15; // of a position
 constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;         // times that a piece is halved
@@ -44,6 +44,7 @@ constexpr double kLeverMoves = 1e-9;  // of its length: what a lever may change 
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
 constexpr int kLineRounds = 20;       // each takes some ten times off the angle
+constexpr int kBackRounds = 40;       // each takes at least half of the way back to where a pair met
 constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kRocks = 0.25;     // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
@@ -156,11 +157,6 @@ bool Stepper::WillHit(const Contact& contact, double opening) const {
   const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
   const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
   return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
-}
-
-// [m/s] approach when they met, of what is faster now that it has fallen on into an overlap.
-double Stepper::WhenItMet(double approach, double overlap) const {
-  return approach <= 0 ? 0 : std::sqrt(std::max(0.0, approach * approach - 2 * pull_ * std::max(0.0, overlap)));
 }
 
 void Stepper::LoadState() {
@@ -491,20 +487,9 @@ double Stepper::FindMeeting(double h) {
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
-    const double t = First(query);
+    double t = First(query);
     if (t >= first) continue;
-    probe_.clear();
-    CollideShapes(*query.a, a.At(t).placement(), *query.b, b.At(t).placement(), 4 * kNear * Size(pair), &probe_);
-    double approach = 0, cut = kFar;
-    for (Contact& c : probe_) {
-      Mix(pair, &c);
-      const auto velocity = [&](const Path& path) -> Vector3 {
-        return path.VelocityAt(t) + path.RateAt(t).cross(c.point_W - path.At(t).position_W);
-      };
-      approach = std::max(approach, WhenItMet(-c.normal_W.dot(velocity(b) - velocity(a)), query.gap - c.gap));
-      cut = CutSpeed(c);
-    }
-    if (approach <= cut || static_cast<int>(p) == grazing_) {  // too slow for a blow: it carries when it is there
+    if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {  // too slow: it carries when it is there
       met_ = true;
       if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
       Guard(static_cast<int>(p), t, a, b);
@@ -514,6 +499,34 @@ double Stepper::FindMeeting(double h) {
     cut_pair_ = static_cast<int>(p);
   }
   return first;
+}
+
+// Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
+// blow: t goes back to where what is fast was as deep as the piece found it, and the contacts there are in probe_. A rebound that comes
+// back before it is open was none.
+bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
+  const GroupPair& pair = group_->pairs[number];
+  const double closed = kClosed * Size(pair);
+  for (int round = 0; round < kBackRounds; ++round) {
+    ++work_;
+    probe_.clear();
+    const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
+    CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 4 * kNear * Size(pair), &probe_);
+    double fastest = 0, back = 0;
+    for (Contact& c : probe_) {
+      Mix(pair, &c);
+      const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
+        return path.VelocityAt(*t) + path.RateAt(*t).cross(c.point_W - at.position_W);
+      };
+      const double approach = -c.normal_W.dot(velocity(query.path_b, at_b) - velocity(query.path_a, at_a));
+      if (approach <= std::max(fastest, CutSpeed(c))) continue;
+      fastest = approach;
+      back = std::max(0.0, query.gap - c.gap) / approach;
+    }
+    if (fastest * back <= closed || *t == 0) return fastest > 0 && (freed_[number] == kHits || 0.25 * fastest * *t > closed);
+    *t = std::max(0.0, *t - back);
+  }
+  return true;
 }
 
 double Stepper::First(const MeetingQuery& query) {
@@ -585,7 +598,7 @@ double Stepper::Shorten(double h, double moment) {
     for (Contact& c : probe_) {  // of what hits; other corners of the pair may rest
       Mix(pair, &c);
       const double speed = -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
-      if (c.gap < gap && WhenItMet(speed, before - c.gap) > CutSpeed(c)) gap = c.gap, approach = speed;
+      if (c.gap < gap && speed > CutSpeed(c)) gap = c.gap, approach = speed;
     }
     gap -= before;
     if (std::abs(gap) >= nearest) break;

@@ -118,6 +118,7 @@ class Stepper {
   Path PathOf(int i, double h) const;
   double FindMeeting(double h);
   MeetingQuery WayOf(int number, double h, double until, double gap, double deep) const;
+  bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query);
   bool WayIsBarred(double h);
   void Guard(int number, double t, const Path& a, const Path& b);
@@ -173,7 +174,6 @@ class Stepper {
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
   bool WillHit(const Contact& contact, double opening) const;
-  double WhenItMet(double approach, double overlap) const;
 
   // Of the step.
   double dt_ = 0;         // [s]

@@ -299,6 +299,31 @@ TEST(Stepper, NeedlesStayOnTheirSideOfATumblingPlate) {
   }
 }
 
+// Hulls thrown at a fixed sphere without weight: a spin bends the way back to where they met, which is no speed of the blow.
+TEST(Stepper, HullsReboundFromASphere) {
+  SplitMix64 random(7);
+  const std::vector<Vector3> corners{{0.3, 0, 0}, {-0.3, 0, 0}, {0, 0.3, 0}, {0, -0.3, 0}, {0, 0, 0.3}, {0, 0, -0.3}};
+  for (int k = 0; k < 40; ++k) {
+    SCOPED_TRACE(k);
+    World world(Grouped(true));
+    BodyDefinition sphere{.shape = Shape::Sphere(0.5), .kind = BodyKind::kFixed, .friction = 0.3, .restitution = 0.5};
+    world.Add(sphere);
+    BodyDefinition hull{.shape = Shape::ConvexHull(corners), .friction = 0.3, .restitution = 0.5};
+    hull.position_W = Vector3(2, 0, 0) + 0.3 * random.Direction();
+    hull.linear_velocity_W = Vector3(-100, 0, 0) + 5 * random.Direction();
+    hull.angular_velocity_W = 20 * random.Direction();
+    world.Add(hull);
+    double energy = Energy(world);
+    for (int frame = 0; frame < 6; ++frame) {
+      const StepReport report = world.Step(1.0 / 60);
+      EXPECT_FALSE(report.Failed()) << frame;
+      EXPECT_LE(report.pieces, 100) << frame;
+      EXPECT_LE(Energy(world), energy * (1 + 1e-11)) << frame;
+      energy = Energy(world);
+    }
+  }
+}
+
 // A step of twelve cubes that land asked for memory a hundred times, when each began with empty vectors.
 TEST(Stepper, AllocatesLittleButItsReport) {
   Settings settings = Grouped();
