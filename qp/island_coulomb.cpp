@@ -43,7 +43,7 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const bool small = IsSmall(problem);
   NaturalMap map{INFINITY, INFINITY};
   solution->rung = Rung::kSweeps;
-  const bool climbs = settings.ladder.Has(Rung::kSweeps) && settings.ladder.Has(Rung::kNewton);
+  const bool climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   if (climbs && start.size() == problem.contacts.size()) {
     TakeOver(problem, start);
     map = MapOfSwept(problem);

@@ -3,11 +3,9 @@
 //   one contact           closed form
 //   column                bodies on each other that move along one line: one unknown a body, in linear time
 //   impulses that hold    those of the frame before, where they meet the law as they are
-//   no friction           few bodies: sweeps, then Newton's method; many: an interior point of one row a contact that starts from
-//                         the sweeps; the general interior point where these find no answer
-//   kinetic, convex       one interior-point solve
 //   coulomb, circular     sweeps and Newton's method from the frame before, as far as the effort goes; where they are lost, from
-//                         the interior point                                                        (island_coulomb.cpp)
+//                         the interior point; without friction every model is this one                (island_coulomb.cpp)
+//   kinetic, convex       one interior-point solve
 //   coulomb, octagon      interior-point solves, each with the slips of the one before
 //
 //   threads: one solver per worker
