@@ -241,8 +241,8 @@ std::string RunReport::Summary() const {
   double sum = 0;
   for (const double seconds : step_seconds_) sum += seconds;
   const auto qp = [](const QpSummary& q) {
-    return fmt::format("{} solved, {} failed; {} ({:.2g} %) spent the effort above the tolerance, the worst at {:.1e} v_ref", q.solved, q.failed,
-                       q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
+    return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved, q.failed, q.missed,
+                       1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
   std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", scene_.name,
                                  info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
