@@ -19,9 +19,4 @@ void InVain::Include(const InVain& other) {
   }
 }
 
-void InVain::Fail(Rung rung, const InVain& before, double seconds) {
-  seconds_ = before.seconds_;
-  Add(rung, seconds);
-}
-
 }  // namespace islet::qp

@@ -1,5 +1,4 @@
-// Rungs of the ladder that were tried and did not serve, and the time that took. The time of a rung that was tried within one that
-// failed is that one's.
+// Rungs of the ladder that were tried and did not serve, and the time that took.
 #pragma once
 
 #include <array>
@@ -18,8 +17,6 @@ class InVain {
 
   void Add(Rung rung, double seconds, int times = 1);
   void Include(const InVain& other);
-  // A rung in which others were tried fails: all its seconds, in place of theirs since `before`, are its own.
-  void Fail(Rung rung, const InVain& before, double seconds);
 
  private:
   static constexpr std::size_t Index(Rung rung) { return static_cast<std::size_t>(rung); }
