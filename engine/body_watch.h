@@ -21,8 +21,12 @@ class WorkerPool;
 struct Box {  // axis-parallel, W [m]
   Vector3 lower = Vector3::Zero(), upper = Vector3::Zero();
 
+  // Without branches: of boxes that are near, which meet is anyone's guess.
   bool Meets(const Box& other) const {
-    return ((lower.array() <= other.upper.array()) && (other.lower.array() <= upper.array())).all();
+    unsigned meets = 1;
+    for (int axis = 0; axis < 3; ++axis)
+      meets &= static_cast<unsigned>(lower[axis] <= other.upper[axis]) & static_cast<unsigned>(other.lower[axis] <= upper[axis]);
+    return meets != 0;
   }
   bool Contains(const Box& other) const {
     return (lower.array() <= other.lower.array()).all() && (other.upper.array() <= upper.array()).all();

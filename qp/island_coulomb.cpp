@@ -56,29 +56,24 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
       map = Improve(problem, settings);
       if (iterations_ > 0) solution->rung = Rung::kNewton;
     }
-    bool lost;
-    if (small) {
-      lost = !map.Meets(goal) || !IsUseful(problem, settings);
-    } else {
-      const bool quick = settings.effort.sweeps < kNormalEffort.sweeps;
-      const auto astray = [&] { return !quick && map.rms > kLostRms * settings.velocity_scale; };
-      if (climbs && astray()) map = Improve(problem, settings);  // mostly they find back
-      lost = astray();
-    }
-    if ((lost || !climbs) && SolveFromConvex(problem, settings, &map, solution)) return;
+    if (climbs && !small && IsLost(problem, settings, map)) map = Improve(problem, settings);  // mostly they find back
+    if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
   }
   ReturnSwept(problem, settings, solution);
   solution->status = map.Meets(goal) ? Status::kSolved : Status::kInaccurate;
+}
+
+// Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
+bool IslandSolver::IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
+  if (IsSmall(problem)) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
+  return settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * settings.velocity_scale;
 }
 
 // Sweeps carry loads slowly: from a heavy body through light ones, or down a tower of hundreds, they do not get to the ground. What
 // the convex problem without slips says is nearer then. Where it has no solution, and nothing sensible was found before, that is the
 // answer of small islands: it tells which bounces are to blame. Returns whether it is.
 bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution) {
-  slips_.assign(problem.contacts.size(), 0.0);
-  Settings inner = settings;
-  if (IsSmall(problem)) inner.aim = kSmallAim;
-  RunInteriorPoint(problem, inner, slips_, &trial_);
+  RunInteriorPoint(problem, settings, {}, &trial_);
   const bool useful = std::isfinite(map->rms) && IsUseful(problem, settings);
   if (trial_.status == Status::kInfeasible || trial_.status == Status::kFailed) {
     const bool sensible = useful && (!IsSmall(problem) || map->rms <= kLostRms * settings.velocity_scale);
@@ -90,10 +85,10 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
   const NaturalMap found = Improve(problem, settings);
   if (useful && map->rms <= found.rms) {
     std::swap(swept_, before_);
-    return false;
+  } else {
+    *map = found;
+    solution->rung = Rung::kInteriorPoint;
   }
-  *map = found;
-  solution->rung = Rung::kInteriorPoint;
   return false;
 }
 
@@ -157,7 +152,6 @@ void IslandSolver::SolveOctagon(const Problem& problem, const Settings& settings
   const bool small = IsSmall(problem);
   slips_.assign(problem.contacts.size(), 0.0);
   Settings inner = settings;
-  if (small) inner.aim = kSmallAim;
   bool accurate = small, answered = false, settled = false;
   for (int round = 1; round <= rounds && !(settled && answered); ++round) {
     accurate = accurate || round == rounds;

@@ -15,10 +15,8 @@ namespace {
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
 constexpr int kMendingSweeps = 20;
-constexpr double kHeldShare = 1e-4;    // of the tolerance: what held before must meet, frame after frame
-constexpr double kColumnShare = 1e-3;  // the same: what a column must meet
-constexpr double kColumnSlide = 1e-4;  // and what may slide or turn in it
-constexpr double kExactGap = 1e-3;     // the same: gap of both
+constexpr double kExactShare = 1e-3;  // of the tolerance: what a column must meet, and the gap of what is taken as it is
+constexpr double kHeldShare = 1e-4;   // the same: what held before must meet, frame after frame
 
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -112,10 +110,10 @@ void IslandSolver::Climb(const Problem& problem, const Settings& settings, std::
 bool IslandSolver::SolveColumn(const Problem& problem, const Settings& settings, Solution* solution) {
   if (AnyCompliance(problem) || !IsConvex(problem, settings)) return false;
   const double begin = Seconds(), scale = settings.velocity_scale;
-  const double slide = std::min(kColumnTolerance, kColumnSlide * settings.tolerance) * scale;
+  const double slide = std::min(kColumnTolerance, 0.1 * kExactShare * settings.tolerance) * scale;
   if (!column_.Solve(problem, slide, solution->velocities, &swept_.impulses)) return false;
   VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);
-  if (IsUseful(problem, settings) && HoldsExactly(problem, settings, kColumnShare, solution)) return true;
+  if (IsUseful(problem, settings) && HoldsExactly(problem, settings, kExactShare, solution)) return true;
   in_vain_.Add(Rung::kColumn, Seconds() - begin);
   return false;
 }
@@ -136,7 +134,7 @@ bool IslandSolver::HoldsExactly(const Problem& problem, const Settings& settings
   const double goal = share * settings.tolerance * settings.velocity_scale;
   if (!(MapOfSwept(problem).max <= goal)) return false;
   ReturnSwept(problem, settings, solution);
-  if (solution->gap <= kExactGap * settings.tolerance) {
+  if (solution->gap <= kExactShare * settings.tolerance) {
     if (settings.model == Model::kCoulomb) return true;
     const double slip = *std::max_element(solution->slips.begin(), solution->slips.end());
     std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
@@ -157,15 +155,15 @@ void IslandSolver::SolveWhole(const Problem& problem, const Settings& settings, 
   } else if (rubs && exact) {
     SolveOctagon(problem, settings, solution);
   } else {
-    Settings inner = settings;
-    if (IsSmall(problem)) inner.aim = kSmallAim;
-    RunInteriorPoint(problem, inner, {}, solution);
+    RunInteriorPoint(problem, settings, {}, solution);
   }
 }
 
 void IslandSolver::RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
                                     Solution* solution) {
-  interior_point_.Solve(problem, settings, slips, solution);
+  Settings inner = settings;
+  if (IsSmall(problem)) inner.aim = kSmallAim;
+  interior_point_.Solve(problem, inner, slips, solution);
   iterations_ += solution->iterations;
   solution->rung = Rung::kInteriorPoint;
 }
@@ -207,19 +205,17 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
 }
 
 // Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
-// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that. Returns whether
-// they are of use.
-bool IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
+// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that.
+void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
   TakeNone(problem);
-  if (start.size() != problem.contacts.size() || AllZero(start)) return false;
+  if (start.size() != problem.contacts.size() || AllZero(start)) return;
   const double without = MapOfSwept(problem).rms;
   TakeOver(problem, start);
   if (MapOfSwept(problem).rms < kWildShare * without) {
     gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
-    if (MapOfSwept(problem).rms < kGuessShare * without) return true;
+    if (MapOfSwept(problem).rms < kGuessShare * without) return;
   }
   TakeNone(problem);
-  return false;
 }
 
 NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {

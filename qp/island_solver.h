@@ -48,6 +48,7 @@ class IslandSolver {
                         Solution* solution);
   void SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution);
+  bool IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
   NaturalMap Improve(const Problem& problem, const Settings& settings);
   NaturalMap SweepWhilePays(const Problem& problem, const Settings& settings);
   NaturalMap Search(const Problem& problem, const Settings& settings);
@@ -57,7 +58,7 @@ class IslandSolver {
   // Of swept_.
   void TakeNone(const Problem& problem);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
-  bool StartFrom(const Problem& problem, std::span<const Vector3> start);
+  void StartFrom(const Problem& problem, std::span<const Vector3> start);
   NaturalMap MapOfSwept(const Problem& problem) const;
   bool IsUseful(const Problem& problem, const Settings& settings) const;
   bool HoldsExactly(const Problem& problem, const Settings& settings, double share, Solution* solution);

@@ -90,16 +90,12 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   });
   sorted_.clear();
   for (const int i : order_) sorted_.push_back(rooms_[i]);
-  const int second = (axis + 1) % 3, third = (axis + 2) % 3;
   met_.resize(sorted_.size());
   for (size_t i = 0; i < sorted_.size(); ++i) {
-    const Box& room = sorted_[i];
-    size_t met = 0;  // without branches: most rooms along the axis do not meet, and which do is anyone's guess
-    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= room.upper[axis]; ++k) {
-      const Box& other = sorted_[k];
+    size_t met = 0;
+    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k) {
       met_[met] = static_cast<int>(k);
-      met += static_cast<size_t>(static_cast<int>(other.lower[second] <= room.upper[second]) & static_cast<int>(other.upper[second] >= room.lower[second]) &
-                                 static_cast<int>(other.lower[third] <= room.upper[third]) & static_cast<int>(other.upper[third] >= room.lower[third]));
+      met += static_cast<size_t>(sorted_[i].Meets(sorted_[k]));
     }
     for (size_t k = 0; k < met; ++k) add(order_[i], order_[met_[k]]);
   }
