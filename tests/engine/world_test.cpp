@@ -446,5 +446,38 @@ TEST(World, AStepOfRestIsTheStepBefore) {
   }
 }
 
+// A pyramid that slides, by next to no effort and by much: what was missed is told of the problems, of the run and of the island.
+TEST(World, SaysWhatItMissed) {
+  for (const qp::Effort& effort : {qp::Effort{.sweeps = 1}, qp::kThoroughEffort}) {
+    Settings settings;
+    settings.threads = 1;
+    settings.effort = effort;
+    World world(settings);
+    world.Add(testing::Floor());
+    for (int layer = 0; layer < 8; ++layer)
+      for (int i = 0; i < 8 - layer; ++i) {
+        BodyDefinition cube = testing::Cube({1.01 * i + 0.505 * layer, 0, 0.5 + layer});
+        cube.linear_velocity_W = {0.3 * i, 0, 0};
+        world.Add(cube);
+      }
+    QpSummary all;
+    for (int frame = 0; frame < 5; ++frame) {
+      const StepReport report = world.Step(1.0 / 60);
+      double worst = 0;
+      for (const IslandReport& island : report.islands) {
+        worst = std::max(worst, island.map);
+        const bool missed = island.collision_status == QpStatus::kInaccurate || island.static_status == QpStatus::kInaccurate;
+        EXPECT_TRUE(missed || island.map <= settings.tolerance) << island.map;
+      }
+      EXPECT_EQ(worst, std::max(report.collision_qp.worst_map, report.static_qp.worst_map));
+      all.Include(report.collision_qp);
+      all.Include(report.static_qp);
+    }
+    EXPECT_GT(all.solved, 0);
+    EXPECT_EQ(all.missed > 0, effort.sweeps == 1);
+    EXPECT_EQ(all.worst_map > settings.tolerance, effort.sweeps == 1) << all.worst_map;
+  }
+}
+
 }  // namespace
 }  // namespace islet
