@@ -10,13 +10,15 @@ namespace islet::qp {
 namespace {
 
 constexpr double kFirstStiffness = 100, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
-constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
-constexpr int kEasy = 3, kFair = 6;      // Newton steps of a proximal step that may become stiffer, or a little stiffer
-constexpr double kFast = 1e-2;           // of the natural map: a step that leaves less need not become stiffer near the end
+constexpr double kStiffen = 10, kSoften = 0.1;
+constexpr double kStiffenAgain = 2;      // the same, after a failure
+constexpr int kEasy = 4;                 // Newton steps of a proximal step that may become stiffer
 constexpr int kMostSteps = 25;           // of Newton, in a proximal step
+constexpr int kRefiningSteps = 6;        // the same, near the end
 constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
+constexpr double kRounding = 4e-16;      // of the speed: error of a contact's velocity
 constexpr int kPatience = 20;            // proximal steps without a better answer: on the way to it the map may rise for a while
-constexpr int kShortPatience = 3;        // the same, without half of the map, where it is small enough
+constexpr int kShortPatience = 5;        // the same, without half of the map, where it is small enough
 constexpr int kHalvings = 8;
 constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
 constexpr int kKrylov = 20;              // of GMRES, steps
@@ -156,8 +158,11 @@ bool CoulombNewton::Step(double aim, int most) {
   return true;
 }
 
-// Steps that were easy make the springs stiffer, those that failed softer. Near the end rounding, which grows with the stiffness, is why
-// steps fail: only what falls slowly is made stiffer there, and never again as stiff as what failed.
+// Of one point of all the mass that has the kinetic energy of v_.
+double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
+
+// Steps that were easy make the springs stiffer, those that failed softer. They are never so stiff that what rounding leaves of their
+// velocities is a force that matters.
 NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough,
                                 int max_factorisations, std::vector<Vector3>* impulses) {
   problem_ = &problem, rho_ = &rho;
@@ -180,26 +185,26 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
   for (auto& vector : basis_) vector.resize(unknowns);
   system_.Prepare(problem, 1);
-  int stalled = 0;
-  double most = kMostStiffness;
-  while (best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness) {
+  double limit = kMostStiffness;
+  for (int stalled = 0; best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness;) {
     const int before = factorisations_;
     const bool refines = best.max <= enough;
-    const bool good = Step(kStepShare * best.rms, std::min(refines ? kFair : kMostSteps, max_factorisations - factorisations_));
+    const double residual = kStepShare * best.rms;
+    stiffness_ = std::min({stiffness_, limit, residual / (kRounding * Speed())});
+    const bool good = Step(residual, std::min(refines ? kRefiningSteps : kMostSteps, max_factorisations - factorisations_));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
-    const bool better = map.rms < best.rms, fast = map.max <= kFast * best.max;
+    const bool better = map.rms < best.rms;
     stalled = map.rms < (refines ? 0.5 : 1) * best.rms ? 0 : stalled + 1;
     if (better) best = map, *impulses = impulses_;
     if (stalled >= (refines ? kShortPatience : kPatience)) break;
-    if (refines && !good) most = std::min(most, kSoften * stiffness_);
     if (good || better) {
       centre_ = impulses_;
-      const int steps = factorisations_ - before;
-      if (!(refines && fast)) stiffness_ *= steps <= kEasy ? kStiffen : steps <= kFair ? kStiffenLittle : 1;
-      stiffness_ = std::min(most, stiffness_);
+      if (factorisations_ - before <= kEasy) stiffness_ *= kStiffen;
+      limit = std::min(kMostStiffness, kStiffenAgain * limit);
     } else {
       stiffness_ *= kSoften;
+      limit = stiffness_;
       VelocitiesAfter(problem, centre_, &v_);
     }
   }

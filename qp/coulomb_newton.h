@@ -33,6 +33,7 @@ class CoulombNewton {
 
  private:
   double Residual();
+  double Speed() const;
   bool Step(double aim, int most);
   bool FindDirection();
   void Multiply(const std::vector<double>& x, std::vector<double>* out) const;

@@ -19,10 +19,6 @@ constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 constexpr int kBigNewtonSteps = 40;    // factorisations, where only thorough effort asks for them
 
-// Small islands, by Newton's method.
-constexpr int kStartBlocks = 4, kStartSweeps = 25;  // from the impulses of the frame before
-constexpr double kStartGain = 0.5;                  // of the natural map, for another block
-
 // The octagon.
 constexpr int kSweepsOfASolve = 30;       // what an interior-point solve counts as, of the effort
 constexpr double kRoughTolerance = 1e-2;  // of the solves that only place the slips
@@ -36,29 +32,21 @@ double MassRatio(const Problem& problem) {
 }  // namespace
 
 // From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
-// the interior point.
+// the interior point. A small island is always sent on to Newton's method: it stops where it starts if nothing is left to do.
 void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool small = IsSmall(problem);
-  NaturalMap map{INFINITY, INFINITY};
+  const bool small = IsSmall(problem), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
-  const bool climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
-  if (climbs && start.size() == problem.contacts.size()) {
-    TakeOver(problem, start);
-    map = MapOfSwept(problem);
+  gauss_seidel_.Prepare(problem);
+  NaturalMap map{INFINITY, INFINITY};
+  if (climbs) {
+    map = StartFrom(problem, settings, start);
+    if (small || !map.Meets(goal)) map = Improve(problem, settings, map);
+    if (!small && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
+    if (iterations_ > 0) solution->rung = Rung::kNewton;
   }
-  const bool holds = map.Meets(goal);
-  if (!holds || small) {
-    gauss_seidel_.Prepare(problem);
-    if (climbs) {
-      if (!holds) StartFrom(problem, start);
-      map = Improve(problem, settings);
-      if (iterations_ > 0) solution->rung = Rung::kNewton;
-    }
-    if (climbs && !small && IsLost(problem, settings, map)) map = Improve(problem, settings);  // mostly they find back
-    if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
-  }
+  if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
   ReturnSwept(problem, settings, solution);
   solution->status = map.Meets(goal) ? Status::kSolved : Status::kInaccurate;
 }
@@ -82,7 +70,7 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
   }
   std::swap(swept_, before_);
   swept_.impulses = trial_.impulses, swept_.velocities = trial_.velocities;
-  const NaturalMap found = Improve(problem, settings);
+  const NaturalMap found = Improve(problem, settings, MapOfSwept(problem));
   if (useful && map->rms <= found.rms) {
     std::swap(swept_, before_);
   } else {
@@ -92,39 +80,23 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
   return false;
 }
 
-// Sweeps and Newton's method from the impulses at hand. Returns the map of what they made of them.
-NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings) {
+// Sweeps of big islands, and Newton's method, from the impulses at hand and their map. Returns the map of what they made of them.
+NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings, NaturalMap map) {
   const bool small = IsSmall(problem);
-  const double goal = settings.tolerance * settings.velocity_scale, aim = small ? kSmallShare * goal : goal;
-  const NaturalMap map = small ? SweepWhilePays(problem, settings) : Search(problem, settings);
-  const bool reached = small ? map.max <= aim : map.Meets(goal);
-  if (!reached && (small || settings.effort.newton)) {
-    coulomb_newton_.Solve(problem, scales_, aim, goal, small ? kNewtonSteps : kBigNewtonSteps, &swept_.impulses);
+  const double goal = settings.tolerance * settings.velocity_scale;
+  if (!small) map = Search(problem, settings, map);
+  if (small || (settings.effort.newton && !map.Meets(goal))) {
+    coulomb_newton_.Solve(problem, scales_, small ? kSmallShare * goal : goal, goal, small ? kNewtonSteps : kBigNewtonSteps,
+                          &swept_.impulses);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);  // without the rounding of thousands of increments
   return MapOfSwept(problem);
 }
 
-// Small islands: while each block halves the map. What nearly holds is not swept, since that shifts loads among redundant contacts;
-// nor is what starts from no impulses, since what Newton's method finds from there depends on no order of contacts.
-NaturalMap IslandSolver::SweepWhilePays(const Problem& problem, const Settings& settings) {
-  const double goal = settings.tolerance * settings.velocity_scale, aim = kSmallShare * goal;
-  NaturalMap map = MapOfSwept(problem);
-  if (map.Meets(goal) || AllZero(swept_.impulses)) return map;
-  double before = INFINITY;
-  for (int block = 0; block < kStartBlocks && map.max > aim && map.max < kStartGain * before; ++block) {
-    before = map.max;
-    gauss_seidel_.Sweep(problem, kStartSweeps, 0.1 * aim, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
-    map = MapOfSwept(problem);
-  }
-  return map;
-}
-
 // Big islands: up to the goal or the effort.
-NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings) {
+NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings, NaturalMap best) {
   const double goal = settings.tolerance * settings.velocity_scale;
-  NaturalMap best = MapOfSwept(problem);
   best_ = swept_;
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
-constexpr int kMendingSweeps = 20;
+constexpr int kMendingSweeps = 20, kSmallMendingSweeps = 60;  // the latter of small islands: a factorisation costs them as much as a dozen
 constexpr double kExactShare = 1e-3;  // of the tolerance: what a column must meet, and the gap of what is taken as it is
 constexpr double kHeldShare = 1e-4;   // the same: what held before must meet, frame after frame
 
@@ -204,18 +204,23 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
   VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);
 }
 
-// Takes over impulses from the caller, or none if those are of no use. Of thousands a few dozen do not fit, since contacts came
-// and went, and make the whole worse than none: a few sweeps of the problem that was prepared last mend that.
-void IslandSolver::StartFrom(const Problem& problem, std::span<const Vector3> start) {
+// Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
+// contacts came and went, and make the whole worse than none: a few sweeps of a big island's problem, which is prepared, mend that.
+NaturalMap IslandSolver::StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start) {
   TakeNone(problem);
-  if (start.size() != problem.contacts.size() || AllZero(start)) return;
-  const double without = MapOfSwept(problem).rms;
+  const NaturalMap without = MapOfSwept(problem);
+  if (start.size() != problem.contacts.size() || AllZero(start)) return without;
   TakeOver(problem, start);
-  if (MapOfSwept(problem).rms < kWildShare * without) {
-    gauss_seidel_.Sweep(problem, kMendingSweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
-    if (MapOfSwept(problem).rms < kGuessShare * without) return;
+  NaturalMap map = MapOfSwept(problem);
+  if (map.Meets(settings.tolerance * settings.velocity_scale)) return map;
+  if (map.rms < kWildShare * without.rms) {
+    const int sweeps = IsSmall(problem) ? kSmallMendingSweeps : kMendingSweeps;
+    gauss_seidel_.Sweep(problem, sweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
+    map = MapOfSwept(problem);
   }
+  if (map.rms < kGuessShare * without.rms) return map;
   TakeNone(problem);
+  return without;
 }
 
 NaturalMap IslandSolver::MapOfSwept(const Problem& problem) const {

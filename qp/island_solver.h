@@ -49,16 +49,15 @@ class IslandSolver {
   void SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution);
   bool IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
-  NaturalMap Improve(const Problem& problem, const Settings& settings);
-  NaturalMap SweepWhilePays(const Problem& problem, const Settings& settings);
-  NaturalMap Search(const Problem& problem, const Settings& settings);
+  NaturalMap Improve(const Problem& problem, const Settings& settings, NaturalMap map);
+  NaturalMap Search(const Problem& problem, const Settings& settings, NaturalMap best);
   void SolveOctagon(const Problem& problem, const Settings& settings, Solution* solution);
   double UpdateSlips(const Problem& problem, Cone cone);
 
   // Of swept_.
   void TakeNone(const Problem& problem);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
-  void StartFrom(const Problem& problem, std::span<const Vector3> start);
+  NaturalMap StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start);
   NaturalMap MapOfSwept(const Problem& problem) const;
   bool IsUseful(const Problem& problem, const Settings& settings) const;
   bool HoldsExactly(const Problem& problem, const Settings& settings, double share, Solution* solution);
