@@ -9,11 +9,11 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kFirstStiffness = 100, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
+constexpr double kFirstStiffness = 30, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
 constexpr double kStiffen = 10, kSoften = 0.1;
 constexpr double kStiffenAgain = 2;      // the same, after a failure
 constexpr int kEasy = 4;                 // Newton steps of a proximal step that may become stiffer
-constexpr int kMostSteps = 25;           // of Newton, in a proximal step
+constexpr int kMostSteps = 12;           // of Newton, in a proximal step
 constexpr int kRefiningSteps = 6;        // the same, near the end
 constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
 constexpr double kRounding = 4e-16;      // of the speed: error of a contact's velocity
@@ -185,7 +185,7 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
   for (auto& vector : basis_) vector.resize(unknowns);
   system_.Prepare(problem, 1);
-  double limit = kMostStiffness;
+  double limit = kMostStiffness, halved = best.rms;
   for (int stalled = 0; best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness;) {
     const int before = factorisations_;
     const bool refines = best.max <= enough;
@@ -195,7 +195,8 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
     const bool better = map.rms < best.rms;
-    stalled = map.rms < (refines ? 0.5 : 1) * best.rms ? 0 : stalled + 1;
+    stalled = map.rms < (refines ? 0.5 * halved : best.rms) ? 0 : stalled + 1;
+    if (stalled == 0) halved = map.rms;
     if (better) best = map, *impulses = impulses_;
     if (stalled >= (refines ? kShortPatience : kPatience)) break;
     if (good || better) {

@@ -43,7 +43,7 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   if (climbs) {
     map = StartFrom(problem, settings, start);
     if (small || !map.Meets(goal)) map = Improve(problem, settings, map);
-    if (!small && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
+    if (IsLost(problem, settings, map)) map = Improve(problem, settings, SweepOn(problem));  // mostly they find back
     if (iterations_ > 0) solution->rung = Rung::kNewton;
   }
   if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;

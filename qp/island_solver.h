@@ -35,7 +35,7 @@ class IslandSolver {
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kSmallIsland = 32;         // bodies: up to them an answer is as good as iterations get
   static constexpr double kSmallShare = 0.7e-5;   // of the tolerance: what is sought there
-  static constexpr int kNewtonSteps = 150;        // factorisations
+  static constexpr int kNewtonSteps = 300;        // factorisations
 
   static bool AllZero(std::span<const Vector3> impulses);
   static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }
@@ -58,6 +58,7 @@ class IslandSolver {
   void TakeNone(const Problem& problem);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
   NaturalMap StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start);
+  NaturalMap SweepOn(const Problem& problem);
   NaturalMap MapOfSwept(const Problem& problem) const;
   bool IsUseful(const Problem& problem, const Settings& settings) const;
   bool HoldsExactly(const Problem& problem, const Settings& settings, double share, Solution* solution);
