@@ -33,6 +33,9 @@ Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, con
 // [Yoshida 90], none by more than `longest` [rad]. However thin, a body whose other two moments are alike turns exactly.
 Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time, double longest = kTurn) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
+  const double inertia = body.inertia_B(0, 0);
+  if (body.inertia_B == Matrix3(Vector3::Constant(inertia).asDiagonal()))  // a ball or a cube turns evenly
+    return (Exp(time / inertia * momentum_W) * rotation).normalized();
   const Eigen::SelfAdjointEigenSolver<Matrix3> principal(body.inertia_B);
   const Vector3 pace = principal.eigenvalues().cwiseInverse();
   Matrix3 axes = principal.eigenvectors();
@@ -55,6 +58,10 @@ Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& mom
     }
   }
   return (Exp(time * pace[1] * momentum_W) * q * to_principal.conjugate()).normalized();
+}
+
+double KineticEnergy(const Body& body, const Vector3& angular_momentum_W) {
+  return 0.5 * (body.mass * body.linear_velocity_W.squaredNorm() + body.angular_velocity_W.dot(angular_momentum_W));
 }
 
 double SignOn(const LedgerImpulse& impulse, int body) { return impulse.contact.body_b == body ? 1 : -1; }
@@ -224,7 +231,9 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});
   for (size_t k = 1; k < kicks.size(); ++k)  // few, and nearly in order
     for (size_t i = k; i > 0 && kicks[i].time < kicks[i - 1].time; --i) std::swap(kicks[i], kicks[i - 1]);
-  Vector3 momentum = before.AngularMomentumW();
+  const Vector3 momentum_before = before.AngularMomentumW(), momentum_after = after.AngularMomentumW();
+  const double energy_before = KineticEnergy(before, momentum_before), energy_after = KineticEnergy(after, momentum_after);
+  Vector3 momentum = momentum_before;
   Quaternion rotation = before.rotation_WB;
   double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
   account->spins.push_back({0, rotation, momentum});
@@ -240,14 +249,13 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   const double fall = before.mass * step.gravity_W.norm() * step.dt;
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
                       std::max({before.mass * before.linear_velocity_W.norm(), before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
-  account->angular = (momentum - after.AngularMomentumW()).norm() /
-                     std::max({before.AngularMomentumW().norm(), after.AngularMomentumW().norm(), turned,
-                               (pushed + fall) * before.radius, 1e-300});
+  account->angular = (momentum - momentum_after).norm() /
+                     std::max({momentum_before.norm(), momentum_after.norm(), turned, (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
   const double angle = 2 * std::asin(std::min(1.0, off.vec().norm()));
   account->way = (end.position_W - after.position_W).norm() +
                  (step.shapes[number].kind() == ShapeKind::kSphere ? 0 : angle * before.radius);
-  account->gain += after.KineticEnergy() - before.KineticEnergy() -
+  account->gain += energy_after - energy_before -
                    (before.mass * step.gravity_W + before.force_W).dot(after.position_W - before.position_W);
   if (!before.torque_W.isZero(0)) {
     const Quaternion turn = after.rotation_WB * before.rotation_WB.conjugate();
@@ -256,7 +264,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     account->gain -= work;
     account->allowed += std::abs(work - worked);  // a step knows no more of when the torque acted on what
   }
-  account->at_hand = before.KineticEnergy() + after.KineticEnergy() + 0.5 * fall * fall / before.mass;
+  account->at_hand = energy_before + energy_after + 0.5 * fall * fall / before.mass;
 }
 
 void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {

@@ -56,7 +56,10 @@ Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vect
 Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum) {
   return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
 }
-Quaternion Turned(const Vector3& turn, const Quaternion& rotation) { return (Exp(turn) * rotation).normalized(); }
+Quaternion Turned(const Vector3& turn, const Quaternion& rotation) {
+  if (turn.isZero(0)) return rotation;
+  return (Exp(turn) * rotation).normalized();
+}
 
 void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies) {
   Body &a = (*bodies)[contact.body_a], &b = (*bodies)[contact.body_b];
