@@ -30,7 +30,7 @@ Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, con
 // The rotation of a free body after a time. Its momentum L stays, and with principal moments A <= B <= C its energy is
 //   L^2 / 2B  +  (1/A - 1/B) La^2 / 2  +  (1/C - 1/B) Lc^2 / 2
 // Each part alone turns the body evenly, about L, about its axis of A, about that of C. They are composed to fourth order
-// [Yoshida 90], none by more than `longest` [rad]. However thin, a body whose other two moments are alike turns exactly.
+// [Yos90], none by more than `longest` [rad]. However thin, a body whose other two moments are alike turns exactly.
 Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time, double longest = kTurn) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
   const double inertia = body.inertia_B(0, 0);

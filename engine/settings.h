@@ -47,7 +47,7 @@ struct Settings {
 
   // Accuracy
   // Of the contact problems. kCoulomb: natural map of the law over v_ref, rms over the contacts of an island, and ten times that at any.
-  // Other models: the error of velocities over v_ref, bounded by the duality gap.
+  // Other models: a hundredth of it is the relative duality gap; velocities are good to about the root of that.
   double tolerance = 1e-6;
   Effort effort = qp::kNormalEffort;  // kCoulomb: cap on the work for an island that does not get there
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used

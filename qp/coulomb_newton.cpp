@@ -5,50 +5,18 @@
 #include <cmath>
 
 #include "qp/body_algebra.h"
+#include "qp/proximal.h"
 
 namespace islet::qp {
 namespace {
 
-constexpr double kFirstStiffness = 30, kLeastStiffness = 1e-3, kMostStiffness = 1e6;
-constexpr double kStiffen = 10, kSoften = 0.1;
-constexpr double kStiffenAgain = 2;      // the same, after a failure
-constexpr int kEasy = 4;                 // Newton steps of a proximal step that may become stiffer
-constexpr int kMostSteps = 12;           // of Newton, in a proximal step
-constexpr int kRefiningSteps = 6;        // the same, near the end
+constexpr int kRefiningSteps = 6;        // of Newton, in a proximal step near the end
 constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
-constexpr double kRounding = 4e-16;      // of the speed: error of a contact's velocity
-constexpr int kPatience = 20;            // proximal steps without a better answer: on the way to it the map may rise for a while
-constexpr int kShortPatience = 5;        // the same, without half of the map, where it is small enough
 constexpr int kHalvings = 8;
 constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
 constexpr int kKrylov = 20;              // of GMRES, steps
 constexpr double kForcing = 1e-2;        // of the residual, what GMRES may leave
 constexpr double kUseful = 0.3;          // of the residual, what it may leave at the end
-
-double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
-
-Vector3 Law(const Vector3& x, double friction) {
-  if (x[0] <= 0) return Vector3::Zero();
-  const double tangent = Tangent(x), share = tangent > friction * x[0] ? friction * x[0] / tangent : 1;
-  return {x[0], share * x[1], share * x[2]};
-}
-
-// An element of the generalised derivative of Law, and the same without what a normal pull does to friction; times `scale`.
-void LawSlopes(const Vector3& x, double friction, double scale, Matrix3* slope, Matrix3* plain) {
-  const double tangent = Tangent(x);
-  const bool slides = x[0] > 0 && tangent >= friction * x[0];
-  slope->setZero();
-  if (x[0] > 0 && !slides) slope->diagonal().setConstant(scale);
-  if (slides) (*slope)(0, 0) = scale;
-  const bool rubs = slides && tangent > 0;
-  const double cosine = rubs ? x[1] / tangent : 0, sine = rubs ? x[2] / tangent : 0;
-  if (rubs) {
-    const double turn = friction * x[0] / tangent * scale;
-    slope->bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
-  }
-  *plain = *slope;
-  if (rubs) slope->bottomLeftCorner<2, 1>() << scale * friction * cosine, scale * friction * sine;
-}
 
 }  // namespace
 
@@ -70,7 +38,7 @@ double CoulombNewton::Residual() {
     Vector3 u = ContactVelocity(contact, v_.data());
     u[0] -= contact.target;
     pulls_[c] = (centre_[c] - stiffness * u) / (1 + stiffness * contact.compliance);
-    impulses_[c] = Law(pulls_[c], contact.friction);
+    impulses_[c] = SpringLaw(pulls_[c], contact.friction);
     AddForce(contact, 6, 0, 1, impulses_[c], &residual_);
   }
   return std::sqrt(Dot(residual_, residual_) / total_mass_);
@@ -140,7 +108,9 @@ bool CoulombNewton::Step(double aim, int most) {
     for (int c = 0; c < problem_->num_contacts(); ++c) {
       const ContactTerm& contact = problem_->contacts[c];
       const double stiffness = stiffness_ * (*rho_)[c];
-      LawSlopes(pulls_[c], contact.friction, stiffness / (1 + stiffness * contact.compliance), &slopes_[c], &plain_slopes_[c]);
+      slopes_[c] = stiffness / (1 + stiffness * contact.compliance) * SpringSlope(pulls_[c], contact.friction);
+      plain_slopes_[c] = slopes_[c];
+      plain_slopes_[c].bottomLeftCorner<2, 1>().setZero();
     }
     system_.Factorise(*problem_, plain_slopes_, {});
     ++factorisations_;
@@ -161,13 +131,10 @@ bool CoulombNewton::Step(double aim, int most) {
 // Of one point of all the mass that has the kinetic energy of v_.
 double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
 
-// Steps that were easy make the springs stiffer, those that failed softer. They are never so stiff that what rounding leaves of their
-// velocities is a force that matters.
 NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough,
                                 int max_factorisations, std::vector<Vector3>* impulses) {
   problem_ = &problem, rho_ = &rho;
   factorisations_ = 0;
-  stiffness_ = kFirstStiffness;
   const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
   centre_ = *impulses;
   VelocitiesAfter(problem, centre_, &v_);
@@ -185,27 +152,21 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
   for (auto& vector : basis_) vector.resize(unknowns);
   system_.Prepare(problem, 1);
-  double limit = kMostStiffness, halved = best.rms;
-  for (int stalled = 0; best.max > goal && factorisations_ < max_factorisations && stiffness_ > kLeastStiffness;) {
+  ProximalPace pace(best);
+  for (int step = 0; step < max_factorisations && best.max > goal && pace.GoesOn(best.max <= enough); ++step) {
+    if (factorisations_ >= max_factorisations) break;
     const int before = factorisations_;
     const bool refines = best.max <= enough;
     const double residual = kStepShare * best.rms;
-    stiffness_ = std::min({stiffness_, limit, residual / (kRounding * Speed())});
-    const bool good = Step(residual, std::min(refines ? kRefiningSteps : kMostSteps, max_factorisations - factorisations_));
+    stiffness_ = pace.Stiffness(residual, Speed());
+    const int most = refines ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
+    const bool solved = Step(residual, std::min(most, max_factorisations - factorisations_));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
-    const bool better = map.rms < best.rms;
-    stalled = map.rms < (refines ? 0.5 * halved : best.rms) ? 0 : stalled + 1;
-    if (stalled == 0) halved = map.rms;
-    if (better) best = map, *impulses = impulses_;
-    if (stalled >= (refines ? kShortPatience : kPatience)) break;
-    if (good || better) {
+    if (map.rms < best.rms) best = map, *impulses = impulses_;
+    if (pace.Takes(map.rms, solved, factorisations_ - before, refines)) {
       centre_ = impulses_;
-      if (factorisations_ - before <= kEasy) stiffness_ *= kStiffen;
-      limit = std::min(kMostStiffness, kStiffenAgain * limit);
     } else {
-      stiffness_ *= kSoften;
-      limit = stiffness_;
       VelocitiesAfter(problem, centre_, &v_);
     }
   }

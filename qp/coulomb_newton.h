@@ -1,4 +1,4 @@
-// Exact Coulomb friction by proximal steps, each solved by semismooth Newton's method: the finisher of sweeps.   [Roc76, AC91, QS06]
+// Exact Coulomb friction by proximal steps, each solved by semismooth Newton's method: the finisher of sweeps.   [Roc76, AC91]
 //
 //   one step, from impulses j':  j_c = L(j'_c - t rho_c (u_c - b_c n)),  M (v - v0) = J^T j,  u = J v (+ R j)
 //

@@ -38,17 +38,27 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const double goal = settings.tolerance * settings.velocity_scale;
   const bool small = IsSmall(problem), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
-  gauss_seidel_.Prepare(problem);
+  prepared_ = false;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = StartFrom(problem, settings, start);
     if (small || !map.Meets(goal)) map = Improve(problem, settings, map);
-    if (IsLost(problem, settings, map)) map = Improve(problem, settings, SweepOn(problem));  // mostly they find back
+    if (!small && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
+    if (small && !map.Meets(goal)) map = TryAgain(problem, settings, map);
     if (iterations_ > 0) solution->rung = Rung::kNewton;
   }
   if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
   ReturnSwept(problem, settings, solution);
   solution->status = map.Meets(goal) ? Status::kSolved : Status::kInaccurate;
+}
+
+// From what Newton's method left of a small island, by sweeps first. The nearer of both stays.
+NaturalMap IslandSolver::TryAgain(const Problem& problem, const Settings& settings, const NaturalMap& found) {
+  before_ = swept_;
+  const NaturalMap again = Improve(problem, settings, SweepOn(problem));
+  if (again.rms < found.rms) return again;
+  std::swap(swept_, before_);
+  return found;
 }
 
 // Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
@@ -97,6 +107,7 @@ NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& setting
 // Big islands: up to the goal or the effort.
 NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings, NaturalMap best) {
   const double goal = settings.tolerance * settings.velocity_scale;
+  PrepareSweeps(problem);
   best_ = swept_;
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;

@@ -35,7 +35,7 @@ class IslandSolver {
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kSmallIsland = 32;         // bodies: up to them an answer is as good as iterations get
   static constexpr double kSmallShare = 0.7e-5;   // of the tolerance: what is sought there
-  static constexpr int kNewtonSteps = 300;        // factorisations
+  static constexpr int kNewtonSteps = 300;        // factorisations of a search; 26 bodies from no impulses take 100 to 200
 
   static bool AllZero(std::span<const Vector3> impulses);
   static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }
@@ -48,6 +48,7 @@ class IslandSolver {
                         Solution* solution);
   void SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution);
+  NaturalMap TryAgain(const Problem& problem, const Settings& settings, const NaturalMap& found);
   bool IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
   NaturalMap Improve(const Problem& problem, const Settings& settings, NaturalMap map);
   NaturalMap Search(const Problem& problem, const Settings& settings, NaturalMap best);
@@ -58,6 +59,7 @@ class IslandSolver {
   void TakeNone(const Problem& problem);
   void TakeOver(const Problem& problem, std::span<const Vector3> start);
   NaturalMap StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start);
+  void PrepareSweeps(const Problem& problem);
   NaturalMap SweepOn(const Problem& problem);
   NaturalMap MapOfSwept(const Problem& problem) const;
   bool IsUseful(const Problem& problem, const Settings& settings) const;
@@ -67,6 +69,7 @@ class IslandSolver {
   InteriorPoint interior_point_;
   Column column_;
   GaussSeidel gauss_seidel_;
+  bool prepared_ = false;  // for the sweeps of this solve
   CoulombNewton coulomb_newton_;
   int iterations_ = 0;  // of this solve
   InVain in_vain_;      // the same

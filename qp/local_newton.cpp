@@ -3,15 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "qp/proximal.h"
+
 namespace islet::qp {
 namespace {
 
-constexpr double kFirstStiffness = 10, kLeastStiffness = 1e-3, kMostStiffness = 1e6;  // scaled units: W_cc has trace 3
-constexpr double kStiffen = 10, kStiffenLittle = 3, kSoften = 0.1;
-constexpr int kEasy = 3, kFair = 6;    // Newton steps of a proximal step that may become stiffer, or a little stiffer
-constexpr int kMaxInner = 25;          // Newton steps of one proximal step
 constexpr double kInnerShare = 1e-14;  // of the velocities: residual of a proximal step that is as good as none
-constexpr int kPatience = 20;  // proximal steps without a better answer: on the way to it the map may rise for a while
 constexpr int kMaxHalvings = 8;
 constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
 
@@ -26,26 +23,19 @@ Vector3 ProjectOnCone(const Vector3& x, double mu) {
 }
 
 Vector3 Law(Model model, const Vector3& x, double mu) {
-  if (model == Model::kConvex) return ProjectOnCone(x, mu);
-  if (x[0] <= 0) return Vector3::Zero();
-  const double tangent = Tangent(x), share = tangent > mu * x[0] ? mu * x[0] / tangent : 1;
-  return {x[0], share * x[1], share * x[2]};
+  return model == Model::kConvex ? ProjectOnCone(x, mu) : SpringLaw(x, mu);
 }
 
 // An element of the generalised derivative of Law.
 Matrix3 LawSlope(Model model, const Vector3& x, double mu) {
-  const double tangent = Tangent(x);
-  const bool inside = tangent <= mu * x[0];
-  if (inside && x[0] > 0) return Matrix3::Identity();
-  const double cosine = tangent > 0 ? x[1] / tangent : 1, sine = tangent > 0 ? x[2] / tangent : 0;
+  if (model == Model::kCoulomb) return SpringSlope(x, mu);
+  const double tangent = Tangent(x), normal = (x[0] + mu * tangent) / (1 + mu * mu);
+  if (tangent < mu * x[0]) return Matrix3::Identity();
+  if (normal <= 0) return Matrix3::Zero();
+  if (tangent == 0) return Vector3::UnitX().asDiagonal();  // no friction
+  const double cosine = x[1] / tangent, sine = x[2] / tangent;
   const Vector3 edge(1, mu * cosine, mu * sine), side(0, -sine, cosine);
-  if (model == Model::kConvex) {
-    const double normal = (x[0] + mu * tangent) / (1 + mu * mu);
-    if (normal <= 0) return Matrix3::Zero();
-    return edge * edge.transpose() / (1 + mu * mu) + mu * normal / tangent * side * side.transpose();
-  }
-  if (x[0] <= 0) return Matrix3::Zero();
-  return edge * Vector3::UnitX().transpose() + mu * x[0] / tangent * side * side.transpose();
+  return edge * edge.transpose() / (1 + mu * mu) + mu * normal / tangent * side * side.transpose();
 }
 
 }  // namespace
@@ -106,30 +96,22 @@ bool LocalNewton::Step(int most, int* factorisations) {
   return true;
 }
 
-// Steps that were easy make the springs stiffer, those that failed softer.
 int LocalNewton::Polish(const ScaledLocalProblem& problem, Model model, double goal, int max_factorisations,
                         Eigen::VectorXd* impulses) {
   gram_.Prepare(problem);
   problem_ = &problem;
   model_ = model;
-  stiffness_ = kFirstStiffness;
   centre_ = *impulses;
   NaturalMap best = NaturalMapOf(problem, model, *impulses);
-  int spent = 0, stalled = 0;
-  while (!best.Meets(goal) && spent < max_factorisations && stiffness_ > kLeastStiffness && stalled < kPatience) {
+  ProximalPace pace(best);
+  int spent = 0;
+  while (!best.Meets(goal) && spent < max_factorisations && pace.GoesOn(false)) {
     const int before = spent;
-    const bool good = Step(std::min(kMaxInner, max_factorisations - spent), &spent);
+    stiffness_ = pace.Stiffness(0, 0);
+    const bool solved = Step(std::min(ProximalPace::kMostNewtonSteps, max_factorisations - spent), &spent);
     const NaturalMap map = NaturalMapOf(problem, model, impulses_);
-    const bool better = map.rms < best.rms;
-    stalled = better ? 0 : stalled + 1;
-    if (better) best = map, *impulses = impulses_;
-    if (good || better) {
-      centre_ = impulses_;
-      const double factor = spent - before <= kEasy ? kStiffen : spent - before <= kFair ? kStiffenLittle : 1;
-      stiffness_ = std::min(kMostStiffness, stiffness_ * factor);
-    } else {
-      stiffness_ *= kSoften;
-    }
+    if (map.rms < best.rms) best = map, *impulses = impulses_;
+    if (pace.Takes(map.rms, solved, spent - before, false)) centre_ = impulses_;
   }
   return spent;
 }

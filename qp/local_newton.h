@@ -41,7 +41,7 @@ class LocalNewton {
   Eigen::PartialPivLU<Eigen::MatrixXd> factors_;
 };
 
-// Per contact |j - P_K(j - u_hat)| in scaled units, over the velocity scale; u_hat as in CoulombMap (island_solver.h) or, for
+// Per contact |j - P_K(j - u_hat)| in scaled units, over the velocity scale; u_hat as in CoulombMap (natural_map.h) or, for
 // the convex model, u.
 NaturalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Eigen::VectorXd& impulses);
 

@@ -319,6 +319,7 @@ void Stepper::Record(Stage stage, QpStatus status) {
 
 // Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
 void Stepper::Carry(double h, bool first) {
+  if (held_.empty()) return;
   const double t = time_of_piece_;
   const std::vector<Body>& bodies = group_->bodies;
   for (size_t i = 0; i < bodies.size(); ++i) {
@@ -359,11 +360,9 @@ double Stepper::LighterMass(const Contact& contact) const {
 }
 
 // Whether the impulses at hand, those of the piece before, are an answer. It sinks nothing: what one piece sinks, the next sinks
-// again.
+// again. None are asked of the solver: what jams (Painleve) has an answer with impulses, too.
 bool Stepper::StillCarries(double h) {
-  bool any = false;
-  for (const Vector3& impulse : impulse_W_) any = any || !impulse.isZero(0);
-  if (!any) return false;
+  if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
   trial_ = posed_;
   for (size_t c = 0; c < held_.size(); ++c) ApplyTo(held_[c], 0.5 * impulse_W_[c], &trial_);
   const double still = kSettled * settings_.tolerance * floor_;
@@ -812,7 +811,7 @@ Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
 }
 
 // Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
-// gradient [Gonzalez 96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change.
+// gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change.
 // turn: [rad] by which its normal does in the piece.
 void Stepper::TurnLever(double opening, double turn, Contact* contact) const {
   const int a = contact->body_a, b = contact->body_b;
@@ -1128,8 +1127,9 @@ void Stepper::SeeWhoPays(double h) {
     edges_.emplace_back(group_->pairs[p].a, group_->pairs[p].b);
     problem_of_.push_back(static_cast<int>(p));
   }
-  islands::BuildPartition({cut_, edges_}, &partition_);
   pays_.assign(costs_.size(), false);
+  if (edges_.empty()) return;
+  islands::BuildPartition({cut_, edges_}, &partition_);
   for (int island = 0; island < partition_.num_islands(); ++island) {
     double taken = 0, costs = 0;
     for (const int e : partition_.contacts_of(island)) {

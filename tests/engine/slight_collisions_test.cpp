@@ -311,6 +311,7 @@ HeapRun RunHeap(bool merged, double shift) {
     run.dual = std::max(run.dual, report.certificate.dual);
     if (frame % 10 != 9) continue;
     const double now = Energy(world.bodies());
+    EXPECT_TRUE(std::isfinite(now)) << frame;
     run.rise = std::max(run.rise, now - energy);
     energy = now;
   }
@@ -318,8 +319,8 @@ HeapRun RunHeap(bool merged, double shift) {
   return run;
 }
 
-// With and without: rest by the same time, energy only falls, every answer certified. What undoes the overlaps of a crowd lifts a cube
-// in one of a dozen heaps, whatever is merged: of three heaps at most one may rise.
+// With and without: rest by the same time, energy falls, every answer certified. What undoes the overlaps of a crowd lifted a cube in
+// one of a dozen such heaps (by 0.056 J; before and after other changes alike): of three at most one may rise.
 TEST(SlightCollisions, HeapsComeToRestAllTheSame) {
   for (const bool merged : {true, false}) {
     SCOPED_TRACE(merged);
