@@ -10,7 +10,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRefiningSteps = 6;        // of Newton, in a proximal step near the end
+constexpr int kRefiningSteps = 6;        // of Newton, in a proximal step near the end: with more a near-critical arch creeps (T17)
 constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
 constexpr int kHalvings = 8;
 constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
@@ -153,14 +153,14 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   for (auto& vector : basis_) vector.resize(unknowns);
   system_.Prepare(problem, 1);
   ProximalPace pace(best);
-  for (int step = 0; step < max_factorisations && best.max > goal && pace.GoesOn(best.max <= enough); ++step) {
-    if (factorisations_ >= max_factorisations) break;
+  for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
     const int before = factorisations_;
     const bool refines = best.max <= enough;
+    if (best.max <= goal || before >= max_factorisations || !pace.GoesOn(refines)) break;
     const double residual = kStepShare * best.rms;
     stiffness_ = pace.Stiffness(residual, Speed());
     const int most = refines ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
-    const bool solved = Step(residual, std::min(most, max_factorisations - factorisations_));
+    const bool solved = Step(residual, std::min(most, max_factorisations - before));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
     if (map.rms < best.rms) best = map, *impulses = impulses_;

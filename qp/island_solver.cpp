@@ -209,17 +209,17 @@ void IslandSolver::TakeOver(const Problem& problem, std::span<const Vector3> sta
 // contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
 // Newton's method finds from there depends on no order of contacts.
 NaturalMap IslandSolver::StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start) {
-  double wild = INFINITY;  // [velocity] the map of the start
+  double map_of_start = INFINITY;
   if (start.size() == problem.contacts.size() && !AllZero(start)) {
     TakeOver(problem, start);
     const NaturalMap map = MapOfSwept(problem);
     if (map.Meets(settings.tolerance * settings.velocity_scale)) return map;
-    wild = map.rms;
+    map_of_start = map.rms;
     std::swap(swept_, before_);
   }
   TakeNone(problem);
   const NaturalMap without = MapOfSwept(problem);
-  if (!(wild < kWildShare * without.rms)) return without;
+  if (!(map_of_start < kWildShare * without.rms)) return without;
   std::swap(swept_, before_);
   const NaturalMap swept = SweepOn(problem);
   if (swept.rms < kGuessShare * without.rms) return swept;

@@ -14,16 +14,8 @@ constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of t
 
 double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
 
-Vector3 ProjectOnCone(const Vector3& x, double mu) {
-  const double tangent = Tangent(x);
-  if (x[0] + mu * tangent <= 0) return Vector3::Zero();
-  if (tangent <= mu * x[0]) return x;
-  const double normal = (x[0] + mu * tangent) / (1 + mu * mu);
-  return {normal, mu * normal * x[1] / tangent, mu * normal * x[2] / tangent};
-}
-
 Vector3 Law(Model model, const Vector3& x, double mu) {
-  return model == Model::kConvex ? ProjectOnCone(x, mu) : SpringLaw(x, mu);
+  return model == Model::kConvex ? ProjectOnCircularCone(x, mu) : SpringLaw(x, mu);
 }
 
 // An element of the generalised derivative of Law.
@@ -47,7 +39,7 @@ NaturalMap NaturalMapOf(const ScaledLocalProblem& problem, Model model, const Ei
     Vector3 u = velocities.segment<3>(3 * c);
     if (model == Model::kCoulomb) u[0] += problem.friction[c] * Tangent(u);
     const Vector3 j = impulses.segment<3>(3 * c);
-    const double map = (j - ProjectOnCone(j - u, problem.friction[c])).norm() * problem.RelativeSpeed(c);
+    const double map = (j - ProjectOnCircularCone(j - u, problem.friction[c])).norm() * problem.RelativeSpeed(c);
     if (!(map <= largest)) largest = map;  // NaN too
     sum += map * map;
   }
