@@ -12,6 +12,7 @@
 #include "engine/flight_time.h"
 #include "engine/ledger.h"
 #include "engine/motion.h"
+#include "engine/motion/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/rotation.h"
 #include "engine/sphere_beds.h"
@@ -24,6 +25,14 @@
 namespace islet {
 
 static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
+
+// The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
+static bool HasLaw(const Settings& settings) {
+  return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular && settings.bounce_law == BounceLaw::kExact &&
+         settings.freezing != Freezing::kPaper;
+}
+static bool GroupsByLaw(const Settings& settings) { return settings.group_bodies > 0 && HasLaw(settings); }
+static bool CrowdsByLaw(const Settings& settings) { return settings.crowd_law && HasLaw(settings); }
 
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
   throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + ": " +
@@ -43,6 +52,7 @@ struct WorldState {
   std::vector<double> margins;         // [m] and how far it may stray from that
   FlightMemory flights;
   motion::GroupMemory groups;
+  motion::CrowdMemory crowd_memory;
   std::vector<std::uint8_t> crowd;  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
   bool has_spheres = false;
   bool stale = true;          // near_contacts do not belong to the current poses
@@ -69,10 +79,12 @@ struct World::Impl : WorldState {
   std::vector<Contact> detected, still;  // scratch
   SphereBeds beds;
   motion::GroupMotion group_motion;
+  motion::Crowd crowd_motion;
   motion::MixMaterial mix;
   LedgerKeeper ledger;
   ProblemObserver observer;
-  std::vector<Body> before;  // the step
+  std::vector<Body> before;        // the step
+  std::vector<Vector3> planned;    // [m] per body: its way without contacts
   std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
@@ -87,10 +99,11 @@ struct World::Impl : WorldState {
         own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)),
         pool(p ? p : own_pool.get()),
         suite(s, pool),
-        detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
+        detector(pool, s.ladder.Has(qp::Rung::kKeptPairs), /*foresee=*/!CrowdsByLaw(s)),
         mover(s, pool),
         flight_time(s.bounce_law == BounceLaw::kExact),
         group_motion(s, pool),
+        crowd_motion(s, pool),
         mix([this](Contact* c, const Body& a, const Body& b) {
           c->friction = MixFriction(a.friction, b.friction);
           c->restitution = MixRestitution(a.restitution, b.restitution);
@@ -108,7 +121,7 @@ struct World::Impl : WorldState {
   void DetectMoving(std::span<const Vector3> expected);
   void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
-  bool StaysInReach(std::span<const Vector3> planned) const;
+  bool StaysInReach(std::span<const Vector3> ways) const;
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
   void WakeBeforeMovers(double dt);
@@ -116,15 +129,16 @@ struct World::Impl : WorldState {
   bool IsSupported(int body, double dt) const;
   void SelectResolved(double dt);
   MotionOutcome Move(const MotionPlan& plan, double* detect_seconds);
-  bool MovesGroups() const;
   void CarryKinematic(double dt);
   void SetApart(bool apart);
   bool CrowdChanged() const;
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
+  void StepCrowdByLaw(double dt, StepReport* report);
   bool StepOnce(double dt, bool races, StepReport* report);
   void StepInParts(double dt, int halvings, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
+  void AddImpulses(std::span<const LedgerImpulse> of_part);
   void AddGroups(StepReport* report);
   void CheckTouching();
   void Changed();
@@ -206,6 +220,7 @@ void World::SetGravity(const Vector3& gravity_W) {
   impl_->settings.gravity = gravity_W;
   impl_->mover.SetGravity(gravity_W);
   impl_->group_motion.SetGravity(gravity_W);
+  impl_->crowd_motion.SetGravity(gravity_W);
   impl_->rest.reset();
   impl_->groups.Disturb();
 }
@@ -280,13 +295,13 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
 }
 
 // Every body ends near the path that the last detection swept for it.
-bool World::Impl::StaysInReach(std::span<const Vector3> planned) const {
+bool World::Impl::StaysInReach(std::span<const Vector3> ways) const {
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
     const double length = travel[i].squaredNorm();
-    const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
+    const double along = length > 0 ? std::clamp(ways[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
     const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
-    if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
+    if ((ways[i] - along * travel[i]).norm() + turn > margins[i]) return false;
   }
   return true;
 }
@@ -357,11 +372,10 @@ void World::Impl::CheckTouching() {
   SelectTouching();
 }
 
-// The contacts and impulses of small groups, beside those of the crowd.
-void World::Impl::AddGroups(StepReport* report) {
-  if (!MovesGroups()) return;
+// What corrects a spread impulse is told with it.
+void World::Impl::AddImpulses(std::span<const LedgerImpulse> of_part) {
   group_places.clear();
-  for (const LedgerImpulse& j : group_motion.impulses()) {
+  for (const LedgerImpulse& j : of_part) {
     group_places.push_back(j.corrects < 0 ? static_cast<int>(impulses.size()) : group_places[j.corrects]);
     if (j.corrects >= 0) {
       impulses[group_places.back()] += j.impulse_W;
@@ -370,6 +384,12 @@ void World::Impl::AddGroups(StepReport* report) {
     resolved.push_back(j.contact);
     impulses.push_back(j.impulse_W);
   }
+}
+
+// The contacts and impulses of small groups, beside those of the crowd.
+void World::Impl::AddGroups(StepReport* report) {
+  if (!GroupsByLaw(settings)) return;
+  AddImpulses(group_motion.impulses());
   const size_t own = touching.size();
   for (const Contact& c : groups.contacts)
     if (Touches(c)) touching.push_back(c);
@@ -399,15 +419,15 @@ MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) 
     DetectMoving(expected);
     *detect_seconds += Seconds() - start;
   };
-  const std::span<const Vector3> planned = mover.PlanTravel(plan, bodies);
-  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(planned)) {
+  const std::span<const Vector3> ways = mover.PlanTravel(plan, bodies);
+  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(ways)) {
     spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
   } else {
-    detect(planned, &near_contacts);
+    detect(ways, &near_contacts);
   }
   beds.Find(has_spheres, near_contacts, bodies, shapes);
   if (has_spheres)
-    for (Contact& c : near_contacts) beds.Passes(plan.dt, planned, &c);
+    for (Contact& c : near_contacts) beds.Passes(plan.dt, ways, &c);
   return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
 }
 
@@ -415,12 +435,6 @@ void World::Impl::Changed() {
   stale = true;
   rest.reset();
   groups.Disturb();
-}
-
-// The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
-bool World::Impl::MovesGroups() const {
-  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.cone == Cone::kCircular &&
-         settings.bounce_law == BounceLaw::kExact && settings.freezing != Freezing::kPaper;
 }
 
 void World::Impl::CarryKinematic(double dt) {
@@ -490,10 +504,43 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
   report->held_back = moved.held_back;
 }
 
+// Larger groups by the law of the step.
+void World::Impl::StepCrowdByLaw(double dt, StepReport* report) {
+  const double begin = Seconds();
+  if (stale) CheckTouching();
+  planned.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    planned[i] = dt * bodies[i].linear_velocity_W;
+    if (bodies[i].Moves()) planned[i] += 0.5 * dt * dt * (settings.gravity + bodies[i].force_W / bodies[i].mass);
+  }
+  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(planned)) {
+    spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
+  } else {
+    DetectMoving(planned);
+  }
+  const double detected_at = Seconds();
+  report->seconds.detect += detected_at - begin;
+  const double others = report->seconds.Total();
+  const motion::FindContacts find = [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); };
+  crowd_motion.Step(dt, find, observer, bodies, shapes, &near_contacts, &crowd_memory, report);
+  resolved.clear();
+  impulses.clear();
+  AddImpulses(crowd_motion.impulses());
+  SelectTouching();
+  report->contacts += static_cast<int>(touching.size());
+  report->seconds.move += Seconds() - detected_at - (report->seconds.Total() - others);
+  report->motion_ladder.Include(std::exchange(spared, {}));
+}
+
 // What the crowd's impulses were: those that held acted over the step, the others were blows at its start.
 void World::Impl::KeepLedger(double dt, StepReport* report) {
   ledger_impulses.assign(group_motion.impulses().begin(), group_motion.impulses().end());
-  for (size_t c = 0; c < resolved.size(); ++c) {
+  const int own = static_cast<int>(ledger_impulses.size());
+  for (LedgerImpulse j : crowd_motion.impulses()) {
+    if (j.corrects >= 0) j.corrects += own;
+    ledger_impulses.push_back(j);
+  }
+  for (size_t c = 0; c < (CrowdsByLaw(settings) ? 0 : resolved.size()); ++c) {
     const Vector3 held = c < suite.held().size() ? suite.held()[c] : Vector3(Vector3::Zero());
     const Vector3 blow = impulses[c] - held;
     if (!held.isZero(0)) ledger_impulses.push_back({resolved[c], held, 0, dt});
@@ -508,7 +555,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   dt_hint = dt;
   before = bodies;
   const double moving = Seconds();
-  const bool grouped = MovesGroups();
+  const bool grouped = GroupsByLaw(settings);
   if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, flights.unflown, observer, &groups, report)) return false;
   report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
   if (!grouped || group_motion.any_crowd()) {
@@ -519,10 +566,15 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
       crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
       SetApart(true);
     }
-    StepCrowd(dt, report);
+    if (CrowdsByLaw(settings)) {
+      StepCrowdByLaw(dt, report);
+    } else {
+      StepCrowd(dt, report);
+    }
     if (apart) SetApart(false);
   } else {
     CarryKinematic(dt);
+    crowd_motion.Rest();
     crowd.assign(bodies.size(), 0);
     resolved.clear();
     impulses.clear();

@@ -1,0 +1,952 @@
+#include "engine/motion/crowd.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/rotation.h"
+#include "engine/stopwatch.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kPerTask = 256;        // bodies or contacts
+constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
+constexpr int kPasses = 8;           // of the carrying problem
+constexpr int kRough = 4;            // share of the effort that each of them may take
+constexpr int kLevels = 2;           // times that a piece is halved
+constexpr double kMiss = 2.5e-4;     // of a size: what gaps may miss their end by, and below which a contact is closed
+constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
+constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
+constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
+constexpr double kPushOut = 0.2;     // of an overlap: what a piece takes back
+constexpr double kAstray = 0.01;     // of a size: an overlap whose way out begins so far inside is not that of the way in
+constexpr double kFast = 20;         // times |g| dt: fastest that such a way out may ask for
+constexpr double kAlike = 0.999;     // cosine: normals that are the same
+constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
+constexpr double kTilts = 1e-3;      // of a spin: less across the normal is none
+constexpr double kTurns = 1e-7;      // sine of half a turn: less is none
+
+Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum) {
+  return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
+}
+Quaternion Turned(const Vector3& turn, const Quaternion& rotation) {
+  if (turn.isZero(0)) return rotation;
+  return (Exp(turn) * rotation).normalized();
+}
+bool SameFeature(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature; }
+bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+
+// What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
+Vector3 WithinCone(const Contact& contact, const Vector3& impulse) {
+  const double press = std::max(0.0, contact.normal_W.dot(impulse));
+  const Vector3 friction = impulse - contact.normal_W.dot(impulse) * contact.normal_W;
+  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
+  return press * contact.normal_W + share * friction;
+}
+
+// Calls f(first and last place in x, the same in y) for each pair of bodies that has contacts in x, in y or in both.
+template <typename F>
+void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F& f) {
+  for (size_t i = 0, k = 0; i < x.size() || k < y.size();) {
+    const bool from_y = i == x.size() || (k < y.size() && EarlierPair(y[k], x[i]));
+    const Contact& pair = from_y ? y[k] : x[i];
+    const size_t first_i = i, first_k = k;
+    while (i < x.size() && SamePair(x[i], pair)) ++i;
+    while (k < y.size() && SamePair(y[k], pair)) ++k;
+    f(first_i, i, first_k, k);
+  }
+}
+
+}  // namespace
+
+Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), workers_(pool->num_workers()) {}
+
+double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }
+
+template <typename F>
+void Crowd::ForEachIsland(const F& f) {
+  costs_.resize(partition_.num_islands());
+  for (int i = 0; i < partition_.num_islands(); ++i) costs_[i] = 1.0 + static_cast<double>(partition_.contacts_of(i).size());
+  parallel::MakeSchedule(costs_, kBatchCost, &schedule_);
+  const auto work = [&](int batch, int worker) {
+    for (const int island : schedule_.batch(batch)) f(island, &workers_[worker]);
+  };
+  pool_->ForEach(schedule_.num_batches(), std::cref(work));
+}
+
+// States where the step begins, and the course under forces alone.
+void Crowd::Load(double dt) {
+  const size_t n = bodies_.size();
+  dt_ = dt;
+  carrying_ = settings_;
+  carrying_.effort.sweeps = std::max(1, settings_.effort.sweeps / kRough);
+  begin_.resize(n);
+  free_.resize(n);
+  middle_.resize(n);
+  mean_W_.resize(n);
+  mean_spin_W_.resize(n);
+  travel_.resize(n);
+  posed_.assign(bodies_.begin(), bodies_.end());
+  cut_.resize(n);
+  double fastest = 0;
+  for (size_t i = 0; i < n; ++i) {
+    cut_[i] = !bodies_[i].Moves();
+    if (!cut_[i]) fastest = std::max(fastest, FastestPoint(TwistOf(bodies_[i]), bodies_[i].radius));
+  }
+  floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
+  threshold_ = 10 * settings_.tolerance * floor_;
+  pool_->ForEachOf(n, kPerTask, [&](size_t i) {
+    const Body& b = bodies_[i];
+    begin_[i] = {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+    if (!b.Moves()) {
+      mean_W_[i] = b.linear_velocity_W;
+      travel_[i] = dt * b.linear_velocity_W;
+      mean_spin_W_[i] = b.angular_velocity_W;
+      middle_[i] = {b.position_W + 0.5 * dt * b.linear_velocity_W, Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
+      return;
+    }
+    Free& free = free_[i];
+    free.linear_W = b.linear_velocity_W + 0.5 * dt * (settings_.gravity + b.force_W / b.mass);
+    free.half_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, b.angular_velocity_W, 0.5 * dt), b.rotation_WB);
+    free.spin_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, free.half_WB);
+  });
+}
+
+// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
+void Crowd::Recall(const CrowdMemory& memory) {
+  start_force_W_.assign(start_.size(), Vector3::Zero());
+  ForEachPair(memory.contacts, start_, [&](size_t old, size_t old_end, size_t now, size_t now_end) {
+    if (old == old_end || now == now_end) return;
+    for (size_t o = old; o < old_end; ++o) {
+      if (memory.forces_W[o].isZero(0)) continue;
+      size_t heir = now;
+      double nearest = INFINITY;
+      for (size_t c = now; c < now_end; ++c) {
+        const double apart = SameFeature(start_[c], memory.contacts[o]) ? -1 : (start_[c].point_W - memory.contacts[o].point_W).squaredNorm();
+        if (apart < nearest) nearest = apart, heir = c;
+      }
+      start_force_W_[heir] += memory.forces_W[o];
+    }
+  });
+}
+
+// What may close within the step, on the course that the velocities of its start give.
+void Crowd::Select() {
+  held_.clear();
+  held_of_.clear();
+  impulse_W_.clear();
+  centre_.clear();
+  for (size_t c = 0; c < start_.size(); ++c) {
+    const Contact& contact = start_[c];
+    const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
+    if (!a.Moves() && !b.Moves()) continue;
+    const auto free = [&](const Body& body, int i) -> Vector3 {
+      return body.Moves() ? Vector3(free_[i].linear_W + free_[i].spin_W.cross(contact.point_W - body.position_W)) : body.VelocityAt(contact.point_W);
+    };
+    const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
+    const double size = Size(contact);
+    if (contact.gap + dt_ * opening > kReach * size && start_force_W_[c].isZero(0)) continue;
+    // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
+    const double gap = contact.gap > kMiss * size ? contact.gap : contact.gap < -kMiss * size ? kPushOut * contact.gap : 0;
+    held_.push_back(contact);
+    Held held;
+    held.target = -gap / dt_;
+    held.allowed = contact.gap - gap;
+    held.push = gap < 0 ? -gap : 0;
+    const Vector3 half = 0.5 * contact.gap * contact.normal_W;
+    held.in_a = Inside(contact.body_a, begin_[contact.body_a].pose, contact.point_W - half);
+    held.in_b = Inside(contact.body_b, begin_[contact.body_b].pose, contact.point_W + half);
+    held_of_.push_back(held);
+    impulse_W_.push_back(WithinCone(contact, dt_ * start_force_W_[c]));
+    const double share = ShareOfA(contact);
+    centre_.push_back(share * a.position_W + (1 - share) * b.position_W);
+    // At the lever of halfway, as far as bodies turn on.
+    const auto halfway = [&](const Body& body, int i) -> Vector3 {
+      if (TurnsInItself(i) || body.angular_velocity_W.isZero(0)) return contact.point_W;
+      return contact.point_W + 0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
+    };
+    held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
+  }
+}
+
+// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
+// does not: so the normal impulse on it passes through its centre.
+double Crowd::ShareOfA(const Contact& contact) const {
+  const int a = contact.body_a, b = contact.body_b;
+  if (!bodies_[a].Moves()) return 0;
+  if (!bodies_[b].Moves()) return 1;
+  return TurnsInItself(a) == TurnsInItself(b) ? 0.5 : TurnsInItself(a) ? 1 : 0;
+}
+
+void Crowd::Part(std::span<const Contact> contacts) {
+  edges_.clear();
+  frames_.resize(contacts.size());
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    edges_.emplace_back(contacts[c].body_a, contacts[c].body_b);
+    frames_[c] = ContactFrame(contacts[c].normal_W);
+  }
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  outcomes_.assign(partition_.num_islands(), {});
+  records_.resize(partition_.num_islands());
+}
+
+// Impulses that keep contacts open at the end of the step, of the islands that are disturbed. Unknown: the mean velocity, after half of
+// each impulse.
+void Crowd::Carry(bool first, StepReport* report) {
+  frames_.resize(held_.size());
+  edges_.clear();
+  active_.clear();
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (!disturbed_[held_[c].body_a] && !disturbed_[held_[c].body_b]) continue;
+    frames_[c] = ContactFrame(held_[c].normal_W);
+    edges_.emplace_back(held_[c].body_a, held_[c].body_b);
+    active_.push_back(static_cast<int>(c));
+  }
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  outcomes_.assign(partition_.num_islands(), {});
+  records_.resize(partition_.num_islands());
+  pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
+    Body& p = posed_[i];
+    p.position_W = first ? begin_[i].pose.position_W : middle_[i].position_W;
+    if (cut_[i]) return;
+    p.rotation_WB = free_[i].half_WB;
+    p.linear_velocity_W = free_[i].linear_W;
+    p.angular_velocity_W = free_[i].spin_W;
+    if (!bodies_[i].torque_W.isZero(0)) p.angular_velocity_W += 0.5 * dt_ * SpinOf(bodies_[i], p.rotation_WB, bodies_[i].torque_W);
+  });
+  targets_.resize(held_.size());
+  local_.resize(held_.size());
+  for (const int c : active_) {
+    targets_[c] = held_of_[c].target;
+    local_[c] = 0.5 * (frames_[c].transpose() * impulse_W_[c]);
+  }
+  const double start = Seconds();
+  ForEachIsland([&](int island, Worker* worker) {
+    worker->contacts.clear();
+    for (const int k : partition_.contacts_of(island)) worker->contacts.push_back(active_[k]);
+    const IslandView view{partition_.bodies_of(island), worker->contacts};
+    if (view.contacts.empty()) return;
+    outcomes_[island] = worker->responder.ResolveTargets(view, {held_, frames_}, targets_, carrying_, floor_, posed_, local_);
+    for (const int c : view.contacts) impulse_W_[c] = 2 * (frames_[c] * local_[c]);
+    for (const int i : view.bodies) errors_[i] = outcomes_[island].certificate.natural_map_max;
+    Record(island, Stage::kStatic, outcomes_[island], *worker);
+  });
+  TellObserver();
+  Report(outcomes_, &report->static_qp, Seconds() - start, &report->seconds.static_qp, report);
+}
+
+void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report) {
+  *stage += seconds;
+  for (const ResponseOutcome& outcome : outcomes) {
+    outcome.AddTo(summary, &report->ladder);
+    report->certificate.Include(outcome.certificate);
+    report->restitution_lowered += outcome.restitution_lowered;
+  }
+}
+
+void Crowd::Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker) {
+  if (!*observer_ || outcome.status == QpStatus::kNone) return;
+  records_[island].push_back({0, island, stage, outcome.status, worker.responder.problem(), worker.responder.solution()});
+}
+
+void Crowd::TellObserver() {
+  if (!*observer_) return;
+  for (auto& records : records_) {
+    for (const ProblemRecord& record : records) (*observer_)(record);
+    records.clear();
+  }
+}
+
+// The step under these impulses: parabolas, free turns, and half-way a kick to each angular momentum.
+void Crowd::Fly() {
+  const size_t n = bodies_.size();
+  for (size_t i = 0; i < n; ++i) {
+    Body& b = bodies_[i];
+    if (!b.Moves()) continue;
+    mean_W_[i] = free_[i].linear_W;
+    mean_spin_W_[i] = dt_ * b.torque_W;  // [N m s] so far
+  }
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    if (!cut_[a]) mean_W_[a] -= 0.5 / bodies_[a].mass * impulse_W_[c];
+    if (!cut_[b]) mean_W_[b] += 0.5 / bodies_[b].mass * impulse_W_[c];
+  }
+  for (size_t i = 0; i < n; ++i)
+    if (!cut_[i]) middle_[i].position_W = begin_[i].pose.position_W + 0.5 * dt_ * mean_W_[i];
+  acted_at_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    const double share = ShareOfA(held_[c]);
+    acted_at_[c] = held_[c].point_W + (share * middle_[a].position_W + (1 - share) * middle_[b].position_W - centre_[c]);
+    if (impulse_W_[c].isZero(0)) continue;
+    if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
+    if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
+  }
+  pool_->ForEachOf(n, kPerTask, [&](size_t i) {
+    Body& b = bodies_[i];
+    if (b.kind == BodyKind::kKinematic) {
+      b.position_W = begin_[i].pose.position_W + dt_ * b.linear_velocity_W;
+      b.rotation_WB = Turned(dt_ * b.angular_velocity_W, begin_[i].pose.rotation_WB);
+    }
+    if (!b.Moves()) return;
+    const Free& free = free_[i];
+    const Vector3 after = mean_spin_W_[i].isZero(0) ? free.spin_W : Vector3(free.spin_W + SpinOf(b, free.half_WB, mean_spin_W_[i]));
+    b.position_W = begin_[i].pose.position_W + dt_ * mean_W_[i];
+    b.linear_velocity_W = 2 * mean_W_[i] - begin_[i].linear_W;
+    b.rotation_WB = Turned(FreeRotation(b.inertia_B, free.half_WB, after, 0.5 * dt_), free.half_WB);
+    b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, free.half_WB, after, b.rotation_WB);
+    mean_spin_W_[i] = 0.5 * (free.spin_W + after);
+    travel_[i] = dt_ * b.linear_velocity_W;
+  });
+}
+
+// [m/s] of a body's point halfway.
+Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const { return mean_W_[i] + mean_spin_W_[i].cross(point - middle_[i].position_W); }
+
+// Where held contacts are found again; what they carried; the overlap that each pair began with. Returns whether gaps meet their end,
+// and marks the islands in which they do not.
+bool Crowd::Judge() {
+  const std::vector<Contact>& end = *near_;
+  follows_.assign(held_.size(), -1);
+  carried_W_.assign(end.size(), Vector3::Zero());
+  before_.assign(end.size(), 0.0);
+  ForEachPair(held_, end, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
+    if (e == e_end) return;
+    for (size_t c = h; c < h_end; ++c) {
+      double nearest = kSamePlace * Size(held_[c]);
+      const int a = held_[c].body_a, b = held_[c].body_b;
+      const Vector3 place = acted_at_[c] + 0.5 * (bodies_[a].position_W - middle_[a].position_W + bodies_[b].position_W - middle_[b].position_W);
+      for (size_t k = e; k < e_end; ++k) {
+        const double apart = SameFeature(end[k], held_[c]) ? -1 : (end[k].point_W - place).norm();
+        if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(k);
+      }
+      if (follows_[c] >= 0) carried_W_[follows_[c]] += impulse_W_[c];
+    }
+  });
+  ForEachPair(start_, end, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
+    double deepest = 0;
+    for (size_t c = s; c < s_end; ++c) deepest = std::min(deepest, start_[c].gap);
+    for (size_t k = e; k < e_end; ++k) before_[k] = deepest;
+  });
+  disturbed_.assign(bodies_.size(), 0);
+  bool met = true;
+  for (size_t e = 0; e < end.size(); ++e) {
+    const double size = Size(end[e]);
+    if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
+    if (end[e].gap >= before_[e] - kMiss * size) continue;
+    met = false;
+    for (const int i : {end[e].body_a, end[e].body_b})
+      if (!cut_[i]) disturbed_[i] = 1;
+  }
+  met = !Gains() && met;
+  if (met) return true;
+  // All of an island that misses its end somewhere.
+  edges_.clear();
+  for (const Contact& contact : held_) edges_.emplace_back(contact.body_a, contact.body_b);
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const std::span<const int> members = partition_.bodies_of(island);
+    if (std::none_of(members.begin(), members.end(), [&](int i) { return disturbed_[i] != 0; })) continue;
+    for (const int i : members) disturbed_[i] = 1;
+  }
+  return false;
+}
+
+// [J] of a body, its height counted from where the step began.
+double Crowd::EnergyOf(size_t i, bool at_end) const {
+  const Body& b = bodies_[i];
+  const State& s = begin_[i];
+  const Quaternion& rotation = at_end ? b.rotation_WB : s.pose.rotation_WB;
+  const Vector3 v = at_end ? b.linear_velocity_W : s.linear_W, w = rotation.conjugate() * (at_end ? b.angular_velocity_W : s.angular_W);
+  const double height = at_end ? (b.mass * settings_.gravity + b.force_W).dot(b.position_W - s.pose.position_W) : 0;
+  return 0.5 * b.mass * v.squaredNorm() + 0.5 * w.dot(b.inertia_B * w) - height;
+}
+
+// [J] of what a contact carried.
+double Crowd::WorkOf(size_t c) const {
+  return impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
+}
+
+// Whether bodies that press each other gained energy, by contacts whose levers are not those of the step, or by what pushed an overlap
+// out; marks the bodies of these contacts.
+bool Crowd::Gains() {
+  edges_.clear();
+  pressing_.clear();
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    edges_.emplace_back(held_[c].body_a, held_[c].body_b);
+    pressing_.push_back(static_cast<int>(c));
+  }
+  islands::BuildPartition({cut_, edges_}, &gaining_);
+  gain_.resize(bodies_.size());
+  at_hand_.resize(bodies_.size());
+  pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
+    if (cut_[i]) return;
+    const double before = EnergyOf(i, false);
+    gain_[i] = EnergyOf(i, true) - before;
+    at_hand_[i] = before + 0.5 * bodies_[i].mass * floor_ * floor_;
+  });
+  bool gains = false;
+  for (int island = 0; island < gaining_.num_islands(); ++island) {
+    double gain = 0, at_hand = 0;
+    for (const int i : gaining_.bodies_of(island)) gain += gain_[i], at_hand += at_hand_[i];
+    if (gain <= kGain * at_hand) continue;
+    for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0;  // what it costs is not there
+    for (const int k : gaining_.contacts_of(island)) {
+      const int c = pressing_[k];
+      if (held_of_[c].push > 0) {
+        held_of_[c].allowed -= held_of_[c].push;
+        held_of_[c].push = 0;
+        gains = true;
+        for (const int i : {held_[c].body_a, held_[c].body_b})
+          if (!cut_[i]) disturbed_[i] = 1;
+      }
+      if (WorkOf(c) <= 0.1 * kGain * at_hand) continue;
+      gains = true;
+      for (const int i : {held_[c].body_a, held_[c].body_b})
+        if (!cut_[i]) disturbed_[i] = 1;
+    }
+  }
+  return gains;
+}
+
+// A point of a body in its frame, and back; what turns in itself has none of its own.
+Vector3 Crowd::Inside(int i, const Pose& pose, const Vector3& point) const {
+  const Vector3 r = point - pose.position_W;
+  return TurnsInItself(i) ? r : Vector3(pose.rotation_WB.conjugate() * r);
+}
+Vector3 Crowd::Outside(int i, const Pose& pose, const Vector3& point) const {
+  return pose.position_W + (TurnsInItself(i) ? point : Vector3(pose.rotation_WB * point));
+}
+
+// [m] between the points of a contact at the end, along its normal.
+double Crowd::GapAlong(const Contact& c, const Held& held) const {
+  const auto end = [&](int i) -> Pose { return {bodies_[i].position_W, bodies_[i].rotation_WB}; };
+  return c.normal_W.dot(Outside(c.body_b, end(c.body_b), held.in_b) - Outside(c.body_a, end(c.body_a), held.in_a));
+}
+
+Vector3 Crowd::Centre(const Contact& c) const {
+  const double share = ShareOfA(c);
+  return share * middle_[c.body_a].position_W + (1 - share) * middle_[c.body_b].position_W;
+}
+
+// [m/s] mean normal velocity with which a contact that ends at this gap would end at the one that is allowed.
+double Crowd::TargetOf(const Contact& contact, double gap, double allowed) const {
+  const double u = contact.normal_W.dot(MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W));
+  return u - (gap - allowed) / dt_;
+}
+
+Path Crowd::PathOf(int i) const {
+  const State& s = begin_[i];
+  const Body& b = bodies_[i];
+  const Vector3 turn = Log(b.rotation_WB * s.pose.rotation_WB.conjugate());
+  return {s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, (1 / (dt_ * dt_)) * (turn - dt_ * s.angular_W), TurnsInItself(i) ? 0 : shapes_[i].radius()};
+}
+
+// A contact that is not found again, or was not disturbed, as it is.
+void Crowd::Keep(size_t c) {
+  Held old = held_of_[c];
+  Contact contact = held_[c];
+  contact.point_W = acted_at_[c];
+  const int a = contact.body_a, b = contact.body_b;
+  if (disturbed_[a] || disturbed_[b]) {
+    old.target = std::min(TargetOf(contact, GapAlong(contact, old), old.allowed), 0.0);  // what is past pushes nobody
+  }
+  next_.push_back(contact);
+  next_of_.push_back(old);
+  next_impulse_W_.push_back(impulse_W_[c]);
+  next_centre_.push_back(Centre(contact));
+}
+
+// The contact where the step began, if it was there.
+const Contact* Crowd::AtStart(const Contact& end) const {
+  const auto [first, last] = std::equal_range(start_.begin(), start_.end(), end, EarlierPair);
+  const int a = end.body_a, b = end.body_b;
+  const auto back = [&](int i) -> Vector3 { return Outside(i, begin_[i].pose, Inside(i, {bodies_[i].position_W, bodies_[i].rotation_WB}, end.point_W)); };
+  const Vector3 place = 0.5 * (back(a) + back(b));
+  const Contact* found = nullptr;
+  double nearest = kSamePlace * Size(end);
+  for (auto c = first; c != last; ++c) {
+    const double apart = c->feature == end.feature ? -1 : (c->point_W - place).norm();
+    if (apart < nearest) nearest = apart, found = &*c;
+  }
+  return found && found->normal_W.dot(end.normal_W) > 0 ? found : nullptr;
+}
+
+// Between these points of start and end, on the arc about each body's axis.
+Vector3 Crowd::Halfway(const Contact& pair, const Vector3& start, const Vector3& end) const {
+  const auto about = [&](int i) -> Vector3 {
+    const Vector3 before = start - begin_[i].pose.position_W, after = end - bodies_[i].position_W, mean = 0.5 * (before + after);
+    const Vector3 turn = (bodies_[i].rotation_WB * begin_[i].pose.rotation_WB.conjugate()).vec();
+    if (TurnsInItself(i) || turn.norm() < kTurns) return middle_[i].position_W + mean;
+    const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;
+    const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
+    const double chord = across.norm();
+    return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
+  };
+  const double share = ShareOfA(pair);
+  return share * about(pair.body_a) + (1 - share) * about(pair.body_b);
+}
+
+// Makes a contact one whose normal impulse works on the bodies what its gap says (a discrete gradient [Gonz96]): its point is moved in
+// its plane to where the mean velocity opens it as fast as its gap did change.
+void Crowd::TurnLever(double opening, double turn, Contact* contact) const {
+  const int a = contact->body_a, b = contact->body_b;
+  const Vector3& n = contact->normal_W;
+  const double off = opening - n.dot(MeanVelocity(b, contact->point_W) - MeanVelocity(a, contact->point_W));
+  for (const int i : {a, b})
+    if (shapes_[i].kind() == ShapeKind::kSphere) return RollLever(i, off, turn, contact);
+  const Vector3 spin = mean_spin_W_[b] - mean_spin_W_[a], along = n.cross(spin);
+  if (along.norm() > kTilts * spin.norm() && std::abs(off) < kSamePlace * Size(*contact) * along.norm())
+    contact->point_W += off / along.squaredNorm() * along;
+}
+
+// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal.
+void Crowd::RollLever(int sphere, double off, double turn, Contact* contact) const {
+  const Vector3 &centre = middle_[sphere].position_W, &n = contact->normal_W;
+  Vector3 rolls = MeanVelocity(contact->body_b, centre) - MeanVelocity(contact->body_a, centre);
+  rolls -= n.dot(rolls) * n;
+  if (std::abs(off) >= turn * rolls.norm()) return;
+  const double depth = n.dot(contact->point_W - centre);
+  const Vector3 across = contact->point_W - centre - depth * n;
+  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
+  contact->point_W = centre + depth * contact->normal_W + across;
+}
+
+// A contact at the end, at the lever of halfway: on the chord of each body's point.
+void Crowd::Aim(size_t e) {
+  Contact contact = (*near_)[e];
+  const double size = Size(contact);
+  if (contact.gap > kReach * size && carried_W_[e].isZero(0)) return;
+  const int a = contact.body_a, b = contact.body_b;
+  const auto halfway = [&](int i) -> Vector3 {
+    const Vector3 r = contact.point_W - bodies_[i].position_W;
+    if (TurnsInItself(i)) return middle_[i].position_W + r;
+    const Vector3 before = begin_[i].pose.rotation_WB * (bodies_[i].rotation_WB.conjugate() * r);
+    return middle_[i].position_W + 0.5 * (r + before);
+  };
+  const Vector3 half = 0.5 * contact.gap * contact.normal_W;
+  Held held;
+  held.in_a = Inside(a, {bodies_[a].position_W, bodies_[a].rotation_WB}, contact.point_W - half);
+  held.in_b = Inside(b, {bodies_[b].position_W, bodies_[b].rotation_WB}, contact.point_W + half);
+  const double share = ShareOfA(contact);
+  const Contact* const start = AtStart(contact);
+  if (shapes_[a].kind() == ShapeKind::kSphere && shapes_[b].kind() == ShapeKind::kSphere) {
+    contact.normal_W = (middle_[b].position_W - middle_[a].position_W).normalized();
+    contact.point_W = middle_[a].position_W + shapes_[a].radius() * contact.normal_W;
+  } else if (start && start->gap <= kReach * size) {
+    contact.point_W = Halfway(contact, start->point_W, contact.point_W);
+    const double turn = (contact.normal_W - start->normal_W).norm();
+    contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+    TurnLever((contact.gap - start->gap) / dt_, turn, &contact);
+  } else {
+    contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
+  }
+  held.push = before_[e] < -kMiss * size && pushes_[a] && pushes_[b] ? -kPushOut * before_[e] : 0;
+  held.allowed = start && std::abs(start->gap) <= kMiss * size ? std::max(before_[e], start->gap) : before_[e] + held.push;
+  held.target = std::min(TargetOf(contact, contact.gap, held.allowed), kFast * floor_);
+  next_.push_back(contact);
+  next_of_.push_back(held);
+  next_impulse_W_.push_back(WithinCone(contact, carried_W_[e]));
+  next_centre_.push_back(Centre(contact));
+}
+
+// A pair that ends in an overlap from which the nearest way out is not the way in: it carries where it met.
+bool Crowd::Guard(size_t e, size_t e_end) {
+  const Contact& pair = (*near_)[e];
+  const int a = pair.body_a, b = pair.body_b;
+  const double size = Size(pair);
+  bool astray = false;
+  for (size_t k = e; k < e_end; ++k) {
+    const Contact& c = (*near_)[k];
+    if (c.gap >= before_[k] - kMiss * size) continue;
+    astray = astray || TargetOf(c, c.gap, before_[k]) * dt_ > kAstray * size;
+  }
+  if (!astray) return false;
+  const Path path_a = PathOf(a), path_b = PathOf(b);
+  const double t = meeting_.First({&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * kMiss * size});
+  if (t >= dt_) return false;
+  const Pose at_a = path_a.At(t), at_b = path_b.At(t);
+  probe_.clear();
+  CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), kMiss * size, &probe_);
+  for (Contact c : probe_) {
+    c.body_a = a;
+    c.body_b = b;
+    c.friction = pair.friction;
+    c.restitution = pair.restitution;
+    const Vector3 half = 0.5 * c.gap * c.normal_W;
+    Held held;
+    held.in_a = Inside(a, at_a, c.point_W - half);
+    held.in_b = Inside(b, at_b, c.point_W + half);
+    held.pressed = true;
+    const double share = ShareOfA(c);
+    const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W), with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
+    c.point_W = share * with_a + (1 - share) * with_b;
+    held.allowed = before_[e];
+    held.target = TargetOf(c, GapAlong(c, held), held.allowed);
+    next_.push_back(c);
+    next_of_.push_back(held);
+    next_impulse_W_.push_back(Vector3::Zero());
+    next_centre_.push_back(Centre(c));
+  }
+  return !probe_.empty();
+}
+
+// The contacts of the next pass: what is disturbed is posed anew, as it ends now.
+void Crowd::NextTargets() {
+  next_.clear();
+  next_of_.clear();
+  next_impulse_W_.clear();
+  next_centre_.clear();
+  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
+    const Contact& pair = h < h_end ? held_[h] : (*near_)[e];
+    const bool disturbed = disturbed_[pair.body_a] || disturbed_[pair.body_b];
+    for (size_t c = h; c < h_end; ++c) {
+      held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
+      const bool found = follows_[c] >= 0 && (*near_)[follows_[c]].normal_W.dot(held_[c].normal_W) > (TurnsInItself(pair.body_a) && TurnsInItself(pair.body_b) ? -1 : kAlike);
+      if (!disturbed || (!found && held_of_[c].pressed)) Keep(c);
+    }
+    if (!disturbed || e == e_end || Guard(e, e_end)) return;
+    for (size_t k = e; k < e_end; ++k) Aim(k);
+  });
+  std::swap(held_, next_);
+  std::swap(held_of_, next_of_);
+  std::swap(impulse_W_, next_impulse_W_);
+  std::swap(centre_, next_centre_);
+}
+
+// Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
+void Crowd::Settle(StepReport* report) {
+  const std::vector<Contact>& end = *near_;
+  problem_.clear();
+  closed_.clear();
+  for (size_t e = 0; e < end.size(); ++e) {
+    if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
+    if (end[e].gap > (carried_W_[e].isZero(0) ? kMiss : kReach) * Size(end[e])) continue;
+    problem_.push_back(end[e]);
+    closed_.push_back(static_cast<int>(e));
+  }
+  Part(problem_);
+  std::copy(bodies_.begin(), bodies_.end(), posed_.begin());
+  // What these carried is taken back, as far as their law allows it.
+  beyond_W_.resize(problem_.size());
+  local_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    Vector3& carried = carried_W_[closed_[c]];
+    beyond_W_[c] = carried - WithinCone(problem_[c], carried);
+    carried -= beyond_W_[c];
+    local_[c] = frames_[c].transpose() * carried;
+    if (carried.isZero(0)) continue;
+    Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
+    if (a.Moves()) a.ApplyImpulse(carried, problem_[c].point_W);
+    if (b.Moves()) b.ApplyImpulse(-carried, problem_[c].point_W);
+  }
+  hits_.assign(problem_.size(), 0);
+  targets_.assign(problem_.size(), 0.0);
+  pool_->ForEachOf(problem_.size(), kPerTask, [&](size_t c) {
+    const Contact& contact = problem_[c];
+    // What it had as the step began, and fell on a wall by then.
+    const auto velocity = [&](int i) -> Vector3 {
+      return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
+    };
+    const int a = contact.body_a, b = contact.body_b;
+    double least = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
+    if (cut_[a] || cut_[b]) {
+      const Body& body = bodies_[cut_[a] ? b : a];
+      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
+      const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
+      least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
+    }
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_))) return;
+    hits_[c] = 1;
+    targets_[c] = ReboundSpeed(contact, least);
+  });
+  rebounds_.assign(problem_.size(), 0.0);
+  blows_.assign(problem_.size(), Vector3::Zero());
+  collisions_.assign(problem_.size(), Vector3::Zero());
+  struck_.assign(partition_.num_islands(), {});
+  bounces_of_.assign(partition_.num_islands(), 0);
+  const double start = Seconds();
+  ForEachIsland([&](int island, Worker* worker) { SettleIsland(island, worker); });
+  const double took = Seconds() - start;
+  TellObserver();
+  double held = 0, struck = 0;
+  for (const auto& o : outcomes_) held += o.seconds;
+  for (const auto& o : struck_) struck += o.seconds;
+  const double share = held + struck > 0 ? held / (held + struck) : 1;
+  Report(outcomes_, &report->static_qp, share * took, &report->seconds.static_qp, report);
+  Report(struck_, &report->collision_qp, (1 - share) * took, &report->seconds.collision_qp, report);
+  for (const int b : bounces_of_) report->bounces += b;
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const double error = std::max(outcomes_[island].certificate.natural_map_max, struck_[island].certificate.natural_map_max);
+    for (const int i : partition_.bodies_of(island)) errors_[i] = std::max(errors_[i], error);
+  }
+  for (size_t i = 0; i < bodies_.size(); ++i)
+    if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
+}
+
+double Crowd::KineticEnergyOf(std::span<const int> bodies) const {
+  double sum = 0;
+  for (const int i : bodies) sum += posed_[i].KineticEnergy();
+  return sum;
+}
+
+// [J] kinetic energy that the bodies of an island may have at the end, where no moving wall works on them: what carrying left them, and
+// took from them.
+double Crowd::EnergyLeftFor(std::span<const int> contacts, std::span<const int> bodies) const {
+  for (const int c : contacts)
+    for (const int i : {problem_[c].body_a, problem_[c].body_b})
+      if (bodies_[i].kind == BodyKind::kKinematic) return INFINITY;
+  double most = 0;
+  for (const int i : bodies) most += (1 + kGain) * bodies_[i].KineticEnergy() + kGain * 0.5 * bodies_[i].mass * floor_ * floor_;
+  for (const int c : contacts) most -= std::min(0.0, work_[closed_[c]]);
+  return most;
+}
+
+// What hits is first left out; blows follow in order of their speed, then at once. They may not leave more energy than the step began
+// with, or all is held at once: with the least speeds at which blows rebound, then with none. Where friction would make some even so,
+// velocities stay those that the carrying impulses left.
+void Crowd::SettleIsland(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  if (contacts.empty()) return;
+  const bool any = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return hits_[c] != 0; });
+  const double most = EnergyLeftFor(contacts, bodies);
+  worker->before.clear();
+  worker->guess.clear();
+  for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
+  for (const int c : contacts) worker->guess.push_back(local_[c]);
+  const auto again = [&] {
+    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+    for (size_t k = 0; k < contacts.size(); ++k) {
+      local_[contacts[k]] = worker->guess[k];
+      blows_[contacts[k]].setZero();
+      collisions_[contacts[k]].setZero();
+    }
+    struck_[island] = {};
+  };
+  if (any && Strike(island, most, worker)) return;
+  for (const bool bounces : {true, false}) {
+    if (bounces && !any) continue;
+    if (any) again();
+    if (!bounces)
+      for (const int c : contacts) targets_[c] = 0;
+    outcomes_[island] = worker->responder.ResolveTargets({bodies, contacts}, {problem_, frames_}, targets_, settings_, floor_, posed_, local_);
+    outcomes_[island].restitution_lowered = any;
+    if (KineticEnergyOf(bodies) > most) continue;
+    Record(island, Stage::kStatic, outcomes_[island], *worker);
+    return;
+  }
+  again();
+  for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+}
+
+// Returns whether no energy was made.
+bool Crowd::Strike(int island, double most, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const ContactFrames all{problem_, frames_};
+  worker->contacts.clear();
+  for (const int c : contacts) {
+    if (!hits_[c]) worker->contacts.push_back(c);
+    if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
+  }
+  outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, {}, settings_.bounce_limit, true}, posed_, blows_);
+  struck_[island] = worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
+  for (const int c : contacts)
+    if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
+  if (KineticEnergyOf(bodies) > most) return false;
+  Record(island, Stage::kCollision, struck_[island], *worker);
+  return true;
+}
+
+// Of a size: the deepest overlap that the piece made.
+double Crowd::FreshOverlap() const {
+  double worst = 0;
+  for (size_t e = 0; e < near_->size(); ++e) {
+    const Contact& c = (*near_)[e];
+    if (!cut_[c.body_a] || !cut_[c.body_b]) worst = std::max(worst, (before_[e] - c.gap) / Size(c));
+  }
+  return worst;
+}
+
+// One piece of the step, from time t on. Returns false, and has done nothing, where it misses its end and may be shortened.
+bool Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
+  start_ = *near_;
+  Recall(*memory);
+  Load(h);
+  Select();
+  disturbed_.assign(bodies_.size(), 1);
+  pushes_.assign(bodies_.size(), 1);
+  int pass = 1;
+  for (;; ++pass) {
+    Carry(pass == 1, report);
+    Fly();
+    const double looking = Seconds();
+    find(travel_, near_);
+    report->seconds.detect += Seconds() - looking;
+    const bool met = Judge();
+    if (met || pass == kPasses) break;
+    NextTargets();
+  }
+  report->motion_passes = std::max(report->motion_passes, pass);
+  if (!last && pass == kPasses && (FreshOverlap() > kDeep || Gains())) {
+    for (size_t i = 0; i < bodies_.size(); ++i) {
+      Body& b = bodies_[i];
+      b.position_W = begin_[i].pose.position_W;
+      b.rotation_WB = begin_[i].pose.rotation_WB;
+      b.linear_velocity_W = begin_[i].linear_W;
+      b.angular_velocity_W = begin_[i].angular_W;
+    }
+    *near_ = start_;
+    return false;
+  }
+  carried_at_.assign(near_->size(), -1);
+  work_.assign(near_->size(), 0.0);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    if (follows_[c] >= 0) {
+      carried_at_[follows_[c]] = static_cast<int>(impulses_.size());
+      work_[follows_[c]] += WorkOf(c);
+    }
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    impulses_.push_back({contact, impulse_W_[c], t, h});
+  }
+  Settle(report);
+  Remember(h, memory);
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    const int e = closed_[c];
+    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+    if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
+  }
+  return true;
+}
+
+// What held as the piece ended, also between bodies that stood still all the while.
+void Crowd::Remember(double h, CrowdMemory* memory) {
+  memory->contacts = *near_;
+  memory->forces_W.assign(near_->size(), Vector3::Zero());
+  blow_W_.assign(near_->size(), Vector3::Zero());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    memory->forces_W[closed_[c]] = 1 / h * (frames_[c] * local_[c] + beyond_W_[c]);
+    blow_W_[closed_[c]] = frames_[c] * (blows_[c] + collisions_[c]);
+  }
+  ForEachPair(start_, *near_, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
+    if (s == s_end || e == e_end || !cut_[start_[s].body_a] || !cut_[start_[s].body_b]) return;
+    for (size_t k = e; k < e_end; ++k)
+      for (size_t c = s; c < s_end; ++c)
+        if (start_[c].feature == (*near_)[k].feature) memory->forces_W[k] = start_force_W_[c];
+  });
+}
+
+// What freezing looks at: the contacts that join bodies, now or before the step ends, and what acts at them.
+void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
+  frame_.dt = dt;
+  frame_.gravity = settings_.gravity;
+  frame_.rest_speed = settings_.gravity.norm() * dt;
+  frame_.bodies = bodies_;
+  joined_.clear();
+  frame_.frames.clear();
+  frame_.holding.clear();
+  frame_.collisions.clear();
+  for (size_t c = 0; c < near_->size(); ++c) {
+    const Contact& contact = (*near_)[c];
+    const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
+    const bool known = c < forces_W.size() && !forces_W[c].isZero(0);
+    const double way = dt * (std::max(0.0, -NormalVelocity(contact, a, b)) + frame_.rest_speed);
+    if (!known && contact.gap > kMiss * Size(contact) && (a.frozen == b.frozen || contact.gap > way)) continue;
+    joined_.push_back(contact);
+    frame_.frames.push_back(ContactFrame(contact.normal_W));
+    frame_.holding.push_back(known ? Vector3(dt * (frame_.frames.back().transpose() * forces_W[c])) : Vector3(Vector3::Zero()));
+    frame_.collisions.push_back(c < blow_W_.size() ? Vector3(frame_.frames.back().transpose() * blow_W_[c]) : Vector3(Vector3::Zero()));
+  }
+  frame_.bounces.assign(joined_.size(), Vector3::Zero());
+  frame_.contacts = {joined_, frame_.frames};
+}
+
+// Frozen bodies that something may move in this step wake.
+void Crowd::Wake(double dt, CrowdMemory* memory) {
+  was_frozen_.resize(bodies_.size());
+  for (size_t i = 0; i < bodies_.size(); ++i) was_frozen_[i] = bodies_[i].frozen;
+  start_ = *near_;
+  Recall(*memory);
+  blow_W_.clear();
+  FillFrame(dt, start_force_W_);
+  if (settings_.freezing == Freezing::kCertified) memory->freezing.BeginFrame(frame_, settings_);
+}
+
+void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
+  FillFrame(dt, memory->forces_W);
+  frozen_.resize(bodies_.size());
+  for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
+  if (settings_.freezing == Freezing::kCertified) memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_);
+  for (size_t i = 0; i < bodies_.size(); ++i) bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
+  for (size_t i = 0; i < bodies_.size(); ++i) {
+    const Body& body = bodies_[i];
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    report->newly_frozen += body.frozen && !was_frozen_[i];
+    report->woken += !body.frozen && was_frozen_[i];
+    (body.frozen ? report->frozen : report->awake) += 1;
+    report->kinetic_energy += body.KineticEnergy();
+  }
+  if (settings_.freezing == Freezing::kCertified && report->frozen > 0)
+    report->frozen_imbalance = std::max(report->frozen_imbalance, memory->freezing.worst_imbalance());
+}
+
+// Of the last piece.
+void Crowd::ReportIslands(StepReport* report) const {
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    if (partition_.contacts_of(i).empty()) continue;
+    IslandReport island;
+    island.first_body = partition_.bodies_of(i)[0];
+    island.bodies = static_cast<int>(partition_.bodies_of(i).size());
+    island.contacts = static_cast<int>(partition_.contacts_of(i).size());
+    island.collision_status = struck_[i].status;
+    island.static_status = outcomes_[i].status;
+    island.collision_iterations = struck_[i].iterations;
+    island.static_iterations = outcomes_[i].iterations;
+    island.map = std::max(struck_[i].map, outcomes_[i].map);
+    island.certificate = struck_[i].certificate;
+    island.certificate.Include(outcomes_[i].certificate);
+    report->islands.push_back(island);
+    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+    report->active_contacts += island.contacts;
+  }
+}
+
+void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies, std::span<const Shape> shapes,
+                 std::vector<Contact>* near, CrowdMemory* memory, StepReport* report) {
+  bodies_ = bodies;
+  shapes_ = shapes;
+  near_ = near;
+  observer_ = &observer;
+  impulses_.clear();
+  errors_.assign(bodies.size(), 0.0);
+  Wake(dt, memory);
+  for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies
+    const Body &a = bodies[start_[c].body_a], &b = bodies[start_[c].body_b];
+    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0)) impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
+  }
+  if (AllStandStill(bodies)) {
+    memory->contacts = *near;
+    memory->forces_W = start_force_W_;
+  } else {
+    double t = 0, most = dt;
+    for (int level = 0; dt - t > 1e-9 * dt;) {
+      const double h = std::min(most, dt - t);
+      if (Piece(t, h, level == kLevels, find, memory, report)) {
+        t += h;
+      } else {
+        ++level;
+        most = 0.5 * h;
+      }
+    }
+    ReportIslands(report);
+  }
+  Freeze(dt, memory, report);
+  for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);
+}
+
+}  // namespace islet::motion

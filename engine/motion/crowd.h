@@ -1,0 +1,194 @@
+// The law of the step for a crowd: the bodies of the groups that are too large for a piece of their own. One piece a step.
+// Derivation and symbols: engine/motion/README.md.
+//
+//   carry    impulses I, spread over the step:  0 <= I_n, gap(x1) >= 0, I_n gap(x1) = 0, friction on the mean velocity; posed anew
+//            where bodies turned, for the islands in which gaps missed their end
+//   settle   the impulses J of the contacts that are closed at the end pose, from the velocities that all but these leave
+//   blows    what came in the step and rebounds: queue and collision problem at the end pose                          [SM04]
+//
+//   in:      the world's bodies, those that are not of the crowd marked as removed; contacts near their poses
+//   out:     poses and velocities; every impulse with its point and time; contacts near the new poses
+//   threads: islands and bodies are shared by the pool; results do not depend on the number of workers
+//   allocation: none after warm-up
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/certified_freezing.h"
+#include "engine/contact.h"
+#include "engine/ledger.h"
+#include "engine/motion/meeting.h"
+#include "engine/motion/path.h"
+#include "engine/problem_record.h"
+#include "engine/response.h"
+#include "engine/sequential.h"
+#include "engine/settings.h"
+#include "engine/shape.h"
+#include "engine/step_report.h"
+#include "engine/suite_frame.h"
+#include "islands/partition.h"
+#include "parallel/schedule.h"
+#include "parallel/worker_pool.h"
+
+namespace islet::motion {
+
+// Finds the contacts at the bodies' present poses, for bodies about to travel as given [m], by pair and feature.
+using FindContacts = std::function<void(std::span<const Vector3> travel_W, std::vector<Contact>* contacts)>;
+
+// What one step of a crowd leaves for the next.
+struct CrowdMemory {
+  std::vector<Contact> contacts;  // near ones
+  std::vector<Vector3> forces_W;  // [N] on body_b, that held there
+  CertifiedFreezing freezing;
+};
+
+class Crowd {
+ public:
+  Crowd(const Settings& settings, parallel::WorkerPool* pool);
+  void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
+
+  void Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies, std::span<const Shape> shapes,
+            std::vector<Contact>* near, CrowdMemory* memory, StepReport* report);
+
+  void Rest() { impulses_.clear(); }  // no step of a crowd
+  std::span<const LedgerImpulse> impulses() const { return impulses_; }  // of the last step
+
+ private:
+  struct Held {          // a contact that carries
+    double target = 0;   // [m/s] least normal mean velocity
+    double allowed = 0;  // [m] <= 0: gap at which it may end
+    double push = 0;     // [m] of that: what the step takes back of an overlap
+    bool pressed = false;  // in some pass
+    Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
+  };
+  struct State {
+    Pose pose;
+    Vector3 linear_W, angular_W;
+  };
+  struct Free {          // of one body, under forces alone
+    Vector3 linear_W;    // [m/s] on average
+    Quaternion half_WB;  // turned for half of the step
+    Vector3 spin_W;      // [rad/s] there
+  };
+  struct Worker {
+    IslandResponder responder;
+    SequentialResolver sequential;
+    std::vector<int> contacts;
+    std::vector<Twist> before;     // of an island's bodies
+    std::vector<Vector3> guess;    // of its contacts
+  };
+
+  bool Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  double FreshOverlap() const;
+  double Size(const Contact& contact) const;
+  void Load(double dt);
+  void Recall(const CrowdMemory& memory);
+  void Select();
+  void Part(std::span<const Contact> contacts);
+  void Carry(bool first, StepReport* report);
+  void Fly();
+  bool Judge();
+  bool Gains();
+  double EnergyOf(size_t i, bool at_end) const;
+  double WorkOf(size_t c) const;
+  void NextTargets();
+  void Keep(size_t c);
+  void Aim(size_t end);
+  bool Guard(size_t e, size_t e_end);
+  Path PathOf(int i) const;
+  bool TurnsInItself(int i) const { return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace; }
+  Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
+  Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
+  double GapAlong(const Contact& contact, const Held& held) const;
+  Vector3 Centre(const Contact& c) const;
+  const Contact* AtStart(const Contact& end) const;
+  Vector3 Halfway(const Contact& pair, const Vector3& start, const Vector3& end) const;
+  void TurnLever(double opening, double turn, Contact* contact) const;
+  void RollLever(int sphere, double off, double turn, Contact* contact) const;
+  double TargetOf(const Contact& contact, double gap, double allowed) const;
+  Vector3 MeanVelocity(int i, const Vector3& point) const;
+  double ShareOfA(const Contact& contact) const;
+  void Settle(StepReport* report);
+  void SettleIsland(int island, Worker* worker);
+  bool Strike(int island, double most, Worker* worker);
+  double KineticEnergyOf(std::span<const int> bodies) const;
+  double EnergyLeftFor(std::span<const int> contacts, std::span<const int> bodies) const;
+  void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report);
+  void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
+  void TellObserver();
+  void Wake(double dt, CrowdMemory* memory);
+  void Freeze(double dt, CrowdMemory* memory, StepReport* report);
+  void FillFrame(double dt, std::span<const Vector3> forces_W);
+  void Remember(double h, CrowdMemory* memory);
+  void ReportIslands(StepReport* report) const;
+
+  template <typename F>
+  void ForEachIsland(const F& f);
+
+  Settings settings_, carrying_;  // carrying_: of a pass
+  parallel::WorkerPool* pool_;
+  std::vector<Worker> workers_;
+  // Of the step.
+  std::span<Body> bodies_;
+  std::span<const Shape> shapes_;
+  std::vector<Contact>* near_ = nullptr;
+  const ProblemObserver* observer_ = nullptr;
+  std::vector<LedgerImpulse> impulses_;
+  std::vector<std::uint8_t> was_frozen_, frozen_;  // as it began; after what woke
+  // Of the piece, where it begins.
+  double dt_ = 0;                        // [s]
+  double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none
+  std::vector<Contact> start_;           // near ones
+  std::vector<Vector3> start_force_W_;   // [N] that held there
+  std::vector<State> begin_;             // per body
+  std::vector<Free> free_;
+  std::vector<std::uint8_t> cut_;        // per body: contacts do not move it
+  std::vector<std::uint8_t> pushes_;     // per body: its overlaps are pushed out
+  // Of a pass.
+  std::vector<Pose> middle_;                         // per body, halfway on the chord
+  std::vector<Vector3> mean_W_, mean_spin_W_;        // [m/s], [rad/s]
+  std::vector<Vector3> travel_;                      // [m] that the next piece may take it
+  std::vector<std::uint8_t> disturbed_;              // per body: it is solved again
+  std::vector<Contact> held_, next_;
+  std::vector<Held> held_of_, next_of_;
+  std::vector<Vector3> impulse_W_, next_impulse_W_;  // [N s] per held contact
+  std::vector<Vector3> acted_at_;                    // [m]
+  std::vector<Vector3> centre_, next_centre_;        // [m] of the bodies that its point moves along with, where that was found
+  std::vector<int> follows_;                         // per held contact: place in near_, or -1
+  std::vector<double> before_;                       // [m] <= 0 per near contact: overlap of its pair where the piece began
+  std::vector<Vector3> carried_W_;                   // [N s] per near contact; at the end: what of that its cone allows there
+  std::vector<double> gain_, at_hand_;               // [J] per body
+  // Of its end.
+  std::vector<int> closed_;               // places in near_ of the contacts of the problem
+  std::vector<int> carried_at_;           // per near contact: place in impulses_ of what it carried, or -1
+  std::vector<Vector3> beyond_W_;         // [N s] per contact of the problem: what it carried beyond its cone
+  std::vector<std::uint8_t> hits_;        // per contact of the problem: a blow
+  std::vector<double> rebounds_;          // [m/s] the same: targets of blows while the others are solved
+  std::vector<Vector3> blows_, collisions_;  // [N s] the same, (n, t1, t2)
+  std::vector<Vector3> blow_W_;           // [N s] per near contact
+  std::vector<double> work_;              // [J] the same: of what it carried
+  std::vector<double> errors_;            // [m/s] per body: the worst natural map of what was solved with it
+  std::vector<Contact> joined_;           // of freezing's frame
+  SuiteFrame frame_;
+  // Scratch of contact problems.
+  std::vector<Body> posed_;
+  std::vector<Contact> problem_;
+  std::vector<Matrix3> frames_;
+  std::vector<Vector3> local_;            // [N s] per contact of the problem, (n, t1, t2)
+  std::vector<double> targets_;           // [m/s]
+  std::vector<std::pair<int, int>> edges_;
+  std::vector<int> active_, pressing_;    // places in held_ of the contacts of a partition
+  islands::Partition partition_, gaining_;
+  std::vector<double> costs_;
+  parallel::Schedule schedule_;
+  std::vector<ResponseOutcome> outcomes_, struck_;   // per island
+  std::vector<int> bounces_of_;
+  std::vector<std::vector<ProblemRecord>> records_;  // for the observer
+  Meeting meeting_;
+  std::vector<Contact> probe_;
+};
+
+}  // namespace islet::motion

@@ -1,0 +1,181 @@
+// Crowds by the law of the step (engine/motion/crowd.h): what the ledger says of heaps of anything, and what comes to rest.
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Ball;
+using testing::Cube;
+using testing::Energy;
+using testing::Floor;
+
+Settings ByLaw(int threads = 2) {
+  Settings settings;
+  settings.crowd_law = true;
+  settings.threads = threads;
+  return settings;
+}
+
+// Four walls around a square of this half width.
+void AddBin(World* world, double half, double height) {
+  for (int side = 0; side < 4; ++side) {
+    BodyDefinition wall = Cube(testing::Turn(0.5 * M_PI * side, Vector3::UnitZ()) * Vector3(half + 0.5, 0, height), 0.5, 0.2);
+    wall.shape = side % 2 == 0 ? Shape::Box({0.5, half + 1, height}) : Shape::Box({half + 1, 0.5, height});
+    wall.kind = BodyKind::kFixed;
+    wall.mass.reset();
+    world->Add(wall);
+  }
+}
+
+struct Course {
+  int unclean = 0, sides = 0;
+  double energy = 0, momentum = 0, angular = 0, way = 0, overlap = 0, fastest = 0;
+};
+
+// The worst of each; fastest: of any point in the last step.
+Course StepFor(World* world, double dt, double seconds) {
+  Course run;
+  for (const double end = world->time() + seconds; world->time() < end;) {
+    const StepReport report = world->Step(dt);
+    run.unclean += !report.ledger.Clean();
+    run.sides += report.ledger.sides_changed;
+    run.energy = std::max(run.energy, report.ledger.energy_created.value);
+    run.momentum = std::max(run.momentum, report.ledger.momentum_unexplained.value);
+    run.angular = std::max(run.angular, report.ledger.angular_momentum_unexplained.value);
+    run.way = std::max(run.way, report.ledger.displacement_without_velocity.value);
+    run.overlap = std::max(run.overlap, report.penetration_max);
+  }
+  for (const Body& b : world->bodies())
+    if (b.kind == BodyKind::kDynamic) run.fastest = std::max(run.fastest, b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());
+  return run;
+}
+
+void AddTumblingCubes(World* world, int count) {
+  std::mt19937 rng(4);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int i = 0; i < count; ++i) {
+    BodyDefinition cube = Cube({0.9 * uniform(rng), 0.9 * uniform(rng), 1 + 0.9 * i}, 0.5, 0.2);
+    cube.shape = Shape::Box({0.25, 0.25, 0.25});
+    cube.mass = 1;
+    cube.rotation_WB = testing::Turn(3 * uniform(rng), Vector3(uniform(rng), uniform(rng), 1.1));
+    world->Add(cube);
+  }
+}
+
+// What falls, tumbles and piles up makes no energy, needs no impulse that is not told, and moves by its velocities alone.
+TEST(Crowd, HeapObeysTheLawInEveryStep) {
+  for (const double dt : {1.0 / 30, 1.0 / 240}) {
+    SCOPED_TRACE(dt);
+    Settings settings = ByLaw();
+    settings.freezing = Freezing::kOff;
+    World world(settings);
+    world.Add(Floor(0.5, 0.2));
+    AddBin(&world, 1.5, 3);
+    AddTumblingCubes(&world, 60);
+    const Course run = StepFor(&world, dt, 4);
+    EXPECT_EQ(run.unclean, 0) << run.energy << " " << run.momentum << " " << run.angular;
+    EXPECT_LT(run.momentum, 1e-11);
+    EXPECT_LT(run.angular, 1e-11);
+    EXPECT_LT(run.way, 1e-13);
+    EXPECT_LT(run.overlap, 2e-3 * 0.5);
+  }
+}
+
+// Corrections of poses lifted them for nothing: they never came to rest.
+TEST(Crowd, CardsComeToRest) {
+  World world(ByLaw());
+  world.Add(Floor(0.5, 0.2));
+  AddBin(&world, 0.25, 1);
+  std::mt19937 rng(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int i = 0; i < 30; ++i) {
+    BodyDefinition card = Cube({0.15 * uniform(rng), 0.15 * uniform(rng), 0.1 + 0.125 * i}, 0.5, 0.2);
+    card.shape = Shape::Box({0.05, 0.035, 0.001});
+    card.mass = 0.01;
+    card.inertia_B.reset();
+    card.rotation_WB = testing::Turn(3 * uniform(rng), Vector3(uniform(rng), uniform(rng), 1.1));
+    world.Add(card);
+  }
+  const Course run = StepFor(&world, 1.0 / 60, 5);
+  EXPECT_EQ(run.sides, 0);
+  EXPECT_LT(run.energy, 1e-4);
+  EXPECT_LT(run.fastest, 1e-3);
+}
+
+// It stood still while its velocity grew, and struck with energy that was never there.
+TEST(Crowd, HeavyLidOnLightBallsComesDownAsFarAsTheyGiveWay) {
+  World world(ByLaw());
+  world.Add(Floor(0.5, 0));
+  AddBin(&world, 1, 1.5);
+  for (int i = 0; i < 98; ++i) {
+    BodyDefinition ball = Ball({-0.83 + 0.275 * (i % 7) + 0.003 * (i % 5), -0.83 + 0.275 * (i / 7 % 7) + 0.003 * (i % 3), 0.14 + 0.27 * (i / 49)}, 0.13, 0.5, 0);
+    ball.mass = 0.09;
+    world.Add(ball);
+  }
+  BodyDefinition lid = Cube({0, 0, 0.7}, 0.5, 0);
+  lid.shape = Shape::Box({0.97, 0.97, 0.1});
+  lid.mass = 90;
+  lid.inertia_B.reset();
+  const int top = world.Add(lid);
+  const double fall = 0.7 - 0.1 - 0.27, start = Energy(world.bodies());
+  double fastest = 0;
+  for (int frame = 0; frame < 120; ++frame) {
+    const Course run = StepFor(&world, 1.0 / 60, 1.0 / 60);
+    EXPECT_EQ(run.sides, 0) << frame;
+    fastest = std::max(fastest, world.body(top).linear_velocity_W.norm());
+    ASSERT_LE(Energy(world.bodies()), start * (1 + 1e-6)) << frame;
+  }
+  EXPECT_LT(fastest, std::sqrt(2 * 9.81 * fall));
+  EXPECT_GT(world.body(top).position_W.z(), 0.25);
+  EXPECT_LT(world.body(top).linear_velocity_W.norm(), 0.5);
+}
+
+TEST(Crowd, SameBitsForAnyNumberOfThreadsAndFromASnapshot) {
+  std::vector<std::uint64_t> hashes;
+  for (const int threads : {1, 2, 4}) {
+    World world(ByLaw(threads));
+    world.Add(Floor(0.5, 0.2));
+    AddBin(&world, 1.5, 3);
+    AddTumblingCubes(&world, 40);
+    StepFor(&world, 1.0 / 30, 1.5);
+    const WorldSnapshot half = world.Save();
+    StepFor(&world, 1.0 / 30, 1);
+    hashes.push_back(world.StateHash());
+    world.Restore(half);
+    StepFor(&world, 1.0 / 30, 1);
+    EXPECT_EQ(world.StateHash(), hashes.back());
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+  EXPECT_EQ(hashes[0], hashes[2]);
+}
+
+// What lifts a heap pays for it: the ledger knows the work of moving walls.
+TEST(Crowd, PlateThatMovesCarriesAHeap) {
+  World world(ByLaw());
+  BodyDefinition plate = Cube({0, 0, -0.5}, 0.5, 0.2);
+  plate.shape = Shape::Box({3, 3, 0.5});
+  plate.kind = BodyKind::kKinematic;
+  plate.mass.reset();
+  plate.linear_velocity_W = {0, 0, 0.5};
+  world.Add(plate);
+  for (int i = 0; i < 36; ++i) {
+    BodyDefinition cube = Cube({-1.4 + 0.56 * (i % 6), -1.4 + 0.56 * (i / 6 % 3), 0.25 + 0.5 * (i / 18)}, 0.5, 0.2);
+    cube.shape = Shape::Box({0.25, 0.25, 0.25});
+    cube.linear_velocity_W = {0, 0, 0.5};
+    world.Add(cube);
+  }
+  const Course run = StepFor(&world, 1.0 / 60, 2);
+  EXPECT_EQ(run.unclean, 0) << run.energy << " " << run.momentum;
+  for (int i = 1; i < 37; ++i) EXPECT_NEAR(world.body(i).linear_velocity_W.z(), 0.5, 1e-6) << i;
+}
+
+}  // namespace
+}  // namespace islet
