@@ -227,6 +227,19 @@ NaturalMap IslandSolver::StartFrom(const Problem& problem, const Settings& setti
   return without;
 }
 
+// Few bodies, or few ways around: a tower, a bridge.
+bool IslandSolver::IsSmall(const Problem& problem) {
+  if (problem.num_bodies() <= kSmallIsland) return true;
+  int pairs = 0, last_a = -1, last_b = -1;
+  for (const ContactTerm& c : problem.contacts) {  // in order of pairs
+    if (c.body_a < 0 || c.body_b < 0 || (c.body_a == last_a && c.body_b == last_b)) continue;
+    last_a = c.body_a;
+    last_b = c.body_b;
+    ++pairs;
+  }
+  return pairs < problem.num_bodies() + kFewLoops;
+}
+
 void IslandSolver::PrepareSweeps(const Problem& problem) {
   if (!prepared_) gauss_seidel_.Prepare(problem);
   prepared_ = true;

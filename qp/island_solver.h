@@ -34,11 +34,12 @@ class IslandSolver {
   // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
   static constexpr int kSmallIsland = 32;         // bodies: up to them an answer is as good as iterations get
+  static constexpr int kFewLoops = 4;             // of pairs of bodies that touch: a factor of such an island is no larger than a tower's
   static constexpr double kSmallShare = 0.7e-5;   // of the tolerance: what is sought there
   static constexpr int kNewtonSteps = 300;        // factorisations of a search; 26 bodies from no impulses take 100 to 200
 
   static bool AllZero(std::span<const Vector3> impulses);
-  static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }
+  static bool IsSmall(const Problem& problem);
   bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution);
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
