@@ -89,6 +89,18 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
   }
 }
 
+// What is closed stays as it is, or what one step misses would be a velocity of the next.
+TEST(Crowd, HeapOfCubesComesToRest) {
+  World world(ByLaw());
+  world.Add(Floor(0.5, 0.2));
+  AddBin(&world, 1.5, 3);
+  AddTumblingCubes(&world, 60);
+  const Course fall = StepFor(&world, 1.0 / 30, 11);
+  EXPECT_EQ(fall.sides, 0);
+  for (const Body& b : world.bodies()) EXPECT_TRUE(b.kind != BodyKind::kDynamic || b.frozen);
+  EXPECT_EQ(fall.fastest, 0);
+}
+
 // Corrections of poses lifted them for nothing: they never came to rest.
 TEST(Crowd, CardsComeToRest) {
   World world(ByLaw());
