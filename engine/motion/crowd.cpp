@@ -24,26 +24,9 @@ constexpr double kAstray = 0.01;     // of a size: an overlap whose way out begi
 constexpr double kFast = 20;         // times |g| dt: fastest that such a way out may ask for
 constexpr double kAlike = 0.999;     // cosine: normals that are the same
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
-constexpr double kTilts = 1e-3;      // of a spin: less across the normal is none
-constexpr double kTurns = 1e-7;      // sine of half a turn: less is none
 
-Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum) {
-  return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
-}
-Quaternion Turned(const Vector3& turn, const Quaternion& rotation) {
-  if (turn.isZero(0)) return rotation;
-  return (Exp(turn) * rotation).normalized();
-}
 bool SameFeature(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature; }
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
-
-// What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
-Vector3 WithinCone(const Contact& contact, const Vector3& impulse) {
-  const double press = std::max(0.0, contact.normal_W.dot(impulse));
-  const Vector3 friction = impulse - contact.normal_W.dot(impulse) * contact.normal_W;
-  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
-  return press * contact.normal_W + share * friction;
-}
 
 // Calls f(first and last place in x, the same in y) for each pair of bodies that has contacts in x, in y or in both.
 template <typename F>
@@ -159,7 +142,7 @@ void Crowd::Select() {
     held.in_b = Inside(contact.body_b, begin_[contact.body_b].pose, contact.point_W + half);
     held_of_.push_back(held);
     impulse_W_.push_back(WithinCone(contact, dt_ * start_force_W_[c]));
-    const double share = ShareOfA(contact);
+    const double share = Share(contact);
     centre_.push_back(share * a.position_W + (1 - share) * b.position_W);
     // At the lever of halfway, as far as bodies turn on.
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
@@ -170,13 +153,8 @@ void Crowd::Select() {
   }
 }
 
-// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
-// does not: so the normal impulse on it passes through its centre.
-double Crowd::ShareOfA(const Contact& contact) const {
-  const int a = contact.body_a, b = contact.body_b;
-  if (!bodies_[a].Moves()) return 0;
-  if (!bodies_[b].Moves()) return 1;
-  return TurnsInItself(a) == TurnsInItself(b) ? 0.5 : TurnsInItself(a) ? 1 : 0;
+double Crowd::Share(const Contact& c) const {
+  return ShareOfA(!cut_[c.body_a], TurnsInItself(c.body_a), !cut_[c.body_b], TurnsInItself(c.body_b));
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {
@@ -278,7 +256,7 @@ void Crowd::Fly() {
   acted_at_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) {
     const int a = held_[c].body_a, b = held_[c].body_b;
-    const double share = ShareOfA(held_[c]);
+    const double share = Share(held_[c]);
     acted_at_[c] = held_[c].point_W + (share * middle_[a].position_W + (1 - share) * middle_[b].position_W - centre_[c]);
     if (impulse_W_[c].isZero(0)) continue;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
@@ -396,14 +374,9 @@ bool Crowd::Gains() {
     for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0;  // what it costs is not there
     for (const int k : gaining_.contacts_of(island)) {
       const int c = pressing_[k];
-      if (held_of_[c].push > 0) {
-        held_of_[c].allowed -= held_of_[c].push;
-        held_of_[c].push = 0;
-        gains = true;
-        for (const int i : {held_[c].body_a, held_[c].body_b})
-          if (!cut_[i]) disturbed_[i] = 1;
-      }
-      if (WorkOf(c) <= 0.1 * kGain * at_hand) continue;
+      const double push = std::exchange(held_of_[c].push, 0.0);
+      held_of_[c].allowed -= push;
+      if (push == 0 && WorkOf(c) <= 0.1 * kGain * at_hand) continue;
       gains = true;
       for (const int i : {held_[c].body_a, held_[c].body_b})
         if (!cut_[i]) disturbed_[i] = 1;
@@ -428,7 +401,7 @@ double Crowd::GapAlong(const Contact& c, const Held& held) const {
 }
 
 Vector3 Crowd::Centre(const Contact& c) const {
-  const double share = ShareOfA(c);
+  const double share = Share(c);
   return share * middle_[c.body_a].position_W + (1 - share) * middle_[c.body_b].position_W;
 }
 
@@ -451,9 +424,8 @@ void Crowd::Keep(size_t c) {
   Contact contact = held_[c];
   contact.point_W = acted_at_[c];
   const int a = contact.body_a, b = contact.body_b;
-  if (disturbed_[a] || disturbed_[b]) {
+  if (disturbed_[a] || disturbed_[b])
     old.target = std::min(TargetOf(contact, GapAlong(contact, old), old.allowed), 0.0);  // what is past pushes nobody
-  }
   next_.push_back(contact);
   next_of_.push_back(old);
   next_impulse_W_.push_back(impulse_W_[c]);
@@ -475,44 +447,10 @@ const Contact* Crowd::AtStart(const Contact& end) const {
   return found && found->normal_W.dot(end.normal_W) > 0 ? found : nullptr;
 }
 
-// Between these points of start and end, on the arc about each body's axis.
-Vector3 Crowd::Halfway(const Contact& pair, const Vector3& start, const Vector3& end) const {
-  const auto about = [&](int i) -> Vector3 {
-    const Vector3 before = start - begin_[i].pose.position_W, after = end - bodies_[i].position_W, mean = 0.5 * (before + after);
-    const Vector3 turn = (bodies_[i].rotation_WB * begin_[i].pose.rotation_WB.conjugate()).vec();
-    if (TurnsInItself(i) || turn.norm() < kTurns) return middle_[i].position_W + mean;
-    const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;
-    const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
-    const double chord = across.norm();
-    return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
-  };
-  const double share = ShareOfA(pair);
-  return share * about(pair.body_a) + (1 - share) * about(pair.body_b);
-}
-
-// Makes a contact one whose normal impulse works on the bodies what its gap says (a discrete gradient [Gonz96]): its point is moved in
-// its plane to where the mean velocity opens it as fast as its gap did change.
-void Crowd::TurnLever(double opening, double turn, Contact* contact) const {
-  const int a = contact->body_a, b = contact->body_b;
-  const Vector3& n = contact->normal_W;
-  const double off = opening - n.dot(MeanVelocity(b, contact->point_W) - MeanVelocity(a, contact->point_W));
-  for (const int i : {a, b})
-    if (shapes_[i].kind() == ShapeKind::kSphere) return RollLever(i, off, turn, contact);
-  const Vector3 spin = mean_spin_W_[b] - mean_spin_W_[a], along = n.cross(spin);
-  if (along.norm() > kTilts * spin.norm() && std::abs(off) < kSamePlace * Size(*contact) * along.norm())
-    contact->point_W += off / along.squaredNorm() * along;
-}
-
-// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal.
-void Crowd::RollLever(int sphere, double off, double turn, Contact* contact) const {
-  const Vector3 &centre = middle_[sphere].position_W, &n = contact->normal_W;
-  Vector3 rolls = MeanVelocity(contact->body_b, centre) - MeanVelocity(contact->body_a, centre);
-  rolls -= n.dot(rolls) * n;
-  if (std::abs(off) >= turn * rolls.norm()) return;
-  const double depth = n.dot(contact->point_W - centre);
-  const Vector3 across = contact->point_W - centre - depth * n;
-  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
-  contact->point_W = centre + depth * contact->normal_W + across;
+// Of a body, in the pass as it is now.
+Course Crowd::CourseOf(int i) const {
+  return {begin_[i].pose, middle_[i], {bodies_[i].position_W, bodies_[i].rotation_WB}, mean_W_[i], mean_spin_W_[i],
+          TurnsInItself(i), shapes_[i].kind() == ShapeKind::kSphere};
 }
 
 // A contact at the end, at the lever of halfway: on the chord of each body's point.
@@ -531,16 +469,18 @@ void Crowd::Aim(size_t e) {
   Held held;
   held.in_a = Inside(a, {bodies_[a].position_W, bodies_[a].rotation_WB}, contact.point_W - half);
   held.in_b = Inside(b, {bodies_[b].position_W, bodies_[b].rotation_WB}, contact.point_W + half);
-  const double share = ShareOfA(contact);
+  const double share = Share(contact);
   const Contact* const start = AtStart(contact);
   if (shapes_[a].kind() == ShapeKind::kSphere && shapes_[b].kind() == ShapeKind::kSphere) {
     contact.normal_W = (middle_[b].position_W - middle_[a].position_W).normalized();
     contact.point_W = middle_[a].position_W + shapes_[a].radius() * contact.normal_W;
   } else if (start && start->gap <= kReach * size) {
-    contact.point_W = Halfway(contact, start->point_W, contact.point_W);
+    const Course course_a = CourseOf(a), course_b = CourseOf(b);
+    const Vector3 end = contact.point_W;
+    contact.point_W = share * OnArc(course_a, start->point_W, end) + (1 - share) * OnArc(course_b, start->point_W, end);
     const double turn = (contact.normal_W - start->normal_W).norm();
     contact.normal_W = (start->normal_W + contact.normal_W).normalized();
-    TurnLever((contact.gap - start->gap) / dt_, turn, &contact);
+    TurnLever((contact.gap - start->gap) / dt_, turn, course_a, course_b, size, &contact);
   } else {
     contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
   }
@@ -581,7 +521,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     held.in_a = Inside(a, at_a, c.point_W - half);
     held.in_b = Inside(b, at_b, c.point_W + half);
     held.pressed = true;
-    const double share = ShareOfA(c);
+    const double share = Share(c);
     const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W), with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
     c.point_W = share * with_a + (1 - share) * with_b;
     held.allowed = before_[e];

@@ -20,6 +20,7 @@
 #include "engine/certified_freezing.h"
 #include "engine/contact.h"
 #include "engine/ledger.h"
+#include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
 #include "engine/problem_record.h"
@@ -105,12 +106,10 @@ class Crowd {
   double GapAlong(const Contact& contact, const Held& held) const;
   Vector3 Centre(const Contact& c) const;
   const Contact* AtStart(const Contact& end) const;
-  Vector3 Halfway(const Contact& pair, const Vector3& start, const Vector3& end) const;
-  void TurnLever(double opening, double turn, Contact* contact) const;
-  void RollLever(int sphere, double off, double turn, Contact* contact) const;
+  Course CourseOf(int i) const;
   double TargetOf(const Contact& contact, double gap, double allowed) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
-  double ShareOfA(const Contact& contact) const;
+  double Share(const Contact& contact) const;
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
   bool Strike(int island, double most, Worker* worker);

@@ -38,8 +38,6 @@ constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the
 constexpr double kMet = 1e-8;       // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
 constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
-constexpr double kFarthestLever = 1e-2; // of a size: what a lever may be moved by for the sake of energy
-constexpr double kTilts = 1e-3;         // of a spin: less across the normal is none
 constexpr double kLeverMoves = 1e-9;  // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
 constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
@@ -53,14 +51,6 @@ constexpr double kBrief = 4;        // times the step over the number of blows i
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
 }
-Vector3 SpinOf(const Body& body, const Quaternion& rotation, const Vector3& momentum) {
-  return rotation * Vector3(body.inertia_B.ldlt().solve(rotation.conjugate() * momentum));
-}
-Quaternion Turned(const Vector3& turn, const Quaternion& rotation) {
-  if (turn.isZero(0)) return rotation;
-  return (Exp(turn) * rotation).normalized();
-}
-
 void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies) {
   Body &a = (*bodies)[contact.body_a], &b = (*bodies)[contact.body_b];
   if (a.Moves()) a.ApplyImpulse(-impulse_W, contact.point_W);
@@ -80,14 +70,6 @@ bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& veloc
   constexpr double kAlike = 1e-6;  // of the normal impulse
   if (slip.norm() <= still) return friction.norm() <= (1 + kAlike) * contact.friction * press;
   return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
-}
-
-// What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
-Vector3 WithinCone(const Contact& contact, const Vector3& impulse) {
-  const double press = std::max(0.0, contact.normal_W.dot(impulse));
-  const Vector3 friction = impulse - contact.normal_W.dot(impulse) * contact.normal_W;
-  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
-  return press * contact.normal_W + share * friction;
 }
 
 // The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
@@ -746,18 +728,17 @@ bool Stepper::TurnInThemselves(int pair) const {
   return BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves();
 }
 
-// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
-// does not: so the normal impulse on it passes through its centre.
-double Stepper::ShareOfA(int pair) const {
-  const auto [a, b] = group_->pairs[pair];
-  if (!group_->bodies[a].Moves()) return 0;
-  if (!group_->bodies[b].Moves()) return 1;
-  return BodyRadius(a) == 0 && BodyRadius(b) > 0 ? 1 : BodyRadius(b) == 0 && BodyRadius(a) > 0 ? 0 : 0.5;
+// Of a body, in the piece as it is now.
+Course Stepper::CourseOf(int i) const {
+  const Body& b = group_->bodies[i];
+  return {state_[i].pose, middle_[i], end_state_[i].pose, b.Moves() ? mean_W_[i] : b.linear_velocity_W, MeanSpin(i),
+          BodyRadius(i) == 0, group_->shapes[i]->kind() == ShapeKind::kSphere};
 }
 
 // Of what the two bodies of a contact do, what the contact does.
 Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
-  const double share = ShareOfA(pair);
+  const auto [a, b] = group_->pairs[pair];
+  const double share = ShareOfA(group_->bodies[a].Moves(), BodyRadius(a) == 0, group_->bodies[b].Moves(), BodyRadius(b) == 0);
   return share * of_a + (1 - share) * of_b;
 }
 
@@ -771,17 +752,7 @@ Vector3 Stepper::CentreHalfway(int pair) const {
 
 // Between these points of start and end, on the arc about each body's axis.
 Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
-  const auto about = [&](int i) -> Vector3 {
-    const Vector3 before = start - state_[i].pose.position_W, after = end - end_state_[i].pose.position_W;
-    const Vector3 turn = (end_state_[i].pose.rotation_WB * state_[i].pose.rotation_WB.conjugate()).vec();
-    const Vector3 mean = 0.5 * (before + after);
-    if (BodyRadius(i) == 0 || turn.norm() < kNormalMoves) return middle_[i].position_W + mean;
-    const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;
-    const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
-    const double chord = across.norm();
-    return middle_[i].position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
-  };
-  return Shared(pair, about(group_->pairs[pair].a), about(group_->pairs[pair].b));
+  return Shared(pair, OnArc(CourseOf(group_->pairs[pair].a), start, end), OnArc(CourseOf(group_->pairs[pair].b), start, end));
 }
 
 // The contact as the piece began, if it was closed.
@@ -810,33 +781,6 @@ Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
   return (b.Moves() ? mean_W_[i] : b.linear_velocity_W) + MeanSpin(i).cross(point - middle_[i].position_W);
 }
 
-// Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
-// gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change.
-// turn: [rad] by which its normal does in the piece.
-void Stepper::TurnLever(double opening, double turn, Contact* contact) const {
-  const int a = contact->body_a, b = contact->body_b;
-  const Vector3& n = contact->normal_W;
-  const double off = opening - n.dot(MeanVelocity(b, contact->point_W) - MeanVelocity(a, contact->point_W));
-  for (const int i : {a, b})
-    if (group_->shapes[i]->kind() == ShapeKind::kSphere) return RollLever(i, off, turn, contact);
-  const Vector3 spin = MeanSpin(b) - MeanSpin(a), along = n.cross(spin);
-  if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * Size({a, b}) * along.norm())
-    contact->point_W += off / along.squaredNorm() * along;
-}
-
-// The same for a contact of a sphere, whose normal impulse must not spin it: the point is moved around the sphere, with its normal, no
-// farther than that turned.
-void Stepper::RollLever(int sphere, double off, double turn, Contact* contact) const {
-  const Vector3 &centre = middle_[sphere].position_W, &n = contact->normal_W;
-  Vector3 rolls = MeanVelocity(contact->body_b, centre) - MeanVelocity(contact->body_a, centre);
-  rolls -= n.dot(rolls) * n;
-  if (std::abs(off) >= turn * rolls.norm()) return;
-  const double depth = n.dot(contact->point_W - centre);
-  const Vector3 across = contact->point_W - centre - depth * n;
-  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
-  contact->point_W = centre + depth * contact->normal_W + across;
-}
-
 // Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
 // begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
 // ends.
@@ -853,7 +797,7 @@ void Stepper::NextTargets(double h) {
       contact.point_W = Halfway(pair, start->point_W, contact.point_W);
       const double turn = (contact.normal_W - start->normal_W).norm();
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
-      TurnLever((contact.gap - start->gap) / h, turn, &contact);
+      TurnLever((contact.gap - start->gap) / h, turn, CourseOf(a), CourseOf(b), Size(group_->pairs[pair]), &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);
@@ -883,7 +827,7 @@ void Stepper::NextTargets(double h) {
       return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
     };
     const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
-    TurnLever(parted / h, 0, &contact);
+    TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]), &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
     old.target = old.opens + contact.normal_W.dot(u) - parted / h;
     old.at_start = false;

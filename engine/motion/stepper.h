@@ -20,6 +20,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/problem_record.h"
 #include "engine/response.h"
@@ -138,7 +139,7 @@ class Stepper {
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   bool TurnInThemselves(int pair) const;
-  double ShareOfA(int pair) const;
+  Course CourseOf(int i) const;
   Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
   Vector3 CentreAtStart(int pair) const;
   Vector3 CentreHalfway(int pair) const;
@@ -146,8 +147,6 @@ class Stepper {
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   Vector3 MeanSpin(int i) const;
-  void TurnLever(double opening, double turn, Contact* contact) const;
-  void RollLever(int sphere, double off, double turn, Contact* contact) const;
   void NextTargets(double h);
   Vector3 CarriedBy(size_t at_end) const;
   bool Presses(int pair) const;

@@ -12,6 +12,7 @@
 namespace islet {
 namespace {
 
+using testing::AddWalls;
 using testing::Ball;
 using testing::Cube;
 using testing::Energy;
@@ -22,17 +23,6 @@ Settings ByLaw(int threads = 2) {
   settings.crowd_law = true;
   settings.threads = threads;
   return settings;
-}
-
-// Four walls around a square of this half width.
-void AddBin(World* world, double half, double height) {
-  for (int side = 0; side < 4; ++side) {
-    BodyDefinition wall = Cube(testing::Turn(0.5 * M_PI * side, Vector3::UnitZ()) * Vector3(half + 0.5, 0, height), 0.5, 0.2);
-    wall.shape = side % 2 == 0 ? Shape::Box({0.5, half + 1, height}) : Shape::Box({half + 1, 0.5, height});
-    wall.kind = BodyKind::kFixed;
-    wall.mass.reset();
-    world->Add(wall);
-  }
 }
 
 struct Course {
@@ -78,7 +68,7 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
     settings.freezing = Freezing::kOff;
     World world(settings);
     world.Add(Floor(0.5, 0.2));
-    AddBin(&world, 1.5, 3);
+    AddWalls(&world, 2, 2.5, 3);
     AddTumblingCubes(&world, 60);
     const Course run = StepFor(&world, dt, 4);
     EXPECT_EQ(run.unclean, 0) << run.energy << " " << run.momentum << " " << run.angular;
@@ -93,7 +83,7 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
 TEST(Crowd, HeapOfCubesComesToRest) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0.2));
-  AddBin(&world, 1.5, 3);
+  AddWalls(&world, 2, 2.5, 3);
   AddTumblingCubes(&world, 60);
   const Course fall = StepFor(&world, 1.0 / 30, 11);
   EXPECT_EQ(fall.sides, 0);
@@ -105,7 +95,7 @@ TEST(Crowd, HeapOfCubesComesToRest) {
 TEST(Crowd, CardsComeToRest) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0.2));
-  AddBin(&world, 0.25, 1);
+  AddWalls(&world, 0.75, 1.25, 1);
   std::mt19937 rng(5);
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (int i = 0; i < 30; ++i) {
@@ -126,7 +116,7 @@ TEST(Crowd, CardsComeToRest) {
 TEST(Crowd, HeavyLidOnLightBallsComesDownAsFarAsTheyGiveWay) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0));
-  AddBin(&world, 1, 1.5);
+  AddWalls(&world, 1.5, 2, 1.5);
   for (int i = 0; i < 98; ++i) {
     BodyDefinition ball = Ball({-0.83 + 0.275 * (i % 7) + 0.003 * (i % 5), -0.83 + 0.275 * (i / 7 % 7) + 0.003 * (i % 3), 0.14 + 0.27 * (i / 49)}, 0.13, 0.5, 0);
     ball.mass = 0.09;
@@ -155,7 +145,7 @@ TEST(Crowd, SameBitsForAnyNumberOfThreadsAndFromASnapshot) {
   for (const int threads : {1, 2, 4}) {
     World world(ByLaw(threads));
     world.Add(Floor(0.5, 0.2));
-    AddBin(&world, 1.5, 3);
+    AddWalls(&world, 2, 2.5, 3);
     AddTumblingCubes(&world, 40);
     StepFor(&world, 1.0 / 30, 1.5);
     const WorldSnapshot half = world.Save();

@@ -286,13 +286,7 @@ TEST(SlightCollisions, HeapComesToRestAllTheSame) {
     SCOPED_TRACE(merged);
     World world(Awake(merged));
     world.Add(Floor(0.5, 0.2));
-    for (int side = 0; side < 4; ++side) {
-      BodyDefinition wall = Cube(testing::Turn(0.5 * M_PI * side, Vector3::UnitZ()) * Vector3(2.1, 0, 1), 0.5, 0.2);
-      wall.shape = Shape::Box(side % 2 == 0 ? Vector3(0.5, 2, 1) : Vector3(2, 0.5, 1));
-      wall.kind = BodyKind::kFixed;
-      wall.mass.reset();
-      world.Add(wall);
-    }
+    testing::AddWalls(&world, 2.1, 2, 1);
     for (int i = 0; i < 24; ++i) {
       BodyDefinition cube = Cube({0.3 * (i % 3), 0.4 * (i % 2), 1 + 1.8 * i}, 0.5, 0.2);
       cube.rotation_WB = testing::Turn(0.7 * i, Vector3(1, 0.3 * i, 2));

@@ -48,6 +48,17 @@ inline BodyDefinition Cube(const Vector3& position, double friction = 0.5, doubl
 }
 
 // A cube that lies on Floor(.., incline), its centre above the origin.
+// Four walls around the origin, a metre thick, on the floor. distance: [m] of their middles; length, height: half of theirs.
+inline void AddWalls(World* world, double distance, double length, double height) {
+  for (int side = 0; side < 4; ++side) {
+    BodyDefinition wall = Cube(Turn(0.5 * M_PI * side, Vector3::UnitZ()) * Vector3(distance, 0, height), 0.5, 0.2);
+    wall.shape = side % 2 == 0 ? Shape::Box({0.5, length, height}) : Shape::Box({length, 0.5, height});
+    wall.kind = BodyKind::kFixed;
+    wall.mass.reset();
+    world->Add(wall);
+  }
+}
+
 inline BodyDefinition CubeOnIncline(double incline, double friction) {
   BodyDefinition cube = Cube(Turn(incline, Vector3::UnitY()) * Vector3(0, 0, 0.5), friction);
   cube.rotation_WB = Turn(incline, Vector3::UnitY());

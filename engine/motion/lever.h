@@ -1,0 +1,44 @@
+// Levers of contacts in a piece of a step: what the law (engine/motion/README.md) asks of groups and of crowds alike.
+//
+//   in:      how two bodies go through the piece (Course), and a contact between them
+//   out:     the point and the normal at which its impulse acts, halfway
+//   frames: W    units: SI    threads: pure functions
+#pragma once
+
+#include "engine/body.h"
+#include "engine/contact.h"
+#include "engine/motion/path.h"
+
+namespace islet::motion {
+
+// A body in a piece.
+struct Course {
+  Pose begin, middle, end;        // middle: halfway on the chord
+  Vector3 mean_W, mean_spin_W;    // [m/s], [rad/s]
+  bool turns_in_itself;           // sphere, half-space
+  bool sphere;
+  Vector3 MeanVelocity(const Vector3& point_W) const { return mean_W + mean_spin_W.cross(point_W - middle.position_W); }
+};
+
+// [rad/s] that an angular momentum [N m s] gives.
+Vector3 SpinOf(const Body& body, const Quaternion& rotation_WB, const Vector3& momentum_W);
+// turn: [rad] rotation vector.
+Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB);
+
+// What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
+Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
+
+// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
+// does not: so the normal impulse on it passes through its centre.
+double ShareOfA(bool moves_a, bool turns_in_itself_a, bool moves_b, bool turns_in_itself_b);
+
+// Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
+Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);
+
+// Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
+// gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change. That of a sphere
+// is moved around it with its normal, no farther than that turned, since its normal impulse must not spin it.
+// opening: [m/s]. turn: [rad] by which its normal does in the piece. size: [m] of the smaller body.
+void TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact);
+
+}  // namespace islet::motion
