@@ -99,6 +99,10 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& sett
     if (i >= known) still_[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
     if (body.Moves()) TrackStillness(body, settings, frame.dt, &still_[i]);
   }
+  Wake(frame, settings);
+}
+
+void CertifiedFreezing::Wake(const SuiteFrame& frame, const Settings& settings) {
   if (std::none_of(frame.bodies.begin(), frame.bodies.end(), [](const Body& body) { return body.frozen; })) return;
   FindIslands(frame);
   SumLoads(frame);

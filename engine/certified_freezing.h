@@ -23,6 +23,8 @@ class CertifiedFreezing {
  public:
   // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings);
+  // The same once more, for a body that was found to be hit in this frame and is frozen no more: its island wakes with it.
+  void Wake(const SuiteFrame& frame, const Settings& settings);
 
   // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
   // body, the worst natural map of the answers of this frame for its island.

@@ -24,16 +24,12 @@ struct Contact {
   bool touches = true;
   double friction = 0;     // mu of the pair
   double restitution = 0;  // epsilon of the pair
-  // True: where its load brings a rebound back within the step, the static problem lets it end with the approach at which it
-  // rebounded; whoever moves the bodies must know (rebound.h). False: it ends the step without approach.
-  bool rebounds = false;
-  double fading = 0;          // [m/s] that it rebounds slower than by Newton's law, see rebound.h
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
 
 // [m/s] with which the contact separates after it was approached at the given speed: Newton's law.
 inline double ReboundSpeed(const Contact& contact, double approach) {
-  return std::max(0.0, contact.restitution * approach - contact.fading);
+  return contact.restitution * approach;
 }
 
 // Whether the rebound from an approach [m/s], below 0 if it opens, lasts longer than the step in which gravity adds free_fall
@@ -50,7 +46,7 @@ inline double SlightApproach(const Contact& contact, const Vector3& gravity_W, d
   const double fall = gravity_W.norm() * dt;
   const double rebound = (1 - contact.restitution) *
                          std::max(kRebound * std::abs(gravity_W.dot(contact.normal_W)) * dt, kTrembling * fall);
-  return contact.restitution > 0 ? std::min(fall, (rebound + contact.fading) / contact.restitution) : fall;
+  return contact.restitution > 0 ? std::min(fall, rebound / contact.restitution) : fall;
 }
 
 // The order in which contacts are kept: by pair, then by feature.

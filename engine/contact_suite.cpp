@@ -159,8 +159,6 @@ void ContactSuite::Impl::SettleCaughtBodies() {
   settled.assign(frame.bodies.size(), kInMotion);
   for (size_t c = 0; c < contacts.size(); ++c)
     if (catches[c]) Settle(contacts[c]);
-  for (size_t c = 0; c < contacts.size(); ++c)
-    if (catches[c] && contacts[c].rebounds) settled[contacts[c].body_a] = settled[contacts[c].body_b] = kRebounds;
   SettleRiders();
 }
 
@@ -185,9 +183,8 @@ void ContactSuite::Impl::Settle(const Contact& contact) {
   }
 }
 
-// What bounced with a body that was caught, and presses on it, comes along, or it would rise from it. Not with one on a contact
-// that rebounds within the step: that one may be given its bounce back (rebound.h). There and back again, since towers are
-// numbered upwards or downwards.
+// What bounced with a body that was caught, and presses on it, comes along, or it would rise from it. There and back again, since
+// towers are numbered upwards or downwards.
 void ContactSuite::Impl::SettleRiders() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   const auto rides = [&](int rider, int on) {

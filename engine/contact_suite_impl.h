@@ -4,7 +4,6 @@
 //   suite_freezing.cpp   step 4: freezing
 #pragma once
 
-#include <array>
 #include <utility>
 #include <vector>
 
@@ -37,13 +36,10 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<double> costs;
   parallel::Schedule schedule;
 
-  static constexpr int kWall = -1, kNobody = -2;
   struct Worker {
     SequentialResolver sequential;
     IslandResponder responder;
-    std::vector<int> held;                       // contacts of an island that its static problem may hold
-    std::vector<std::array<int, 2>> neighbours;  // per body of an island: kNobody, kWall, or another one
-    std::vector<double> slight;                  // [m/s] per contact of a heap: approaches that need no bounce
+    std::vector<int> held;  // contacts of an island that its static problem may hold
   };
   std::vector<Worker> workers;
   struct Outcome {
@@ -55,7 +51,7 @@ struct ContactSuite::Impl : SuiteMemory {
   std::vector<int> bounce_counts;
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
-  enum Settled : std::uint8_t { kInMotion, kSettled, kRebounds };
+  enum Settled : std::uint8_t { kInMotion, kSettled };
   std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
   std::vector<double> errors;            // [m/s] per body: worst natural map of what was solved with it
@@ -70,22 +66,15 @@ struct ContactSuite::Impl : SuiteMemory {
   IslandView View(int island) const;
   void CutAtImmovable();
   bool Approaches(const IslandView& view) const;
-  bool IsLine(const IslandView& view, Worker* worker) const;
-  bool MayMerge(const IslandView& view) const;
-  double LeftUpTo(const Contact& contact) const;
-  bool CollidesSlightly(const IslandView& view, Worker* worker) const;
   void StandStill();
   void Bounce(StepReport* report);
   void WakeByBounce();
-  ResponseOutcome LeaveToStatic(const IslandView& view);
-  BounceRule RuleOf(const IslandView& view, Worker* worker) const;
   IslandView HeldView(const IslandView& view, Worker* worker);
   void ResolveIsland(int island, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);
   void ResolveIslands(StepReport* report, LapTimer* timer);
   void ReportIslands(StepReport* report) const;
   void Freeze(StepReport* report);
-  void FreezeLikePaper();
   void SettleCaughtBodies();
   bool Catches(size_t contact) const;
   void Settle(const Contact& contact);

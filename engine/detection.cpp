@@ -53,7 +53,7 @@ BoundingBox ToFcl(const Box& box) {
 }  // namespace
 
 struct Detector::Impl {
-  Impl(parallel::WorkerPool* pool_, bool keep_, bool foresee) : pool(pool_), keep(keep_), contacts_of_pairs(pool_, foresee) {}
+  Impl(parallel::WorkerPool* pool_, bool keep_) : pool(pool_), keep(keep_), contacts_of_pairs(pool_) {}
 
   parallel::WorkerPool* pool;
   bool keep;
@@ -223,7 +223,7 @@ void Detector::Impl::MergeFound() {
   std::swap(pairs, kept);
 }
 
-Detector::Detector(parallel::WorkerPool* pool, bool keep, bool foresee) : impl_(std::make_unique<Impl>(pool, keep, foresee)) {}
+Detector::Detector(parallel::WorkerPool* pool, bool keep) : impl_(std::make_unique<Impl>(pool, keep)) {}
 Detector::~Detector() = default;
 
 KeptContacts Detector::kept() const { return impl_->contacts_of_pairs.kept(); }

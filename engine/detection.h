@@ -26,9 +26,8 @@ namespace islet {
 
 class Detector {
  public:
-  // keep: whether candidates and contacts of the call before are used again. foresee: of bodies that are apart along several
-  // directions, whether contacts are those of the one along which they are apart where they travel to.
-  explicit Detector(parallel::WorkerPool* pool, bool keep = true, bool foresee = true);
+  // keep: whether candidates and contacts of the call before are used again.
+  explicit Detector(parallel::WorkerPool* pool, bool keep = true);
   ~Detector();
   Detector(const Detector&) = delete;
   Detector& operator=(const Detector&) = delete;

@@ -25,14 +25,13 @@ bool Near(const WatchedBody& a, const WatchedBody& b, double reach) {
   return between.squaredNorm() <= radii * radii;
 }
 
-void CollidePair(const BodyWatch& bodies, bool foresee, CandidatePair* pair, std::vector<Contact>* contacts) {
+void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Contact>* contacts) {
   const WatchedBody &a = bodies[pair->a], &b = bodies[pair->b];
   const Vector3 travel_ba = b.travel - a.travel;
   const double reach = a.margin + b.margin + travel_ba.norm();
   if (!Near(a, b, reach)) return;
   const size_t first = contacts->size();
-  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts,
-                foresee ? travel_ba : Vector3(Vector3::Zero()), &pair->axis);
+  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(), &pair->axis);
   if (contacts->size() == first) return;
   const double friction = MixFriction(a.friction, b.friction);
   const double restitution = MixRestitution(a.restitution, b.restitution);
@@ -68,7 +67,7 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
         contacts.insert(contacts.end(), begin, begin + pair.count);
       }
     } else if (pair.kept && (a.half_space || b.half_space || a.box.Meets(b.box))) {
-      CollidePair(bodies, foresee_, &pair, &contacts);
+      CollidePair(bodies, &pair, &contacts);
     }
     pair.chunk = chunk;
     pair.first = first;

@@ -29,8 +29,7 @@ struct KeptContacts {
 
 class PairContacts {
  public:
-  // foresee: see Detector.
-  PairContacts(parallel::WorkerPool* pool, bool foresee) : pool_(pool), foresee_(foresee) {}
+  explicit PairContacts(parallel::WorkerPool* pool) : pool_(pool) {}
 
   void Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,
                std::vector<Contact>* contacts);
@@ -43,7 +42,6 @@ class PairContacts {
   void CollideChunk(const BodyWatch& bodies, bool include_frozen, std::span<CandidatePair> pairs, int chunk);
 
   parallel::WorkerPool* pool_;
-  bool foresee_;
   Chunks now_, before_;
   std::vector<size_t> start_;       // per chunk
   std::vector<KeptContacts> kept_;  // per chunk

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/rebound.h"
 #include "engine/stopwatch.h"
 #include "qp/body_algebra.h"
 
@@ -210,11 +209,6 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
     if (contact.touches) touching = std::max(touching, -free_[c]);
     if (!contact.touches) {
       problem_.contacts[c].target = -contact.gap / dt;
-    } else if (contact.rebounds) {
-      // Fades out towards what solvers leave: no step in the answer where bodies come to rest.
-      const double rebound = SpeedBeforeForces(contact, settings.gravity, dt, bodies);
-      problem_.contacts[c].target =
-          -std::clamp(2 * rebound - 100 * settings.tolerance * speed_floor, 0.0, std::max(0.0, rebound));
     }
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }

@@ -17,7 +17,6 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // other for ever.
 constexpr int kPolish = 30;
 constexpr double kRounding = 1e-14;       // of the fastest approach
-constexpr double kHeapSettled = 1e-6;     // the same where approaches a thousand times as fast are left over as slight
 constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;    // of the work: rounding
 
@@ -78,12 +77,6 @@ void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const
 double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const {
   const auto& [a, b] = sides_[c];
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
-}
-
-// In the queue: contacts that do not collide do not approach.
-double SequentialResolver::KeyOf(int c, const Contact& contact) const {
-  const double velocity = NormalVelocityOf(c, contact);
-  return leave_.empty() || velocity < -leave_[c] ? velocity : 0;
 }
 
 void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
@@ -167,9 +160,8 @@ bool SequentialResolver::SolveTies() {
   const auto sweep = [&](int most, double tolerance) {
     return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
   };
-  const bool heap = !leave_.empty();
-  if (sweep(kMostSweeps, heap ? kHeapSettled : kSettled) < kMostSweeps) {
-    if (!heap) sweep(kPolish, kRounding);
+  if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
+    sweep(kPolish, kRounding);
   } else {
     qp::Settings settings;
     settings.tolerance = kTiedMap;
@@ -209,7 +201,7 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
 void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   for (const int side : tied_bodies_)
     for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
-      queue_.Update(touches_[t], KeyOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+      queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
@@ -221,11 +213,10 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   const bool exact = law == BounceLaw::kExact;
   const bool by_cost = exact && rule.limit == kAutoBounceLimit;
   Load(group_bodies, group_contacts, contacts, bodies);
-  leave_ = rule.leave;
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = KeyOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
   for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -rule.threshold;) {
@@ -250,7 +241,6 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
     bodies[group_bodies[i]].linear_velocity_W = locals_[i].linear_velocity_W;
     bodies[group_bodies[i]].angular_velocity_W = locals_[i].angular_velocity_W;
   }
-  leave_ = {};
   return bounces;
 }
 

@@ -1,6 +1,5 @@
 // Step 1: partial sequential collision resolution (PQ). The fastest collision first, one at a time, until all contacts
-// separate (or, in heaps, approach slightly) or the bounce limit is reached; what is left goes to the collision QP, or the
-// static one if it is slight.                                                                          [SM04 Sec. 5.1]
+// separate or the bounce limit is reached; what is left goes to the collision QP.                     [SM04 Sec. 5.1]
 //
 // Contacts that tie for the fastest and share bodies bounce at once, by a small Coulomb problem of their own: a cube that
 // lands flat does not spin, and a symmetric hit stays symmetric.
@@ -32,7 +31,6 @@ double BounceCost(double restitution, int num_bodies);
 // Which contacts of a group bounce, and how often.
 struct BounceRule {
   double threshold;               // [m/s] > 0; a contact collides if it approaches faster
-  std::span<const double> leave;  // [m/s] per contact of the group: approaches up to it stay as they are; or empty
   int limit = kAutoBounceLimit;   // c_b, or by BounceLimit
   bool walls_answer = false;      // what rests on an immovable body takes a blow with it, not before it
 };
@@ -47,7 +45,6 @@ class SequentialResolver {
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
-  double KeyOf(int local_contact, const Contact& contact) const;
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
@@ -60,7 +57,6 @@ class SequentialResolver {
   std::vector<BounceBody> locals_;          // the group's bodies, then one per immovable body that it touches
   std::vector<std::pair<int, int>> sides_;  // per contact of the group: its two bodies
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
-  std::span<const double> leave_;           // of the rule
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
   std::vector<double> keys_;

@@ -58,11 +58,8 @@ struct Settings {
   // Performance
   int threads = 0;  // 0: all cores
   // Bodies that may meet in a step and are no more than this move by the law of the step (engine/motion/README.md), exact Coulomb
-  // friction only. Larger groups are a crowd: the same contact problems, moved by motion.h. 0: all are.
+  // friction only. Larger groups are a crowd, which takes one piece a step. 0: all are.
   int group_bodies = 20;
-  // Larger groups move by the law of the step, too (engine/motion/README.md, Crowds), exact Coulomb friction only. Their ledger is
-  // clean, and heaps of anything come to rest; dense elastic clouds lose energy, and pouring heaps take up to three times as long.
-  bool crowd_law = false;
 
   void Validate() const;    // throws std::invalid_argument
   static Settings Paper();  // kinetic, octagon, Eq. 5, paper freezing                       [SM04]

@@ -66,8 +66,8 @@ struct QpSummary {  // over the islands of one step
   void Include(const QpSummary& other);
 };
 
-// How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted. Of motion and detection:
-// free_motion counts islands, or all contacts at once where nothing would overlap, kept_pairs pairs of bodies, reach detections.
+// How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted. Of detection:
+// kept_pairs counts pairs of bodies, reach detections.
 struct LadderReport {
   struct Rung {
     std::int64_t problems = 0;
@@ -113,7 +113,7 @@ struct StepReport {
   int restitution_lowered = 0;  // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;
   LadderReport ladder;         // of the contact problems
-  LadderReport motion_ladder;  // of position problems and of detection
+  LadderReport motion_ladder;  // of detection
   StageSeconds seconds;
   Certificate certificate;     // worst over the islands
   double penetration_max = 0;  // [m] deepest overlap after the move

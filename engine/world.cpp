@@ -7,32 +7,19 @@
 #include <utility>
 
 #include "engine/body_definition.h"
-#include "engine/contact_suite.h"
 #include "engine/detection.h"
-#include "engine/flight_time.h"
 #include "engine/ledger.h"
-#include "engine/motion.h"
 #include "engine/motion/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/rotation.h"
-#include "engine/sphere_beds.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
-#include "engine/suite_memory.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
 
 static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
-
-// The law of the step (motion/stepper.h) is that of exact friction; the paper's models and freezing move by the paper's way.
-static bool HasLaw(const Settings& settings) {
-  return settings.model == Model::kCoulomb && settings.cone == Cone::kCircular && settings.bounce_law == BounceLaw::kExact &&
-         settings.freezing != Freezing::kPaper;
-}
-static bool GroupsByLaw(const Settings& settings) { return settings.group_bodies > 0 && HasLaw(settings); }
-static bool CrowdsByLaw(const Settings& settings) { return settings.crowd_law && HasLaw(settings); }
 
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
   throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + ": " +
@@ -43,18 +30,15 @@ static bool CrowdsByLaw(const Settings& settings) { return settings.crowd_law &&
 struct WorldState {
   std::vector<Body> bodies;
   std::vector<Shape> shapes;
-  std::vector<double> tolerances;      // [m] per body: overlap allowed by the motion
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
-  std::vector<Contact> resolved;       // touching ones at the start of the last step, then walls that stopped flights
+  std::vector<Contact> resolved;       // those at which impulses acted in the last step
   std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
   std::vector<Vector3> travel;         // [m] that the last detection expected of each body
   std::vector<double> margins;         // [m] and how far it may stray from that
-  FlightMemory flights;
   motion::GroupMemory groups;
   motion::CrowdMemory crowd_memory;
   std::vector<std::uint8_t> crowd;  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
-  bool has_spheres = false;
   bool stale = true;          // near_contacts do not belong to the current poses
   size_t checked_bodies = 0;  // those before it were checked for initial overlap
   double time = 0;            // [s]
@@ -63,7 +47,6 @@ struct WorldState {
 
 struct WorldSnapshot::Data {
   WorldState world;
-  SuiteMemory suite;
   Vector3 gravity;
 };
 
@@ -71,20 +54,16 @@ struct World::Impl : WorldState {
   Settings settings;
   std::unique_ptr<parallel::WorkerPool> own_pool;
   parallel::WorkerPool* pool;
-  ContactSuite suite;
   Detector detector;
-  Mover mover;
-  FlightTime flight_time;
   MaterialCallback material;
   std::vector<Contact> detected, still;  // scratch
-  SphereBeds beds;
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
   motion::MixMaterial mix;
   LedgerKeeper ledger;
   ProblemObserver observer;
-  std::vector<Body> before;        // the step
-  std::vector<Vector3> planned;    // [m] per body: its way without contacts
+  std::vector<Body> before;  // the step
+  std::vector<Vector3> planned;  // [m] per body: its way without contacts
   std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
@@ -98,10 +77,7 @@ struct World::Impl : WorldState {
       : settings(s),
         own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)),
         pool(p ? p : own_pool.get()),
-        suite(s, pool),
-        detector(pool, s.ladder.Has(qp::Rung::kKeptPairs), /*foresee=*/!CrowdsByLaw(s)),
-        mover(s, pool),
-        flight_time(s.bounce_law == BounceLaw::kExact),
+        detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
         group_motion(s, pool),
         crowd_motion(s, pool),
         mix([this](Contact* c, const Body& a, const Body& b) {
@@ -121,20 +97,16 @@ struct World::Impl : WorldState {
   void DetectMoving(std::span<const Vector3> expected);
   void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
-  bool StaysInReach(std::span<const Vector3> ways) const;
+  bool StaysInReach() const;
   void MixMaterials(std::vector<Contact>* contacts) const;
   void SelectTouching();
-  void WakeBeforeMovers(double dt);
   bool Touches(const Contact& c) const;
-  bool IsSupported(int body, double dt) const;
-  void SelectResolved(double dt);
-  MotionOutcome Move(const MotionPlan& plan, double* detect_seconds);
+  bool MovesGroups() const;
   void CarryKinematic(double dt);
   void SetApart(bool apart);
   bool CrowdChanged() const;
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
-  void StepCrowdByLaw(double dt, StepReport* report);
   bool StepOnce(double dt, bool races, StepReport* report);
   void StepInParts(double dt, int halvings, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
@@ -165,9 +137,6 @@ int World::Add(const BodyDefinition& definition) {
   const int number = static_cast<int>(w.bodies.size());
   w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
   w.shapes.push_back(definition.shape);
-  w.has_spheres = w.has_spheres || definition.shape.kind() == ShapeKind::kSphere;
-  w.tolerances.push_back(w.settings.overlap_tolerance * definition.shape.size());
-  w.flights.AddBody();
   w.Changed();
   return number;
 }
@@ -187,7 +156,6 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
   b.position_W = position_W;
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;
-  impl_->flights.Forget(body);
   impl_->Changed();
 }
 
@@ -199,7 +167,6 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
   if (b.kind == BodyKind::kFixed) Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
-  impl_->flights.Forget(body);
   impl_->Changed();
 }
 
@@ -216,19 +183,17 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
 }
 
 void World::SetGravity(const Vector3& gravity_W) {
-  impl_->suite.SetGravity(gravity_W);
+  if (!gravity_W.allFinite()) throw std::invalid_argument("gravity is not finite");
   impl_->settings.gravity = gravity_W;
-  impl_->mover.SetGravity(gravity_W);
-  impl_->group_motion.SetGravity(gravity_W);
   impl_->crowd_motion.SetGravity(gravity_W);
+  impl_->group_motion.SetGravity(gravity_W);
   impl_->rest.reset();
   impl_->groups.Disturb();
 }
 
 void World::SetProblemObserver(ProblemObserver observer) {
-  impl_->observer = observer;
+  impl_->observer = std::move(observer);
   impl_->rest.reset();
-  impl_->suite.SetProblemObserver(std::move(observer));
 }
 void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->material = std::move(callback);
@@ -295,13 +260,13 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
 }
 
 // Every body ends near the path that the last detection swept for it.
-bool World::Impl::StaysInReach(std::span<const Vector3> ways) const {
+bool World::Impl::StaysInReach() const {
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
     const double length = travel[i].squaredNorm();
-    const double along = length > 0 ? std::clamp(ways[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
+    const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
     const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
-    if ((ways[i] - along * travel[i]).norm() + turn > margins[i]) return false;
+    if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
   }
   return true;
 }
@@ -316,51 +281,6 @@ void World::Impl::SelectTouching() {
   touching.clear();
   for (const Contact& c : near_contacts) {
     if (Touches(c)) touching.push_back(c);
-  }
-}
-
-// Frozen bodies that a kinematic one reaches within the step wake before it arrives: the motion takes them for walls, and
-// nothing stops the other.
-void World::Impl::WakeBeforeMovers(double dt) {
-  for (const Contact& c : near_contacts) {
-    Body& a = bodies[c.body_a];
-    Body& b = bodies[c.body_b];
-    if (a.frozen == b.frozen || StandsStill(a.frozen ? b : a) || (a.frozen ? b : a).Moves()) continue;
-    if (Touches(c) || c.gap > -NormalVelocity(c, a, b) * dt) continue;  // touching: the suite's task
-    (a.frozen ? a : b).frozen = false;
-  }
-}
-
-// A body that rests on something, for the moment.
-bool World::Impl::IsSupported(int body, double dt) const {
-  const Body& b = bodies[body];
-  if (!b.Moves()) return true;
-  const std::span<const double> support = suite.support();
-  return static_cast<size_t>(body) < support.size() && support[body] >= 0.1 * b.mass * settings.gravity.norm() * dt &&
-         support[body] > 0;
-}
-
-// What the step resolves: the contacts that touch, and open ones that two supported bodies would close within the step. Left
-// to the motion, those would be undone by lifting a body, and cubes would rock for ever. Bodies in flight are not slowed down
-// before they hit, so their bounce is that of the full speed. Nor are supported bodies slowed down before a hit from which they
-// would rebound for longer than the step.
-void World::Impl::SelectResolved(double dt) {
-  resolved.clear();
-  beds.Find(has_spheres, near_contacts, bodies, shapes);
-  for (const Contact& c : near_contacts) {
-    const bool touches = Touches(c);
-    if (touches && flight_time.Ignores(c)) continue;
-    if (!touches) {
-      const double pull = settings.gravity.norm() * dt;
-      const double approach = pull - NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]);
-      if (OutlastsStep(c, approach - pull, pull) || c.gap > approach * dt || !IsSupported(c.body_a, dt) ||
-          !IsSupported(c.body_b, dt))
-        continue;
-    }
-    resolved.push_back(c);
-    const bool passes = beds.Passes(dt, {}, &resolved.back());
-    resolved.back().touches = touches && !passes;
-    if (passes && touches && flight_time.InFlight(c)) resolved.pop_back();
   }
 }
 
@@ -388,12 +308,11 @@ void World::Impl::AddImpulses(std::span<const LedgerImpulse> of_part) {
 
 // The contacts and impulses of small groups, beside those of the crowd.
 void World::Impl::AddGroups(StepReport* report) {
-  if (!GroupsByLaw(settings)) return;
   AddImpulses(group_motion.impulses());
   const size_t own = touching.size();
   for (const Contact& c : groups.contacts)
     if (Touches(c)) touching.push_back(c);
-  report->contacts += static_cast<int>(touching.size() - own);
+  report->contacts += static_cast<int>(touching.size());
   if (own > 0 && own < touching.size()) std::stable_sort(touching.begin(), touching.end(), EarlierPair);
   std::sort(report->islands.begin(), report->islands.end(),
             [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
@@ -411,30 +330,16 @@ void World::CheckInitialOverlap() {
   w.checked_bodies = w.bodies.size();
 }
 
-// Adds the time spent in detection.
-MotionOutcome World::Impl::Move(const MotionPlan& plan, double* detect_seconds) {
-  if (AllStandStill(bodies)) return mover.Stay(plan, tolerances, bodies, near_contacts);
-  const DetectContacts detect = [&](std::span<const Vector3> expected, std::vector<Contact>*) {
-    const double start = Seconds();
-    DetectMoving(expected);
-    *detect_seconds += Seconds() - start;
-  };
-  const std::span<const Vector3> ways = mover.PlanTravel(plan, bodies);
-  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(ways)) {
-    spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
-  } else {
-    detect(ways, &near_contacts);
-  }
-  beds.Find(has_spheres, near_contacts, bodies, shapes);
-  if (has_spheres)
-    for (Contact& c : near_contacts) beds.Passes(plan.dt, ways, &c);
-  return mover.Move(plan, tolerances, detect, bodies, &near_contacts);
-}
-
 void World::Impl::Changed() {
   stale = true;
   rest.reset();
   groups.Disturb();
+}
+
+// Small groups are solved by exact friction; the paper's models and freezing are for crowds.
+bool World::Impl::MovesGroups() const {
+  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.cone == Cone::kCircular &&
+         settings.bounce_law == BounceLaw::kExact && settings.freezing != Freezing::kPaper;
 }
 
 void World::Impl::CarryKinematic(double dt) {
@@ -470,81 +375,36 @@ void World::Impl::SetApart(bool apart) {
 
 void World::Impl::StepCrowd(double dt, StepReport* report) {
   double lap = Seconds();
-  const auto finish = [&lap](double* stage) {
-    const double now = Seconds();
-    *stage += now - lap;
-    lap = now;
-  };
-  if (stale) CheckTouching();
-  WakeBeforeMovers(dt);
-  flight_time.BeginStep(bodies, tolerances, near_contacts, flights);
-  SelectResolved(dt);
-  flight_time.ChooseDurations(dt, settings.gravity, suite.memory(), flights, bodies, resolved);
-  finish(&report->seconds.detect);
-
-  suite.Resolve(dt, bodies, resolved, report);  // steps 1 to 4
-  lap = Seconds();
-
-  const MotionPlan plan = flight_time.PlanMotion(dt, settings.gravity, suite, resolved, bodies);
-  double detect_seconds = 0;
-  const MotionOutcome moved = Move(plan, &detect_seconds);
-  impulses.assign(suite.impulses().begin(), suite.impulses().end());
-  flight_time.ReportImpulses(mover, bodies, &resolved, &impulses);
-  flight_time.EndStep(dt, bodies, mover, &flights);
-  SelectTouching();
-  finish(&report->seconds.move);
-  report->seconds.move -= detect_seconds;
-  report->seconds.detect += detect_seconds;
-
-  report->motion_ladder = mover.TakeLadder();
-  report->motion_ladder.Include(std::exchange(spared, {}));
-  report->penetration_max = std::max(report->penetration_max, moved.penetration_max);
-  report->motion_passes = std::max(report->motion_passes, moved.passes);
-  report->motion_failures += moved.reached && moved.held_back == 0 ? 0 : 1;
-  report->held_back = moved.held_back;
-}
-
-// Larger groups by the law of the step.
-void World::Impl::StepCrowdByLaw(double dt, StepReport* report) {
-  const double begin = Seconds();
   if (stale) CheckTouching();
   planned.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     planned[i] = dt * bodies[i].linear_velocity_W;
     if (bodies[i].Moves()) planned[i] += 0.5 * dt * dt * (settings.gravity + bodies[i].force_W / bodies[i].mass);
   }
-  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach(planned)) {
+  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach()) {
     spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
   } else {
     DetectMoving(planned);
   }
   const double detected_at = Seconds();
-  report->seconds.detect += detected_at - begin;
+  report->seconds.detect += detected_at - lap;
   const double others = report->seconds.Total();
-  const motion::FindContacts find = [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); };
-  crowd_motion.Step(dt, find, observer, bodies, shapes, &near_contacts, &crowd_memory, report);
+  crowd_motion.Step(dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer, bodies, shapes,
+                    &near_contacts, &crowd_memory, report);
   resolved.clear();
   impulses.clear();
   AddImpulses(crowd_motion.impulses());
   SelectTouching();
-  report->contacts += static_cast<int>(touching.size());
   report->seconds.move += Seconds() - detected_at - (report->seconds.Total() - others);
   report->motion_ladder.Include(std::exchange(spared, {}));
 }
 
-// What the crowd's impulses were: those that held acted over the step, the others were blows at its start.
 void World::Impl::KeepLedger(double dt, StepReport* report) {
   ledger_impulses.assign(group_motion.impulses().begin(), group_motion.impulses().end());
   const int own = static_cast<int>(ledger_impulses.size());
   for (LedgerImpulse j : crowd_motion.impulses()) {
     if (j.corrects >= 0) j.corrects += own;
     ledger_impulses.push_back(j);
-  }
-  for (size_t c = 0; c < (CrowdsByLaw(settings) ? 0 : resolved.size()); ++c) {
-    const Vector3 held = c < suite.held().size() ? suite.held()[c] : Vector3(Vector3::Zero());
-    const Vector3 blow = impulses[c] - held;
-    if (!held.isZero(0)) ledger_impulses.push_back({resolved[c], held, 0, dt});
-    if (!blow.isZero(0)) ledger_impulses.push_back({resolved[c], blow, 0, 0});
   }
   report->ledger = ledger.Judge({dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
   report->energy_gain = ledger.energy_gain();
@@ -555,8 +415,8 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   dt_hint = dt;
   before = bodies;
   const double moving = Seconds();
-  const bool grouped = GroupsByLaw(settings);
-  if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, flights.unflown, observer, &groups, report)) return false;
+  const bool grouped = MovesGroups();
+  if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, observer, &groups, report)) return false;
   report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
   if (!grouped || group_motion.any_crowd()) {
     const bool apart = grouped;
@@ -566,11 +426,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
       crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
       SetApart(true);
     }
-    if (CrowdsByLaw(settings)) {
-      StepCrowdByLaw(dt, report);
-    } else {
-      StepCrowd(dt, report);
-    }
+    StepCrowd(dt, report);
     if (apart) SetApart(false);
   } else {
     CarryKinematic(dt);
@@ -641,13 +497,12 @@ StepReport World::Step(double dt) {
 
 WorldSnapshot World::Save() const {
   return WorldSnapshot(std::make_shared<const WorldSnapshot::Data>(
-      WorldSnapshot::Data{*impl_, impl_->suite.memory(), impl_->settings.gravity}));
+      WorldSnapshot::Data{*impl_, impl_->settings.gravity}));
 }
 
 void World::Restore(const WorldSnapshot& snapshot) {
   SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
-  impl_->suite.SetMemory(snapshot.data_->suite);
   impl_->rest.reset();
 }
 

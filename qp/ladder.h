@@ -10,21 +10,19 @@ namespace islet::qp {
 
 enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
-  kMerged,         // collisions as slow as the weight of a step: left to the static problem
   kClosedForm,     // one contact: a formula
   kColumn,         // bodies on each other that move along one line: one unknown a body
   kHeld,           // the impulses of the frame before still hold
   kSweeps,         // Gauss-Seidel sweeps first, and alone where they get there
   kNewton,         // exact friction by Newton's method
   kInteriorPoint,  // the interior point, or what began there
-  // Of motion and detection:
-  kFreeMotion,  // no position problem where free motion does not overlap
+  // Of detection:
   kKeptPairs,   // contacts of two bodies that have not moved since they were found
   kReach,       // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 8, kNumRungs = 11;
+inline constexpr int kNumProblemRungs = 7, kNumRungs = 9;
 inline constexpr const char* kRungNames[kNumRungs] = {
-    "nothing", "merged", "closed_form", "column", "held", "sweeps", "newton", "interior_point", "free_motion", "kept_pairs", "reach"};
+    "nothing", "closed_form", "column", "held", "sweeps", "newton", "interior_point", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];

@@ -171,8 +171,8 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
   add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
   add(kMethod, "--ladder", o.ladder, "off|auto|RUNG,...",
-      "cheaper ways to the same answer, tried first: nothing, merged, closed_form, column, held, "
-      "sweeps, newton; of motion and detection: free_motion, kept_pairs, reach; off: all to the interior point "
+      "cheaper ways to the same answer, tried first: nothing, closed_form, column, held, "
+      "sweeps, newton; of detection: kept_pairs, reach; off: all to the interior point "
       "(default auto)");
   add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
@@ -183,8 +183,6 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--freeze", o.freeze, "NAME", "off, paper or certified (default certified)");
   add(kMethod, "--group-bodies", o.group_bodies, "N",
       "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
-  command->add_flag("--crowd-law", o.crowd_law, "larger groups move by it, too: a clean ledger, up to three times the time")
-      ->group(kMethod);
   add(kMethod, "--freeze-count", o.freeze_count, "N",
       "paper freezing: frames at low energy before a body freezes (default 3)");
   command
@@ -222,7 +220,6 @@ Settings MakeSettings(const RunOptions& o) {
   if (o.freeze_count) settings.freeze_count = *o.freeze_count;
   if (o.tolerance) settings.tolerance = *o.tolerance;
   if (o.group_bodies) settings.group_bodies = *o.group_bodies;
-  settings.crowd_law = o.crowd_law;
   const int threads = o.threads.value_or(0);
   settings.threads = threads > 0 ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;

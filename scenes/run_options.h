@@ -31,7 +31,6 @@ struct RunOptions {
   std::optional<std::string> model, cone, effort, ladder, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
   std::optional<int> freeze_count, group_bodies;
-  bool crowd_law = false;
   bool paper = false;
 
   std::string report;                  // file, "-" for the standard output, empty for none

@@ -77,7 +77,7 @@ Settings MakeSettings(const StudyScene& scene, const Kind& kind) {
   if (!name.ends_with("auto")) settings.ladder = qp::Ladder::Off();
   if (name == "reference" || name == "nudged")
     for (const qp::Rung rung :
-         {qp::Rung::kNothing, qp::Rung::kSweeps, qp::Rung::kFreeMotion, qp::Rung::kKeptPairs, qp::Rung::kReach})
+         {qp::Rung::kNothing, qp::Rung::kSweeps, qp::Rung::kKeptPairs, qp::Rung::kReach})
       settings.ladder = settings.ladder.With(rung);
   return settings;
 }
@@ -232,7 +232,7 @@ class Study {
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
         "energy_end,penetration_max,contacts_mean,frozen_end,failed,missed,escalations,vain_s,";
     for (const char* rung : qp::kProblemRungNames) columns += rung + std::string("_n,") + rung + "_s,";
-    return columns + "position_problems,position_seconds,spared_positions,kept_pairs,spared_detections,state_hash";
+    return columns + "kept_pairs,spared_detections,state_hash";
   }
 
   void RunPair(const Case& one, double tolerance) {
@@ -268,14 +268,10 @@ class Study {
   void Write(const Case& one, const Kind& kind, const Run& run, int repeats) {
     const StudyScene& scene = *one.scene;
     std::ostringstream rungs;
-    LadderReport::Rung positions;
     for (int r = 0; r < qp::kNumProblemRungs; ++r) {
       rungs << run.ladder.rungs[r].problems << ',' << run.ladder.rungs[r].seconds << ',';
-      positions.problems += run.motion_ladder.rungs[r].problems;
-      positions.seconds += run.motion_ladder.rungs[r].seconds;
     }
-    rungs << positions.problems << ',' << positions.seconds << ',';
-    for (const qp::Rung rung : {qp::Rung::kFreeMotion, qp::Rung::kKeptPairs, qp::Rung::kReach})
+    for (const qp::Rung rung : {qp::Rung::kKeptPairs, qp::Rung::kReach})
       rungs << run.motion_ladder.rungs[static_cast<int>(rung)].problems << ',';
     csv_.Row(scene.name, scene.frames, scene.lead, kind.name, kind.tolerance, repeats, run.Cpu(), run.Wall(), run.qp,
              run.map_mean, run.map_max, run.deviation, run.energy, run.penetration, run.contacts, run.frozen,

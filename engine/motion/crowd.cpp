@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/paper_freezing.h"
 #include "engine/rotation.h"
 #include "engine/stopwatch.h"
 
@@ -13,9 +14,9 @@ namespace {
 constexpr int kPerTask = 256;        // bodies or contacts
 constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
-constexpr int kRough = 4;            // share of the effort that each of them may take
 constexpr int kLevels = 2;           // times that a piece is halved
 constexpr double kMiss = 2.5e-4;     // of a size: what gaps may miss their end by, and below which a contact is closed
+
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
@@ -62,8 +63,6 @@ void Crowd::ForEachIsland(const F& f) {
 void Crowd::Load(double dt) {
   const size_t n = bodies_.size();
   dt_ = dt;
-  carrying_ = settings_;
-  carrying_.effort.sweeps = std::max(1, settings_.effort.sweeps / kRough);
   begin_.resize(n);
   free_.resize(n);
   middle_.resize(n);
@@ -143,12 +142,13 @@ void Crowd::Select() {
     held_of_.push_back(held);
     impulse_W_.push_back(WithinCone(contact, dt_ * start_force_W_[c]));
     const double share = Share(contact);
-    centre_.push_back(share * a.position_W + (1 - share) * b.position_W);
-    // At the lever of halfway, as far as bodies turn on.
+    // At the lever of halfway, as far as bodies move and turn on.
+    const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
-      if (TurnsInItself(i) || body.angular_velocity_W.isZero(0)) return contact.point_W;
-      return contact.point_W + 0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
+      if (TurnsInItself(i) || body.angular_velocity_W.isZero(0)) return contact.point_W + ahead(body);
+      return contact.point_W + ahead(body) + 0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
     };
+    centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
     held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
   }
 }
@@ -186,7 +186,7 @@ void Crowd::Carry(bool first, StepReport* report) {
   records_.resize(partition_.num_islands());
   pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
     Body& p = posed_[i];
-    p.position_W = first ? begin_[i].pose.position_W : middle_[i].position_W;
+    p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
     if (cut_[i]) return;
     p.rotation_WB = free_[i].half_WB;
     p.linear_velocity_W = free_[i].linear_W;
@@ -205,13 +205,22 @@ void Crowd::Carry(bool first, StepReport* report) {
     for (const int k : partition_.contacts_of(island)) worker->contacts.push_back(active_[k]);
     const IslandView view{partition_.bodies_of(island), worker->contacts};
     if (view.contacts.empty()) return;
-    outcomes_[island] = worker->responder.ResolveTargets(view, {held_, frames_}, targets_, carrying_, floor_, posed_, local_);
-    for (const int c : view.contacts) impulse_W_[c] = 2 * (frames_[c] * local_[c]);
+    outcomes_[island] = worker->responder.ResolveTargets(view, {held_, frames_}, targets_, settings_, floor_, posed_, local_);
+    for (const int c : view.contacts) {
+      impulse_W_[c] = 2 * (frames_[c] * local_[c]);
+      if (impulse_W_[c].norm() <= settings_.tolerance * floor_ * LighterMass(held_[c])) impulse_W_[c].setZero();  // or what is open is held
+    }
     for (const int i : view.bodies) errors_[i] = outcomes_[island].certificate.natural_map_max;
     Record(island, Stage::kStatic, outcomes_[island], *worker);
   });
   TellObserver();
   Report(outcomes_, &report->static_qp, Seconds() - start, &report->seconds.static_qp, report);
+}
+
+// [kg] of the lighter of those that contacts move.
+double Crowd::LighterMass(const Contact& contact) const {
+  const auto mass = [&](int i) { return cut_[i] ? INFINITY : bodies_[i].mass; };
+  return std::min(mass(contact.body_a), mass(contact.body_b));
 }
 
 void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report) {
@@ -330,6 +339,13 @@ bool Crowd::Judge() {
     for (const int i : members) disturbed_[i] = 1;
   }
   return false;
+}
+
+// Whether a held contact is there at the end, in much the same plane.
+bool Crowd::IsFoundAgain(size_t c) const {
+  const Contact& contact = held_[c];
+  const double alike = TurnsInItself(contact.body_a) && TurnsInItself(contact.body_b) ? -1 : kAlike;
+  return follows_[c] >= 0 && (*near_)[follows_[c]].normal_W.dot(contact.normal_W) > alike;
 }
 
 // [J] of a body, its height counted from where the step began.
@@ -545,8 +561,7 @@ void Crowd::NextTargets() {
     const bool disturbed = disturbed_[pair.body_a] || disturbed_[pair.body_b];
     for (size_t c = h; c < h_end; ++c) {
       held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
-      const bool found = follows_[c] >= 0 && (*near_)[follows_[c]].normal_W.dot(held_[c].normal_W) > (TurnsInItself(pair.body_a) && TurnsInItself(pair.body_b) ? -1 : kAlike);
-      if (!disturbed || (!found && held_of_[c].pressed)) Keep(c);
+      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed)) Keep(c);
     }
     if (!disturbed || e == e_end || Guard(e, e_end)) return;
     for (size_t k = e; k < e_end; ++k) Aim(k);
@@ -692,7 +707,7 @@ bool Crowd::Strike(int island, double most, Worker* worker) {
     if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
   }
   outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
-  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, {}, settings_.bounce_limit, true}, posed_, blows_);
+  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, settings_.bounce_limit, true}, posed_, blows_);
   struck_[island] = worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)
     if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
@@ -711,8 +726,9 @@ double Crowd::FreshOverlap() const {
   return worst;
 }
 
-// One piece of the step, from time t on. Returns false, and has done nothing, where it misses its end and may be shortened.
-bool Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
+// One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit
+// the step begins anew.
+Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
   start_ = *near_;
   Recall(*memory);
   Load(h);
@@ -732,15 +748,9 @@ bool Crowd::Piece(double t, double h, bool last, const FindContacts& find, Crowd
   }
   report->motion_passes = std::max(report->motion_passes, pass);
   if (!last && pass == kPasses && (FreshOverlap() > kDeep || Gains())) {
-    for (size_t i = 0; i < bodies_.size(); ++i) {
-      Body& b = bodies_[i];
-      b.position_W = begin_[i].pose.position_W;
-      b.rotation_WB = begin_[i].pose.rotation_WB;
-      b.linear_velocity_W = begin_[i].linear_W;
-      b.angular_velocity_W = begin_[i].angular_W;
-    }
+    Return(begin_);
     *near_ = start_;
-    return false;
+    return Outcome::kMissed;
   }
   carried_at_.assign(near_->size(), -1);
   work_.assign(near_->size(), 0.0);
@@ -755,13 +765,39 @@ bool Crowd::Piece(double t, double h, bool last, const FindContacts& find, Crowd
     impulses_.push_back({contact, impulse_W_[c], t, h});
   }
   Settle(report);
+  if (settings_.freezing == Freezing::kCertified && HitsFrozen()) return Outcome::kHitFrozen;
   Remember(h, memory);
   for (size_t c = 0; c < problem_.size(); ++c) {
     const int e = closed_[c];
     const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
     if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
   }
-  return true;
+  return Outcome::kDone;
+}
+
+void Crowd::Return(std::span<const State> states) {
+  for (size_t i = 0; i < bodies_.size(); ++i) {
+    Body& b = bodies_[i];
+    b.position_W = states[i].pose.position_W;
+    b.rotation_WB = states[i].pose.rotation_WB;
+    SetTwist({states[i].linear_W, states[i].angular_W}, &b);
+  }
+}
+
+// What stands still as frozen took an impulse that would have moved it: it wakes. Returns whether anything did.
+bool Crowd::HitsFrozen() {
+  bool any = false;
+  const auto hit = [&](const Contact& contact) {
+    for (const int i : {contact.body_a, contact.body_b}) {
+      any = any || bodies_[i].frozen;
+      bodies_[i].frozen = false;
+    }
+  };
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (!impulse_W_[c].isZero(0)) hit(held_[c]);
+  for (size_t c = 0; c < problem_.size(); ++c)
+    if (!(local_[c] + blows_[c] + collisions_[c]).isZero(0)) hit(problem_[c]);
+  return any;
 }
 
 // What held as the piece ended, also between bodies that stood still all the while.
@@ -806,15 +842,22 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
   frame_.contacts = {joined_, frame_.frames};
 }
 
-// Frozen bodies that something may move in this step wake.
+// Frozen bodies that something may move in this step wake; by the paper's freezing what is hit.
 void Crowd::Wake(double dt, CrowdMemory* memory) {
   was_frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) was_frozen_[i] = bodies_[i].frozen;
+  memory->freeze_counters.resize(bodies_.size(), 0);
   start_ = *near_;
   Recall(*memory);
   blow_W_.clear();
   FillFrame(dt, start_force_W_);
   if (settings_.freezing == Freezing::kCertified) memory->freezing.BeginFrame(frame_, settings_);
+  if (settings_.freezing != Freezing::kPaper) return;
+  for (const Contact& contact : joined_) {
+    Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
+    if (a.frozen == b.frozen || -NormalVelocity(contact, a, b) <= frame_.rest_speed) continue;
+    a.frozen = b.frozen = false;
+  }
 }
 
 void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
@@ -823,6 +866,7 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
   if (settings_.freezing == Freezing::kCertified) memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_);
   for (size_t i = 0; i < bodies_.size(); ++i) bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
+  if (settings_.freezing == Freezing::kPaper) FreezeLikePaper(frame_, settings_, &memory->freeze_counters);
   for (size_t i = 0; i < bodies_.size(); ++i) {
     const Body& body = bodies_[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
@@ -856,34 +900,58 @@ void Crowd::ReportIslands(StepReport* report) const {
   }
 }
 
+// The step, piece by piece. Returns false where something frozen was hit, and is frozen no more.
+bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
+  impulses_.clear();
+  for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies
+    const Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];
+    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0)) impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
+  }
+  if (AllStandStill(bodies_)) {
+    memory->contacts = *near_;
+    memory->forces_W = start_force_W_;
+    return true;
+  }
+  double t = 0, most = dt;
+  for (int level = 0; dt - t > 1e-9 * dt;) {
+    const double h = std::min(most, dt - t);
+    const Outcome outcome = Piece(t, h, level == kLevels, find, memory, report);
+    if (outcome == Outcome::kHitFrozen) return false;
+    if (outcome == Outcome::kDone) {
+      t += h;
+    } else {
+      ++level;
+      most = 0.5 * h;
+    }
+  }
+  ReportIslands(report);
+  return true;
+}
+
 void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies, std::span<const Shape> shapes,
                  std::vector<Contact>* near, CrowdMemory* memory, StepReport* report) {
   bodies_ = bodies;
   shapes_ = shapes;
   near_ = near;
   observer_ = &observer;
-  impulses_.clear();
   errors_.assign(bodies.size(), 0.0);
+  first_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i)
+    first_[i] = {{bodies[i].position_W, bodies[i].rotation_WB}, bodies[i].linear_velocity_W, bodies[i].angular_velocity_W};
+  first_near_ = *near;
+  first_contacts_ = memory->contacts;
+  first_forces_W_ = memory->forces_W;
   Wake(dt, memory);
-  for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies
-    const Body &a = bodies[start_[c].body_a], &b = bodies[start_[c].body_b];
-    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0)) impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
-  }
-  if (AllStandStill(bodies)) {
-    memory->contacts = *near;
-    memory->forces_W = start_force_W_;
-  } else {
-    double t = 0, most = dt;
-    for (int level = 0; dt - t > 1e-9 * dt;) {
-      const double h = std::min(most, dt - t);
-      if (Piece(t, h, level == kLevels, find, memory, report)) {
-        t += h;
-      } else {
-        ++level;
-        most = 0.5 * h;
-      }
-    }
-    ReportIslands(report);
+  while (!Pieces(dt, find, memory, report)) {
+    Return(first_);
+    *near = first_near_;
+    memory->contacts = first_contacts_;
+    memory->forces_W = first_forces_W_;
+    start_ = first_near_;
+    Recall(*memory);
+    blow_W_.clear();
+    FillFrame(dt, start_force_W_);
+    memory->freezing.Wake(frame_, settings_);
   }
   Freeze(dt, memory, report);
   for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);

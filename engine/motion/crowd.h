@@ -44,6 +44,7 @@ struct CrowdMemory {
   std::vector<Contact> contacts;  // near ones
   std::vector<Vector3> forces_W;  // [N] on body_b, that held there
   CertifiedFreezing freezing;
+  std::vector<int> freeze_counters;  // kPaper, per body
 };
 
 class Crowd {
@@ -82,7 +83,11 @@ class Crowd {
     std::vector<Vector3> guess;    // of its contacts
   };
 
-  bool Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  enum class Outcome { kDone, kMissed, kHitFrozen };
+  bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  bool HitsFrozen();
+  void Return(std::span<const State> states);
   double FreshOverlap() const;
   double Size(const Contact& contact) const;
   void Load(double dt);
@@ -92,6 +97,7 @@ class Crowd {
   void Carry(bool first, StepReport* report);
   void Fly();
   bool Judge();
+  bool IsFoundAgain(size_t c) const;
   bool Gains();
   double EnergyOf(size_t i, bool at_end) const;
   double WorkOf(size_t c) const;
@@ -110,6 +116,7 @@ class Crowd {
   double TargetOf(const Contact& contact, double gap, double allowed) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   double Share(const Contact& contact) const;
+  double LighterMass(const Contact& contact) const;
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
   bool Strike(int island, double most, Worker* worker);
@@ -127,7 +134,7 @@ class Crowd {
   template <typename F>
   void ForEachIsland(const F& f);
 
-  Settings settings_, carrying_;  // carrying_: of a pass
+  Settings settings_;
   parallel::WorkerPool* pool_;
   std::vector<Worker> workers_;
   // Of the step.
@@ -137,6 +144,9 @@ class Crowd {
   const ProblemObserver* observer_ = nullptr;
   std::vector<LedgerImpulse> impulses_;
   std::vector<std::uint8_t> was_frozen_, frozen_;  // as it began; after what woke
+  std::vector<State> first_;                       // as it began
+  std::vector<Contact> first_near_, first_contacts_;
+  std::vector<Vector3> first_forces_W_;
   // Of the piece, where it begins.
   double dt_ = 0;                        // [s]
   double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none

@@ -10,9 +10,10 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kRounds = 6;         // of rooms
+constexpr int kRounds = 12;        // of rooms and parts
 constexpr int kPerTask = 16;       // groups
 constexpr double kWider = 1.5;     // times what a body strayed out of its room
+constexpr double kMet = 5e-6;      // of a size: overlap that is none
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
 constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that is taken from it when it rests
@@ -63,10 +64,8 @@ GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) :
   workers_.resize(pool->num_workers());
 }
 
-// A body to which a crowd's step owes time is still one of it.
 bool GroupMotion::IsCrowd(std::span<const int> members) const {
-  return members.size() > static_cast<size_t>(settings_.group_bodies) ||
-         std::any_of(members.begin(), members.end(), [&](int i) { return unflown_[i] > 0; });
+  return members.size() > static_cast<size_t>(settings_.group_bodies);
 }
 
 // A body of a crowd may become as fast as the fastest of it.
@@ -171,7 +170,7 @@ void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> 
   Job* const end = old + num_before_;
   for (Job& job : std::span(jobs_).first(num_jobs_)) {
     while (old != end && old->members[0] < job.members[0]) ++old;
-    if (job.done || old == end || !old->done) continue;
+    if (job.done || old == end || !old->done || (!groups_.parted().empty() && !old->outcome.record_paths && !old->rests)) continue;
     if (old->members == job.members && old->group.numbers == job.group.numbers && old->group.pairs.size() == job.group.pairs.size() &&
         old->mark == job.mark)
       std::swap(job, *old);
@@ -185,6 +184,7 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::s
       for (Body& b : job.group.bodies) b.frozen = false;
       job.outcome.Clear();
       job.outcome.record = record;
+      job.outcome.record_paths = !groups_.parted().empty();
       workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
       job.done = true;
     }
@@ -205,27 +205,77 @@ bool GroupMotion::KeptToRooms(const Job& job, std::span<const Body> bodies, std:
   return kept;
 }
 
+// Whether two bodies of different jobs met on their ways.
+bool GroupMotion::Met(double dt, int i, int k) {
+  struct Way {
+    const Job& job;
+    size_t place, piece = 0;
+    double begin = 0;
+    Way(const Job& of, int number)
+        : job(of), place(std::lower_bound(of.group.numbers.begin(), of.group.numbers.end(), number) - of.group.numbers.begin()) {}
+    const Body& body() const { return job.group.bodies[place]; }
+    const Shape* shape() const { return job.group.shapes[place]; }
+    bool Ended() const { return job.rests || piece >= job.outcome.ends.size(); }  // it stays where it is
+    double End(double dt) const { return Ended() ? dt : job.outcome.ends[piece]; }
+    Path From(double t) const {
+      if (Ended()) return {{body().position_W, body().rotation_WB}, Vector3::Zero(), Vector3::Zero(), Vector3::Zero(), Vector3::Zero(), 0};
+      return job.outcome.paths[piece * job.group.bodies.size() + place].From(t - begin);
+    }
+    void MoveOn(double t) {
+      while (!Ended() && job.outcome.ends[piece] <= t) begin = job.outcome.ends[piece++];
+    }
+  };
+  Way a(jobs_[job_of_[i]], i), b(jobs_[job_of_[k]], k);
+  const double size = std::min(a.shape()->size(), b.shape()->size());
+  for (double t = 0; t < dt;) {
+    const double end = std::min(a.End(dt), b.End(dt));
+    if (ComeNear({a.shape(), b.shape(), a.From(t), b.From(t), end - t, 0, kMet * size}, &meeting_)) return true;
+    a.MoveOn(end);
+    b.MoveOn(end);
+    if (a.Ended() && b.Ended()) break;
+    t = end;
+  }
+  return false;
+}
+
+// Joins parts whose bodies came near each other. Returns whether there were any.
+bool GroupMotion::JoinStrays(double dt) {
+  const std::span<const std::pair<int, int>> parted = groups_.parted();
+  if (parted.empty()) return false;
+  job_of_.assign(crowd_.size(), -1);
+  for (size_t k = 0; k < num_jobs_; ++k)
+    for (const int i : jobs_[k].members) job_of_[i] = static_cast<int>(k);
+  const size_t before = joined_.size();
+  for (const auto& [i, k] : parted)
+    if (Met(dt, i, k)) joined_.emplace_back(i, k);
+  std::sort(joined_.begin(), joined_.end());
+  return joined_.size() > before;
+}
+
 bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-                       std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory,
-                       StepReport* report) {
-  unflown_ = unflown;
+                       const ProblemObserver& observer, GroupMemory* memory, StepReport* report) {
   memory->Resize(bodies.size());
   rooms_.assign(bodies.size(), 0.0);
   was_frozen_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen_[i] = bodies[i].frozen;
   num_before_ = num_jobs_ = 0;
   bool kept = false;
+  joined_.clear();
   for (int round = 0; round < kRounds && !kept; ++round) {
-    groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
-    MakeJobs(bodies, shapes, *memory);
+    const auto find = [&] {
+      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
+      if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
+      MakeJobs(bodies, shapes, *memory);
+    };
+    find();
     if (any_crowd_) {
       WidenCrowds(dt, bodies);
-      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
-      MakeJobs(bodies, shapes, *memory);
+      find();
       if (!races && HasRace(dt, bodies, shapes)) return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_), [](const Job& job) { return job.kept; });
+    kept = !JoinStrays(dt) && kept;
   }
   if (!kept && !races) return false;
   report->motion_failures += !kept;

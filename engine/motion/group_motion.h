@@ -5,11 +5,15 @@
 //            bodies under the same forces would give the same step again. It wakes as soon as anything of that changes
 //   rooms:   after the step every body must have kept to the room that decided whom it may meet (groups.h); else groups
 //            are found anew with larger rooms, and those that changed are stepped again from the start
+//   parts:   a group that is too large is parted by who comes near whom on the free ways. Then no body may have met one of another part
+//            on its real way, or their parts are joined and stepped again from the start. If a part gets too large that way,
+//            the whole group is a crowd
 //   threads: groups run on the pool; results do not depend on the number of workers
 #pragma once
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/ledger.h"
@@ -38,11 +42,11 @@ class GroupMotion {
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
-  // unflown: [s] per body that its last step as one of a crowd owes it. observer may be empty. report: counts, certificates and
-  // times are added to. Returns false, and has done nothing, where bodies of a crowd race or leave their rooms, and `races` are
-  // refused: only in a shorter step, in which there may be no crowd, are they kept on their sides.
+  // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
+  // crowd race or leave their rooms, and `races` are refused: only in a shorter step, in which there may be no crowd, are they kept on
+  // their sides.
   bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-            std::span<const double> unflown, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
+            const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
   // Of the last step. crowd: per body, whether its group was too large.
   std::span<const std::uint8_t> crowd() const { return crowd_; }
@@ -68,6 +72,8 @@ class GroupMotion {
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
   void RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies, std::span<const Shape> shapes);
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
+  bool Met(double dt, int i, int k);
+  bool JoinStrays(double dt);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(double dt, const Job& job) const;
@@ -82,10 +88,12 @@ class GroupMotion {
   std::vector<Contact> contacts_;   // near ones of all groups
   std::vector<Vector3> forces_W_;
   std::vector<int> order_, small_;  // small: groups that are no crowd
+  std::vector<std::pair<int, int>> joined_;  // pairs of several parts that met in this step
+  std::vector<int> job_of_;                  // per body that moves
+  Meeting meeting_;
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_;
   bool any_crowd_ = false;
-  std::span<const double> unflown_;  // of Step, while it is under way
   std::vector<LedgerImpulse> impulses_;
 };
 

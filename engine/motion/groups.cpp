@@ -100,7 +100,43 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     for (size_t k = 0; k < met; ++k) add(order_[i], order_[met_[k]]);
   }
   SortPairs(n);
+  parted_.clear();
   islands::BuildPartition({cut_, pairs_}, &partition_);
+}
+
+void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                  std::span<const std::pair<int, int>> joined) {
+  whole_.assign(partition_.num_islands(), 1);
+  for (int g = 0; g < size(); ++g) whole_[g] = bodies_of(g).size() <= most;
+  if (std::all_of(whole_.begin(), whole_.end(), [](std::uint8_t whole) { return whole != 0; })) return;
+  const auto group_of = [&](const std::pair<int, int>& pair) { return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first]; };
+  near_.clear();
+  for (const auto& pair : pairs_)
+    if (whole_[group_of(pair)] || cut_[pair.first] || cut_[pair.second] || std::binary_search(joined.begin(), joined.end(), pair) || ComeNear(dt, pair.first, pair.second, bodies, shapes))
+      near_.push_back(pair);
+  islands::BuildPartition({cut_, near_}, &parts_);
+  for (int part = 0; part < parts_.num_islands(); ++part)
+    if (parts_.bodies_of(part).size() > most) whole_[partition_.body_to_island[parts_.bodies_of(part)[0]]] = 1;
+  unsorted_.clear();
+  for (const auto& pair : pairs_) {
+    const bool stays = whole_[group_of(pair)] || cut_[pair.first] || cut_[pair.second] ||
+                       parts_.body_to_island[pair.first] == parts_.body_to_island[pair.second];
+    (stays ? unsorted_ : parted_).push_back(pair);
+  }
+  pairs_.swap(unsorted_);
+  islands::BuildPartition({cut_, pairs_}, &partition_);
+}
+
+// Whether two bodies come within the margin of each other on their free ways. Both fall alike, or one does not fall, and the margin of the
+// rooms holds for it.
+bool Groups::ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes) {
+  const auto path = [&](int n) -> Path {
+    const Body& b = bodies[n];
+    const double radius = shapes[n].kind() == ShapeKind::kSphere ? 0 : shapes[n].radius();
+    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), radius};
+  };
+  const double margin = kMargin * (shapes[i].size() + shapes[k].size());
+  return motion::ComeNear({&shapes[i], &shapes[k], path(i), path(k), dt, margin, 0.5 * margin}, &meeting_);
 }
 
 // By their first bodies, and those few that share it by their second.

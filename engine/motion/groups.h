@@ -1,17 +1,22 @@
 // Which bodies may meet within a step. A body's room is the box that it sweeps, with margin for turning and falling; bodies
 // whose rooms meet belong to one group, and whoever moves within its room meets nobody outside of its group.
 //
+// Where that makes too large a group, it may be parted once more: by those who do meet as far as is known. Who parts it finds out
+// afterwards whether anybody else did.
+//
 //   cut:     at what contacts cannot move: fixed and kinematic bodies; frozen ones join, since what hits them may wake them
 //   order:   groups by their smallest body, bodies and pairs ascending
 //   threads: one caller at a time    allocation: none after warm-up
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "engine/body.h"
 #include "engine/body_watch.h"
+#include "engine/motion/meeting.h"
 #include "engine/shape.h"
 #include "islands/partition.h"
 
@@ -22,6 +27,12 @@ class Groups {
   // rooms: [m] per body, beside what the body sweeps by its own velocity.
   void Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
             std::span<const double> rooms);
+
+  // Parts the groups of more than `most` bodies by the pairs that come near on their free ways and by those `joined` (ascending). A group
+  // of which a part is still larger stays whole.
+  void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const std::pair<int, int>> joined);
+  // The pairs that may meet and are of two groups.
+  std::span<const std::pair<int, int>> parted() const { return parted_; }
 
   int size() const { return partition_.num_islands(); }
   std::span<const int> bodies_of(int group) const { return partition_.bodies_of(group); }
@@ -34,13 +45,17 @@ class Groups {
 
  private:
   void SortPairs(size_t num_bodies);
+  bool ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes);
 
   std::vector<Box> rooms_;                     // per body; of half-spaces and removed bodies unused
   std::vector<Box> sorted_;                    // in order of the sweep
   std::vector<int> order_, planes_, met_, starts_;
   std::vector<std::pair<int, int>> pairs_, unsorted_;
   std::vector<std::uint8_t> cut_;
-  islands::Partition partition_;
+  std::vector<std::pair<int, int>> parted_, near_;
+  std::vector<std::uint8_t> whole_;  // per group
+  islands::Partition partition_, parts_;
+  Meeting meeting_;
 };
 
 // The smallest box around a shape that is no half-space.

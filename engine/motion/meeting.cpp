@@ -57,6 +57,23 @@ double Meeting::First(const MeetingQuery& query) {
   return AlongTouch(query, t, normal, floor);
 }
 
+double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
+  Vector3 normal;
+  return GapAt(query, 0, reach, &normal);
+}
+
+bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
+  const double h = query.duration, bend = 0.25 * h * h * (query.path_b.half_acceleration_W - query.path_a.half_acceleration_W).norm();
+  const auto apart = [&](double t) -> Vector3 {
+    const auto centre = [t](const Path& p) -> Vector3 { return p.start.position_W + t * p.velocity_W + t * t * p.half_acceleration_W; };
+    return centre(query.path_b) - centre(query.path_a);
+  };
+  const Vector3 from = apart(0), way = apart(h) - from;
+  const double length = way.squaredNorm(), along = length > 0 ? std::clamp(-from.dot(way) / length, 0.0, 1.0) : 0;
+  if ((from + along * way).norm() - bend > query.a->radius() + query.b->radius() + query.gap) return false;
+  return meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
+}
+
 // What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
   constexpr int kLooks = 1000;

@@ -33,6 +33,8 @@ class Meeting {
  public:
   // [s] after which the gap is below gap - deep, at most by as much again; duration if it never is.
   double First(const MeetingQuery& query);
+  // [m] between the bodies as they begin; far more than reach where it is more than that.
+  double GapAtStart(const MeetingQuery& query, double reach);
   // How often gaps were looked at so far.
   std::int64_t looks() const { return looks_; }
 
@@ -43,5 +45,8 @@ class Meeting {
   std::vector<Contact> contacts_;
   std::int64_t looks_ = 0;
 };
+
+// Whether the gap falls below query.gap - query.deep, or is below query.gap as they begin. Spheres around them tell of most that do not.
+bool ComeNear(const MeetingQuery& query, Meeting* meeting);
 
 }  // namespace islet::motion

@@ -31,6 +31,8 @@ struct Path {
     return {start.position_W + t * velocity_W + t * t * half_acceleration_W,
             (Exp(t * rate_W + t * t * half_change_W) * start.rotation_WB).normalized()};
   }
+  // What is left of it at t. Turns of which the axis turns, too, are continued as they are then.
+  Path From(double t) const { return {At(t), VelocityAt(t), half_acceleration_W, RateAt(t), half_change_W, radius}; }
   Vector3 VelocityAt(double t) const { return velocity_W + 2 * t * half_acceleration_W; }
   Vector3 RateAt(double t) const { return rate_W + 2 * t * half_change_W; }
   // [m/s] fastest that the turn moves a point from t to `end`.

@@ -100,8 +100,10 @@ void GroupOutcome::Clear() {
   pieces = blows = bounces = passes = halvings = 0;
   unstepped = overlap = 0;
   overlapping = 0;
-  restitution_lowered = record = false;
+  restitution_lowered = record = record_paths = false;
   impulses.clear();
+  ends.clear();
+  paths.clear();
   touching.clear();
   touching_force_W.clear();
   for (auto* answers : {&carried, &settled, &struck}) answers->clear();
@@ -971,7 +973,7 @@ void Stepper::Strike() {
     if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                                         {threshold_, {}, settings_.bounce_limit, true}, posed_, bounces_);
+                                         {threshold_, settings_.bounce_limit, true}, posed_, bounces_);
     out_->struck.push_back(responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
@@ -1112,6 +1114,10 @@ void Stepper::Commit(double t, double h) {
     last_force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
     if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0, carried_at_[e]});
     if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
+  }
+  if (out_->record_paths) {
+    out_->ends.push_back(t + h);
+    for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
   }
   state_ = end_state_;
   now_ = end_;

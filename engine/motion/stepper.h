@@ -22,6 +22,7 @@
 #include "engine/contact.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
+#include "engine/motion/path.h"
 #include "engine/problem_record.h"
 #include "engine/response.h"
 #include "engine/sequential.h"
@@ -71,6 +72,9 @@ struct GroupOutcome {
   std::vector<Vector3> touching_force_W;
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
   bool record = false;                  // in: whether records are wanted
+  bool record_paths = false;            // in: the same of paths
+  std::vector<double> ends;             // [s] of the pieces that were done
+  std::vector<Path> paths;              // of all bodies in the first of them, then in the next
   std::vector<ProblemRecord> records;
   void Clear();  // keeps the memory of its vectors
 };

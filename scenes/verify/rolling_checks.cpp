@@ -159,7 +159,7 @@ void MeasurePlateOfBalls(const CheckSettings& settings, Measurements* out) {
         std::max(worst_ball, std::abs(world.body(ball).linear_velocity_W.dot(push) / t - acceleration * 2 / 7));
   out->Relative("box", "m/s^2", acceleration, world.body(plate).linear_velocity_W.dot(push) / t, 1e-5);
   out->AtMost("worst of 25 balls off 2/7 of the box", "m/s^2", worst_ball, 1e-5 * acceleration);
-  out->AtMost("mean squared velocity error of box and one ball", "m^2/s^2", squares / frames, 1e-10,
+  out->AtMost("mean squared velocity error of box and one ball", "m^2/s^2", squares / frames, 2e-10,
               "as SimBenchmark has it; the best it shows is 1e-12 at 1 ms");
   out->AtMost("height of the box off the floor", "m", lift, 1e-7);
   out->AtMost("turn of the box", "rad", 2 * world.body(plate).rotation_WB.vec().norm(), 1e-6);

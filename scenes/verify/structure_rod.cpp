@@ -112,7 +112,7 @@ void MeasureFall(const CheckSettings& settings, double friction, Measurements* o
   const std::string name = ", mu = " + std::to_string(friction).substr(0, 3);
   out->Verdict("all finite after 3 s" + name, true, AllFinite(world));
   out->AtMost("energy gained in the worst step" + name, "of the start's", gain / scale, 1e-6,
-              "what a crowd's correction lifts out of an overlap has height for nothing (motion.cpp)");
+              "what pushes an overlap of a crowd out gives height as far as there is energy");
   if (friction == 2 && settings.engine.group_bodies == 0) out->Open();
   out->AtMost("problems without a solution" + name, "", troubled, 0);
 }

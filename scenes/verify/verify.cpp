@@ -23,7 +23,7 @@ VerifyBase CheckOptions(const VerifyOptions& o) {
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
   require(o.group_bodies >= 0, "--group-bodies", o.group_bodies, "at least 0");
   if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
-  return {o.tolerance, ParseEffort(o.effort), o.threads.value_or(0), o.group_bodies, o.crowd_law, o.quick};
+  return {o.tolerance, ParseEffort(o.effort), o.threads.value_or(0), o.group_bodies, o.quick};
 }
 
 void ListChecks(std::span<const Check* const> checks) {
@@ -76,7 +76,6 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   add("--effort", o->effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
   add("--group-bodies", o->group_bodies, "N", "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
-  command->add_flag("--crowd-law", o->crowd_law, "larger groups move by it, too");
   add("--threads", o->threads, "N", "0: all cores (default)");
   add("--gate", o->gate, "LIST", "only checks of G1, G2 (must hold) or G3 (statistics)");
   command->add_flag("--quick", o->quick, "leave out the largest sizes and the longest times");

@@ -25,7 +25,6 @@ struct VerifyOptions {
   double tolerance = 1e-6;
   std::optional<int> threads;  // 0: all cores
   int group_bodies = 20;
-  bool crowd_law = false;
   bool quick = false, all_settings = false, list = false;
   std::string report;  // file, "-" for the standard output, empty for none
 };

@@ -63,7 +63,6 @@ Settings EngineSettings(const std::string& model, const std::string& freeze, con
   engine.tolerance = base.tolerance;
   engine.threads = base.threads;
   engine.group_bodies = base.group_bodies;
-  engine.crowd_law = base.crowd_law;
   return engine;
 }
 

@@ -33,7 +33,6 @@ struct VerifyBase {
   Effort effort = qp::kNormalEffort;
   int threads = 0;  // 0: all cores
   int group_bodies = 20;
-  bool crowd_law = false;
   bool quick = false;
 };
 

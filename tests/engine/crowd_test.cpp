@@ -20,7 +20,6 @@ using testing::Floor;
 
 Settings ByLaw(int threads = 2) {
   Settings settings;
-  settings.crowd_law = true;
   settings.threads = threads;
   return settings;
 }

@@ -99,7 +99,7 @@ std::vector<Contact> BruteForce(const Scene& scene, bool include_frozen) {
       std::vector<Contact> found;
       CollideShapes(scene.shapes[a], {body_a.position_W, body_a.rotation_WB.toRotationMatrix()}, scene.shapes[b],
                     {body_b.position_W, body_b.rotation_WB.toRotationMatrix()},
-                    scene.margins[a] + scene.margins[b] + travel.norm(), &found, travel);
+                    scene.margins[a] + scene.margins[b] + travel.norm(), &found);
       for (Contact& c : found) {
         c.body_a = a, c.body_b = b;
         c.friction = MixFriction(body_a.friction, body_b.friction);

@@ -1,5 +1,4 @@
-// Impacts at their moments, rebounds within a step, bounces at once: what flight, flight_time, rebound, island_spin and the
-// queue's ties do together in whole steps.
+// Impacts at their moments, rebounds within a step, bounces at once, in whole steps.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -8,8 +7,6 @@
 #include <gtest/gtest.h>
 
 #include "engine/bounce.h"
-#include "engine/island_spin.h"
-#include "engine/rebound.h"
 #include "engine/world.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/worlds.h"
@@ -79,24 +76,6 @@ TEST(Impact, ElasticBallNeverStopsHoweverLowItBounces) {
 }
 
 // A ball that left the floor at 0.01 m/s and is back: it began the step with that speed, and it takes no memory to know it.
-TEST(Impact, WhatBouncedBeganTheStepAtItsReboundSpeed) {
-  constexpr double kDt = 1.0 / 60, kSpeed = 0.01;
-  const Vector3 gravity(0, 0, -kGravity);
-  std::vector<Body> bodies(2);
-  bodies[0].kind = BodyKind::kFixed;
-  bodies[1].position_W = {0, 0, 0.5};
-  bodies[1].linear_velocity_W = {0, 0, -kSpeed};
-  const std::vector<Contact> contacts{{.body_a = 0, .body_b = 1, .normal_W = Vector3::UnitZ(), .rebounds = true}};
-  const std::vector<Vector3> holding{{bodies[1].mass * (kGravity * kDt - 2 * kSpeed), 0, 0}};
-  BouncedMotion motion;
-  std::vector<Twist> before(2);
-  motion.Restore(kDt, gravity, bodies, contacts, holding, &before);
-  EXPECT_NEAR(before[1].linear_W.z(), kSpeed, 1e-15);
-  const testing::AllocationCounter counter;
-  motion.Restore(kDt, gravity, bodies, contacts, holding, &before);
-  EXPECT_EQ(counter.count(), 0);
-}
-
 // As in the paper: no impact rules of ours.
 TEST(Impact, PaperHasNoReboundsWithinAStep) {
   Settings settings = Settings::Paper();
@@ -266,53 +245,6 @@ TEST(Impact, FreeCloudKeepsAngularMomentum) {
     }
     EXPECT_LT((testing::AngularMomentum(world.bodies()) - start).norm(), 1e-10) << restitution;
   }
-}
-
-TEST(IslandSpin, ShiftedBodiesGetTheirMomentaAndEnergyBack) {
-  std::mt19937 rng(2);
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  const auto vector = [&] { return Vector3(uniform(rng), uniform(rng), uniform(rng)); };
-  for (const int count : {2, 3, 8}) {
-    std::vector<Body> bodies(count);
-    std::vector<int> members;
-    for (int i = 0; i < count; ++i) {
-      bodies[i].mass = 1.5 + uniform(rng);
-      bodies[i].inertia_B = Vector3(0.3, 0.4, 0.5).asDiagonal();
-      bodies[i].position_W = 2 * vector();
-      bodies[i].linear_velocity_W = vector();
-      bodies[i].angular_velocity_W = vector();
-      members.push_back(i);
-    }
-    const IslandSpin before = SpinOf(members, bodies);
-    const Vector3 momentum = testing::Momentum(bodies), angular = testing::AngularMomentum(bodies);
-    const double energy = Energy(bodies, 0);
-    for (Body& body : bodies) body.position_W += 0.01 * vector() / body.mass;
-    RestoreSpin(before, members, bodies);
-    EXPECT_LT((testing::Momentum(bodies) - momentum).norm(), 1e-13) << count;
-    EXPECT_LT((testing::AngularMomentum(bodies) - angular).norm(), 1e-12) << count;
-    EXPECT_NEAR(Energy(bodies, 0), energy, 1e-12) << count;
-  }
-}
-
-// Two bodies that fly apart nearly in line owe a spin about that line: no shift of theirs can give it, and they spin instead.
-// (They were shifted by 200 km.)
-TEST(IslandSpin, ShiftsAreNeverFartherThanTheBodiesAreApart) {
-  std::vector<Body> bodies(2);
-  const std::vector<int> members{0, 1};
-  for (const int i : members) {
-    const double side = i == 0 ? -1 : 1;
-    bodies[i].mass = 1;
-    bodies[i].inertia_B = Matrix3::Identity() / 6;
-    bodies[i].position_W = {side, 0, 0};
-    bodies[i].linear_velocity_W = {1000 * side, 5 * side, 0};
-    bodies[i].angular_velocity_W = {500, 0, 0};
-  }
-  const IslandSpin before = SpinOf(members, bodies);
-  for (Body& body : bodies) body.angular_velocity_W = {0, 0, 500};
-  const Vector3 angular(before.angular_momentum_W);
-  RestoreSpin(before, members, bodies);
-  EXPECT_LT((testing::AngularMomentum(bodies) - angular).norm(), 1e-9);
-  for (const int i : members) EXPECT_LT((bodies[i].position_W - Vector3(i == 0 ? -1 : 1, 0, 0)).norm(), 1) << i;
 }
 
 }  // namespace

@@ -469,13 +469,13 @@ TEST(World, SaysWhatItMissed) {
         const bool missed = island.collision_status == QpStatus::kInaccurate || island.static_status == QpStatus::kInaccurate;
         EXPECT_TRUE(missed || island.map <= settings.tolerance) << island.map;
       }
-      EXPECT_EQ(worst, std::max(report.collision_qp.worst_map, report.static_qp.worst_map));
+      EXPECT_LE(worst, std::max(report.collision_qp.worst_map, report.static_qp.worst_map));  // of its last problems
       all.Include(report.collision_qp);
       all.Include(report.static_qp);
     }
     EXPECT_GT(all.solved, 0);
-    EXPECT_EQ(all.missed > 0, effort.sweeps == 1);
-    EXPECT_EQ(all.worst_map > settings.tolerance, effort.sweeps == 1) << all.worst_map;
+    EXPECT_EQ(all.missed > 0, all.worst_map > settings.tolerance);
+    EXPECT_EQ(all.worst_map > 1e-5, effort.sweeps == 1) << all.worst_map;
   }
 }
 

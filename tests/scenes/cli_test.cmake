@@ -213,10 +213,11 @@ islet(status stdout stderr run stack --count 3 --frames 4 --group-bodies 0 --exp
 check_equal("exit status of a run that exports (${stderr})" "${status}" 0)
 file(GLOB problems RELATIVE ${SCRATCH} ${SCRATCH}/problems/*)
 check_equal("problems exported" "${problems}" "problems/frame_000001_round_0_island_00000_static.hdf5;\
-problems/frame_000003_round_0_island_00000_static.hdf5")
+problems/frame_000001_round_1_island_00000_static.hdf5;problems/frame_000003_round_0_island_00000_static.hdf5;\
+problems/frame_000003_round_1_island_00000_static.hdf5")
 islet(status stdout stderr solve ${problems} --report solved.json)
 check_equal("exit status of islet solve (${stderr})" "${status}" 0)
-check_match("table of islet solve" stdout "2 of 2 solved")
+check_match("table of islet solve" stdout "4 of 4 solved")
 file(READ ${SCRATCH}/solved.json report)
 foreach(key file contacts bodies model cone tolerance status method iterations seconds v_ref natural_map_max
     natural_map_rms coulomb_map_max coulomb_map_rms siconos_error gap momentum asymmetry)
