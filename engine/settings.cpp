@@ -24,7 +24,6 @@ void Settings::Validate() const {
   Require(touch_gap > 0 && touch_gap < 0.1, "touch_gap", touch_gap, "in (0, 0.1) of a shape's size");
   Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance,
           "in (0, touch_gap]");
-  Require(motion_passes >= 1, "motion_passes", motion_passes, ">= 1");
   Require(group_bodies >= 0, "group_bodies", group_bodies, ">= 0 (0: all move as a crowd)");
   Require(threads >= 0, "threads", threads, ">= 0 (0: all cores)");
   for (const Region& region : cold_volumes)

@@ -38,7 +38,7 @@ struct Settings {
   Cone cone = Cone::kCircular;
   BounceLaw bounce_law = BounceLaw::kExact;
   int bounce_limit =
-      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]; heaps: more
+      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
   Freezing freezing = Freezing::kCertified;
   int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
   double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still
@@ -52,8 +52,7 @@ struct Settings {
   Effort effort = qp::kNormalEffort;  // kCoulomb: cap on the work for an island that does not get there
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
-  double overlap_tolerance = 2.5e-4;  // motion repeats until no pair overlaps by more; per shape size
-  int motion_passes = 24;             // cap on those repeats; one frame in a hundred of a hard fall wants more than 8
+  double overlap_tolerance = 2.5e-4;  // contacts of small groups closer than this carry; per shape size
 
   // Performance
   int threads = 0;  // 0: all cores

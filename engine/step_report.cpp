@@ -88,7 +88,6 @@ void StepReport::Append(StepReport later) {
   penetration_max = std::max(penetration_max, later.penetration_max);
   motion_passes = std::max(motion_passes, later.motion_passes);
   motion_failures = std::max(motion_failures, later.motion_failures);
-  held_back = std::max(held_back, later.held_back);
   ledger.Include(later.ledger);
   energy_gain += later.energy_gain;
   pieces += later.pieces;

@@ -118,14 +118,13 @@ struct StepReport {
   Certificate certificate;     // worst over the islands
   double penetration_max = 0;  // [m] deepest overlap after the move
   int motion_passes = 0;
-  int motion_failures = 0;    // 1 if the overlap tolerance was not reached, or only by holding bodies back
-  int held_back = 0;          // bodies that stayed where the step began: no correction found a way out for them
+  int motion_failures = 0;    // small groups that gave up a step, and pieces of a crowd that missed their end for good
   double kinetic_energy = 0;  // [J] after the step
   Ledger ledger;
   double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
   int pieces = 0;             // into which the steps of small groups were cut, together
   double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
-  int overlapping = 0;        // pairs of bodies in small groups that are inside of each other at the end, by a fiftieth of a size
+  int overlapping = 0;        // pairs of bodies that are inside of each other at the end, by a fiftieth of a size
   // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
   // end of the step is the later one's.
   void Append(StepReport later);

@@ -747,7 +747,9 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     NextTargets();
   }
   report->motion_passes = std::max(report->motion_passes, pass);
-  if (!last && pass == kPasses && (FreshOverlap() > kDeep || Gains())) {
+  const bool misses = pass == kPasses && (FreshOverlap() > kDeep || Gains());
+  report->motion_failures += misses && last;
+  if (misses && !last) {
     Return(begin_);
     *near_ = start_;
     return Outcome::kMissed;
@@ -955,6 +957,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   }
   Freeze(dt, memory, report);
   for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);
+  report->overlapping += CountOverlapping(*near, [this](const Contact& c) { return Size(c); });
 }
 
 }  // namespace islet::motion

@@ -341,7 +341,8 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
         impulses_.push_back({world(group.remembered[c]), dt * group.remembered_force_W[c], 0, dt});
     report->frozen += static_cast<int>(job->members.size());
     for (const Contact& c : group.remembered) report->penetration_max = std::max(report->penetration_max, -c.gap);
-    report->overlapping += CountOverlapping(group, group.remembered);
+    report->overlapping += CountOverlapping(
+        group.remembered, [&](const Contact& c) { return std::min(group.shapes[c.body_a]->size(), group.shapes[c.body_b]->size()); });
     return;
   }
   GroupOutcome& outcome = job->outcome;

@@ -9,6 +9,7 @@ namespace {
 constexpr int kAdvances = 200;   // of one pair
 constexpr int kTouches = 12;     // of them in a row without leaving: they touch
 constexpr int kHalvings = 40;
+constexpr double kInside = 0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 constexpr double kFar = 1e300;   // [m] gap of what is out of reach
 
 // [m/s] fastest closing of the gap along the normal (from a to b) from t on: a relative velocity that changes linearly is
@@ -60,6 +61,17 @@ double Meeting::First(const MeetingQuery& query) {
 double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   Vector3 normal;
   return GapAt(query, 0, reach, &normal);
+}
+
+int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {
+  int pairs = 0;
+  const Contact* last = nullptr;
+  for (const Contact& c : contacts) {
+    if (-c.gap <= kInside * size(c)) continue;
+    pairs += !last || last->body_a != c.body_a || last->body_b != c.body_b;
+    last = &c;
+  }
+  return pairs;
 }
 
 bool ComeNear(const MeetingQuery& query, Meeting* meeting) {

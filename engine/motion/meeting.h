@@ -8,6 +8,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <span>
 #include <vector>
 
 #include "engine/motion/path.h"
@@ -48,5 +50,8 @@ class Meeting {
 
 // Whether the gap falls below query.gap - query.deep, or is below query.gap as they begin. Spheres around them tell of most that do not.
 bool ComeNear(const MeetingQuery& query, Meeting* meeting);
+
+// Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.
+int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size);
 
 }  // namespace islet::motion

@@ -15,7 +15,6 @@ constexpr double kOverlap = 5e-6;   // of a size: passes end when no gap of what
 constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
 constexpr double kThrough = 0.25;   // of a size: the same on the way through a piece, at the end of which there is none
-constexpr double kInside = 0.02;    // of a size: bodies that are so deep in each other are no contact, and the report says so
 constexpr int kPasses = 8;          // of the carrying problem in a piece
 constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
@@ -84,17 +83,6 @@ Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector
 }
 
 }  // namespace
-
-int CountOverlapping(const Group& group, std::span<const Contact> contacts) {
-  int pairs = 0;
-  const Contact* last = nullptr;
-  for (const Contact& c : contacts) {
-    if (-c.gap <= kInside * std::min(group.shapes[c.body_a]->size(), group.shapes[c.body_b]->size())) continue;
-    pairs += !last || last->body_a != c.body_a || last->body_b != c.body_b;
-    last = &c;
-  }
-  return pairs;
-}
 
 void GroupOutcome::Clear() {
   pieces = blows = bounces = passes = halvings = 0;
@@ -1274,7 +1262,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     outcome->touching_force_W.push_back(c < last_force_W_.size() ? last_force_W_[c] : Vector3(Vector3::Zero()));
     outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
   }
-  outcome->overlapping = CountOverlapping(*group, outcome->touching);
+  outcome->overlapping = CountOverlapping(outcome->touching, [&](const Contact& c) { return Size({c.body_a, c.body_b}); });
   for (size_t i = 0; i < group->bodies.size(); ++i) {
     Body& b = group->bodies[i];
     if (!b.Moves()) continue;

@@ -58,9 +58,6 @@ struct Group {
   std::vector<Vector3> remembered_force_W;
 };
 
-// Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.
-int CountOverlapping(const Group& group, std::span<const Contact> contacts);
-
 struct GroupOutcome {
   int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
   double unstepped = 0;        // [s] of the step that the bodies stood still, since no way on was found; 0: all is well

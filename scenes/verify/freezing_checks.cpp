@@ -165,7 +165,7 @@ std::vector<Body> HitRow(const Row& row, Freezing freezing, int frames, const Ch
   const int hit = world.Add(ball);
   *delay = 0;
   bool touched = false;
-  while (frames > 0) {
+  for (int left = Frames(3, s.dt); frames > 0 && left > 0; --left) {  // some models launch the ball over the row
     touched = touched ||
               std::any_of(world.contacts().begin(), world.contacts().end(),
                           [&](const Contact& c) { return c.body_a == 1 && c.body_b == hit; }) ||

@@ -48,7 +48,6 @@ TEST(Settings, EveryBadValueIsNamed) {
       {"touch_gap", "nan", [](Settings* s) { s->touch_gap = kNan; }},
       {"overlap_tolerance", "0.5", [](Settings* s) { s->overlap_tolerance = 0.5; }},
       {"overlap_tolerance", "0.0", [](Settings* s) { s->overlap_tolerance = 0; }},
-      {"motion_passes", "0", [](Settings* s) { s->motion_passes = 0; }},
       {"threads", "-1", [](Settings* s) { s->threads = -1; }},
       {"cold_volumes", "2",
        [](Settings* s) {
@@ -79,7 +78,6 @@ TEST(Settings, LimitsThatAreValid) {
   settings.freeze_count = 0;
   settings.tolerance = 0.1;
   settings.overlap_tolerance = settings.touch_gap;
-  settings.motion_passes = 1;
   settings.gravity.setZero();
   settings.cold_volumes = {{{1, 1, 1}, {1, 1, 1}}};
   EXPECT_NO_THROW(settings.Validate());
