@@ -16,7 +16,6 @@ constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
 constexpr int kLevels = 2;           // times that a piece is halved
 constexpr double kMiss = 2.5e-4;     // of a size: what gaps may miss their end by, and below which a contact is closed
-
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
