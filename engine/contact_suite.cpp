@@ -49,8 +49,6 @@ void ContactSuite::SetProblemObserver(ProblemObserver observer) { impl_->observe
 const SuiteMemory& ContactSuite::memory() const { return *impl_; }
 void ContactSuite::SetMemory(const SuiteMemory& memory) { static_cast<SuiteMemory&>(*impl_) = memory; }
 std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
-std::span<const Vector3> ContactSuite::held() const { return impl_->held_W; }
-std::span<const double> ContactSuite::support() const { return impl_->support; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
@@ -209,19 +207,11 @@ void ContactSuite::Impl::Finish(StepReport* report) {
   const size_t nc = frame.contacts.contacts.size();
   for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
-  held_W.resize(nc);
-  pool->ForEachOf(nc, kPerTask, [&](size_t c) {
-    held_W[c] = frame.frames[c] * frame.holding[c];
-    impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
-  });
+  pool->ForEachOf(nc, kPerTask,
+                  [&](size_t c) { impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]); });
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;
-  support.assign(frame.bodies.size(), 0.0);
-  for (size_t c = 0; c < nc; ++c) {
-    support[frame.contacts.contacts[c].body_a] += frame.holding[c][0];
-    support[frame.contacts.contacts[c].body_b] += frame.holding[c][0];
-  }
   energies.resize(frame.bodies.size());
   pool->ForEachOf(frame.bodies.size(), kPerTask, [&](size_t i) { energies[i] = frame.bodies[i].KineticEnergy(); });
   for (size_t i = 0; i < frame.bodies.size(); ++i) {

@@ -52,13 +52,10 @@ class ContactSuite {
 
   // [N s] on body_b of each contact of the last Resolve, W: bounces, collision and static impulses together. The contacts of
   // a frozen body carry the impulses that hold it.
-  std::span<const Vector3> held() const;  // [N s] of these, what acted over the whole step: the rest were blows at its start
   std::span<const Vector3> impulses() const;
   // Per body, after the collisions and before gravity: with the final velocities the two ends of the trapezoidal rule. Of a
   // body that bounced off and was caught again within the step, and of what rides on it, the final ones.
   std::span<const Twist> velocities_before_gravity() const;
-  // [N s] per body: normal impulses that the last static problem put on it. About m |g| dt where it is supported.
-  std::span<const double> support() const;
 
  private:
   struct Impl;

@@ -25,7 +25,6 @@ struct ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
-  std::vector<Vector3> held_W;  // [N s] per contact
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;
@@ -102,10 +101,7 @@ template <typename Task>
 void ContactSuite::Impl::ForEachIsland(Task task) {
   costs.resize(partition.num_islands());
   for (int i = 0; i < partition.num_islands(); ++i) costs[i] = 1.0 + static_cast<double>(View(i).contacts.size());
-  parallel::MakeSchedule(costs, kBatchCost, &schedule);
-  pool->ForEach(schedule.num_batches(), [&](int batch, int worker) {
-    for (const int island : schedule.batch(batch)) task(island, &workers[worker]);
-  });
+  pool->ForEachByCost(costs, kBatchCost, &schedule, [&](int island, int worker) { task(island, &workers[worker]); });
 }
 
 }  // namespace islet

@@ -18,8 +18,7 @@ struct SuiteMemory {
   // Of the last frame, in its order: the contacts, the impulses that held [N s] (n, t1, t2), and in W what was told outside.
   std::vector<Contact> previous_contacts;
   std::vector<Vector3> previous_holding, impulses_W;
-  double previous_dt = 0;       // [s]; 0: no frame yet
-  std::vector<double> support;  // [N s] per body
+  double previous_dt = 0;  // [s]; 0: no frame yet
 };
 
 }  // namespace islet

@@ -11,7 +11,7 @@
 #include "engine/ledger.h"
 #include "engine/motion/crowd.h"
 #include "engine/motion/group_motion.h"
-#include "engine/rotation.h"
+#include "engine/motion/lever.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
 #include "engine/suite_frame.h"
@@ -346,8 +346,7 @@ void World::Impl::CarryKinematic(double dt) {
   for (Body& body : bodies) {
     if (body.kind != BodyKind::kKinematic || body.removed) continue;
     body.position_W += dt * body.linear_velocity_W;
-    if (!body.angular_velocity_W.isZero(0))
-      body.rotation_WB = (Exp(dt * body.angular_velocity_W) * body.rotation_WB).normalized();
+    body.rotation_WB = motion::Turned(dt * body.angular_velocity_W, body.rotation_WB);
   }
 }
 

@@ -32,10 +32,7 @@ struct Schedule {
 
 // A task of at least `batch_cost` is a batch of its own; smaller ones fill a batch until it has reached that cost, so
 // no batch of several tasks costs twice as much. batch_cost = 0: one task each. Throws std::invalid_argument for a
-// negative or non-finite cost. To run one:
-//   pool.ForEach(schedule.num_batches(), [&](int batch, int worker) {
-//     for (const int task : schedule.batch(batch)) Run(task, worker);
-//   });
+// negative or non-finite cost. To run one: WorkerPool::ForEachByCost.
 void MakeSchedule(std::span<const double> costs, double batch_cost, Schedule* schedule);
 
 }  // namespace islet::parallel

@@ -10,6 +10,9 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <span>
+
+#include "parallel/schedule.h"
 
 namespace islet::parallel {
 
@@ -47,6 +50,16 @@ class WorkerPool {
     };
     // By reference: a function object that holds more than two words allocates.
     ForEach(static_cast<int>((count + size - 1) / size), std::cref(work));
+  }
+
+  // f(task, worker) for each of these costs, largest first, those below batch_cost in batches. schedule: scratch.
+  template <typename F>
+  void ForEachByCost(std::span<const double> costs, double batch_cost, Schedule* schedule, const F& f) {
+    MakeSchedule(costs, batch_cost, schedule);
+    const auto work = [&](int batch, int worker) {
+      for (const int task : schedule->batch(batch)) f(task, worker);
+    };
+    ForEach(schedule->num_batches(), std::cref(work));
   }
 
  private:

@@ -15,7 +15,6 @@ constexpr int kPerTask = 256;        // bodies or contacts
 constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
 constexpr int kLevels = 2;           // times that a piece is halved
-constexpr double kMiss = 2.5e-4;     // of a size: what gaps may miss their end by, and below which a contact is closed
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
@@ -25,8 +24,18 @@ constexpr double kFast = 20;         // times |g| dt: fastest that such a way ou
 constexpr double kAlike = 0.999;     // cosine: normals that are the same
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
 
-bool SameFeature(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature; }
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+
+// Of a pair's contacts the place of the one with that feature, else of the nearest to a point within `far` [m]; -1: none.
+int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double far) {
+  int found = -1;
+  double nearest = far;
+  for (size_t k = 0; k < of_pair.size(); ++k) {
+    const double apart = of_pair[k].feature == feature ? -1 : (of_pair[k].point_W - point_W).norm();
+    if (apart < nearest) nearest = apart, found = static_cast<int>(k);
+  }
+  return found;
+}
 
 // Calls f(first and last place in x, the same in y) for each pair of bodies that has contacts in x, in y or in both.
 template <typename F>
@@ -51,11 +60,7 @@ template <typename F>
 void Crowd::ForEachIsland(const F& f) {
   costs_.resize(partition_.num_islands());
   for (int i = 0; i < partition_.num_islands(); ++i) costs_[i] = 1.0 + static_cast<double>(partition_.contacts_of(i).size());
-  parallel::MakeSchedule(costs_, kBatchCost, &schedule_);
-  const auto work = [&](int batch, int worker) {
-    for (const int island : schedule_.batch(batch)) f(island, &workers_[worker]);
-  };
-  pool_->ForEach(schedule_.num_batches(), std::cref(work));
+  pool_->ForEachByCost(costs_, kBatchCost, &schedule_, [&](int island, int worker) { f(island, &workers_[worker]); });
 }
 
 // States where the step begins, and the course under forces alone.
@@ -79,7 +84,7 @@ void Crowd::Load(double dt) {
   threshold_ = 10 * settings_.tolerance * floor_;
   pool_->ForEachOf(n, kPerTask, [&](size_t i) {
     const Body& b = bodies_[i];
-    begin_[i] = {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+    begin_[i] = StateOf(b);
     if (!b.Moves()) {
       mean_W_[i] = b.linear_velocity_W;
       travel_[i] = dt * b.linear_velocity_W;
@@ -101,13 +106,9 @@ void Crowd::Recall(const CrowdMemory& memory) {
     if (old == old_end || now == now_end) return;
     for (size_t o = old; o < old_end; ++o) {
       if (memory.forces_W[o].isZero(0)) continue;
-      size_t heir = now;
-      double nearest = INFINITY;
-      for (size_t c = now; c < now_end; ++c) {
-        const double apart = SameFeature(start_[c], memory.contacts[o]) ? -1 : (start_[c].point_W - memory.contacts[o].point_W).squaredNorm();
-        if (apart < nearest) nearest = apart, heir = c;
-      }
-      start_force_W_[heir] += memory.forces_W[o];
+      const Contact& gone = memory.contacts[o];
+      const int heir = FindAgain(std::span(start_).subspan(now, now_end - now), gone.feature, gone.point_W, INFINITY);
+      start_force_W_[now + std::max(heir, 0)] += memory.forces_W[o];
     }
   });
 }
@@ -129,7 +130,7 @@ void Crowd::Select() {
     const double size = Size(contact);
     if (contact.gap + dt_ * opening > kReach * size && start_force_W_[c].isZero(0)) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
-    const double gap = contact.gap > kMiss * size ? contact.gap : contact.gap < -kMiss * size ? kPushOut * contact.gap : 0;
+    const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
     Held held;
     held.target = -gap / dt_;
@@ -163,6 +164,11 @@ void Crowd::Part(std::span<const Contact> contacts) {
     edges_.emplace_back(contacts[c].body_a, contacts[c].body_b);
     frames_[c] = ContactFrame(contacts[c].normal_W);
   }
+  PartEdges();
+}
+
+// Islands of a problem, and room for their answers.
+void Crowd::PartEdges() {
   islands::BuildPartition({cut_, edges_}, &partition_);
   outcomes_.assign(partition_.num_islands(), {});
   records_.resize(partition_.num_islands());
@@ -180,9 +186,7 @@ void Crowd::Carry(bool first, StepReport* report) {
     edges_.emplace_back(held_[c].body_a, held_[c].body_b);
     active_.push_back(static_cast<int>(c));
   }
-  islands::BuildPartition({cut_, edges_}, &partition_);
-  outcomes_.assign(partition_.num_islands(), {});
-  records_.resize(partition_.num_islands());
+  PartEdges();
   pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
     Body& p = posed_[i];
     p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
@@ -301,14 +305,12 @@ bool Crowd::Judge() {
   ForEachPair(held_, end, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
     if (e == e_end) return;
     for (size_t c = h; c < h_end; ++c) {
-      double nearest = kSamePlace * Size(held_[c]);
       const int a = held_[c].body_a, b = held_[c].body_b;
       const Vector3 place = acted_at_[c] + 0.5 * (bodies_[a].position_W - middle_[a].position_W + bodies_[b].position_W - middle_[b].position_W);
-      for (size_t k = e; k < e_end; ++k) {
-        const double apart = SameFeature(end[k], held_[c]) ? -1 : (end[k].point_W - place).norm();
-        if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(k);
-      }
-      if (follows_[c] >= 0) carried_W_[follows_[c]] += impulse_W_[c];
+      const int found = FindAgain(std::span(end).subspan(e, e_end - e), held_[c].feature, place, kSamePlace * Size(held_[c]));
+      if (found < 0) continue;
+      follows_[c] = static_cast<int>(e) + found;
+      carried_W_[follows_[c]] += impulse_W_[c];
     }
   });
   ForEachPair(start_, end, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
@@ -321,7 +323,7 @@ bool Crowd::Judge() {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap >= before_[e] - kMiss * size) continue;
+    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size) continue;
     met = false;
     for (const int i : {end[e].body_a, end[e].body_b})
       if (!cut_[i]) disturbed_[i] = 1;
@@ -428,9 +430,8 @@ double Crowd::TargetOf(const Contact& contact, double gap, double allowed) const
 
 Path Crowd::PathOf(int i) const {
   const State& s = begin_[i];
-  const Body& b = bodies_[i];
-  const Vector3 turn = Log(b.rotation_WB * s.pose.rotation_WB.conjugate());
-  return {s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, (1 / (dt_ * dt_)) * (turn - dt_ * s.angular_W), TurnsInItself(i) ? 0 : shapes_[i].radius()};
+  return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, bodies_[i].rotation_WB, dt_,
+                     TurnsInItself(i) ? 0 : shapes_[i].radius());
 }
 
 // A contact that is not found again, or was not disturbed, as it is.
@@ -453,13 +454,8 @@ const Contact* Crowd::AtStart(const Contact& end) const {
   const int a = end.body_a, b = end.body_b;
   const auto back = [&](int i) -> Vector3 { return Outside(i, begin_[i].pose, Inside(i, {bodies_[i].position_W, bodies_[i].rotation_WB}, end.point_W)); };
   const Vector3 place = 0.5 * (back(a) + back(b));
-  const Contact* found = nullptr;
-  double nearest = kSamePlace * Size(end);
-  for (auto c = first; c != last; ++c) {
-    const double apart = c->feature == end.feature ? -1 : (c->point_W - place).norm();
-    if (apart < nearest) nearest = apart, found = &*c;
-  }
-  return found && found->normal_W.dot(end.normal_W) > 0 ? found : nullptr;
+  const int found = FindAgain({first, last}, end.feature, place, kSamePlace * Size(end));
+  return found >= 0 && first[found].normal_W.dot(end.normal_W) > 0 ? &first[found] : nullptr;
 }
 
 // Of a body, in the pass as it is now.
@@ -499,8 +495,8 @@ void Crowd::Aim(size_t e) {
   } else {
     contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
   }
-  held.push = before_[e] < -kMiss * size && pushes_[a] && pushes_[b] ? -kPushOut * before_[e] : 0;
-  held.allowed = start && std::abs(start->gap) <= kMiss * size ? std::max(before_[e], start->gap) : before_[e] + held.push;
+  held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? -kPushOut * before_[e] : 0;
+  held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap) : before_[e] + held.push;
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), kFast * floor_);
   next_.push_back(contact);
   next_of_.push_back(held);
@@ -516,16 +512,16 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   bool astray = false;
   for (size_t k = e; k < e_end; ++k) {
     const Contact& c = (*near_)[k];
-    if (c.gap >= before_[k] - kMiss * size) continue;
+    if (c.gap >= before_[k] - settings_.overlap_tolerance * size) continue;
     astray = astray || TargetOf(c, c.gap, before_[k]) * dt_ > kAstray * size;
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
-  const double t = meeting_.First({&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * kMiss * size});
+  const double t = meeting_.First({&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   probe_.clear();
-  CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), kMiss * size, &probe_);
+  CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size, &probe_);
   for (Contact c : probe_) {
     c.body_a = a;
     c.body_b = b;
@@ -578,7 +574,7 @@ void Crowd::Settle(StepReport* report) {
   closed_.clear();
   for (size_t e = 0; e < end.size(); ++e) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap > (carried_W_[e].isZero(0) ? kMiss : kReach) * Size(end[e])) continue;
+    if (end[e].gap > (carried_W_[e].isZero(0) ? settings_.overlap_tolerance : kReach) * Size(end[e])) continue;
     problem_.push_back(end[e]);
     closed_.push_back(static_cast<int>(e));
   }
@@ -833,7 +829,7 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
     const bool known = c < forces_W.size() && !forces_W[c].isZero(0);
     const double way = dt * (std::max(0.0, -NormalVelocity(contact, a, b)) + frame_.rest_speed);
-    if (!known && contact.gap > kMiss * Size(contact) && (a.frozen == b.frozen || contact.gap > way)) continue;
+    if (!known && contact.gap > settings_.overlap_tolerance * Size(contact) && (a.frozen == b.frozen || contact.gap > way)) continue;
     joined_.push_back(contact);
     frame_.frames.push_back(ContactFrame(contact.normal_W));
     frame_.holding.push_back(known ? Vector3(dt * (frame_.frames.back().transpose() * forces_W[c])) : Vector3(Vector3::Zero()));
@@ -843,15 +839,20 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
   frame_.contacts = {joined_, frame_.frames};
 }
 
+// For freezing: the contacts as the step begins, and what held there.
+void Crowd::LookAtStart(double dt, const CrowdMemory& memory) {
+  start_ = *near_;
+  Recall(memory);
+  blow_W_.clear();
+  FillFrame(dt, start_force_W_);
+}
+
 // Frozen bodies that something may move in this step wake; by the paper's freezing what is hit.
 void Crowd::Wake(double dt, CrowdMemory* memory) {
   was_frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) was_frozen_[i] = bodies_[i].frozen;
   memory->freeze_counters.resize(bodies_.size(), 0);
-  start_ = *near_;
-  Recall(*memory);
-  blow_W_.clear();
-  FillFrame(dt, start_force_W_);
+  LookAtStart(dt, *memory);
   if (settings_.freezing == Freezing::kCertified) memory->freezing.BeginFrame(frame_, settings_);
   if (settings_.freezing != Freezing::kPaper) return;
   for (const Contact& contact : joined_) {
@@ -938,7 +939,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   errors_.assign(bodies.size(), 0.0);
   first_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i)
-    first_[i] = {{bodies[i].position_W, bodies[i].rotation_WB}, bodies[i].linear_velocity_W, bodies[i].angular_velocity_W};
+    first_[i] = StateOf(bodies[i]);
   first_near_ = *near;
   first_contacts_ = memory->contacts;
   first_forces_W_ = memory->forces_W;
@@ -948,10 +949,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
     *near = first_near_;
     memory->contacts = first_contacts_;
     memory->forces_W = first_forces_W_;
-    start_ = first_near_;
-    Recall(*memory);
-    blow_W_.clear();
-    FillFrame(dt, start_force_W_);
+    LookAtStart(dt, *memory);
     memory->freezing.Wake(frame_, settings_);
   }
   Freeze(dt, memory, report);

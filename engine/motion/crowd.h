@@ -70,6 +70,7 @@ class Crowd {
     Pose pose;
     Vector3 linear_W, angular_W;
   };
+  static State StateOf(const Body& b) { return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W}; }
   struct Free {          // of one body, under forces alone
     Vector3 linear_W;    // [m/s] on average
     Quaternion half_WB;  // turned for half of the step
@@ -94,6 +95,7 @@ class Crowd {
   void Recall(const CrowdMemory& memory);
   void Select();
   void Part(std::span<const Contact> contacts);
+  void PartEdges();
   void Carry(bool first, StepReport* report);
   void Fly();
   bool Judge();
@@ -125,6 +127,7 @@ class Crowd {
   void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report);
   void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
   void TellObserver();
+  void LookAtStart(double dt, const CrowdMemory& memory);
   void Wake(double dt, CrowdMemory* memory);
   void Freeze(double dt, CrowdMemory* memory, StepReport* report);
   void FillFrame(double dt, std::span<const Vector3> forces_W);

@@ -443,10 +443,7 @@ Path Stepper::PathOf(int i, double h) const {
   const Body& b = group_->bodies[i];
   const State &s = state_[i], &e = end_state_[i];
   if (!b.Moves()) return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
-  const Vector3 turn = Log(e.pose.rotation_WB * s.pose.rotation_WB.conjugate());
-  return {s.pose,      s.linear_W,
-          (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W,
-          (1 / (h * h)) * (turn - h * s.angular_W), BodyRadius(i)};
+  return PathThrough(s.pose, s.linear_W, (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W, e.pose.rotation_WB, h, BodyRadius(i));
 }
 
 // [s] of the first blow within the piece, h if there is none.
