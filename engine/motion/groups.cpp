@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "engine/suite_frame.h"
+#include "islands/disjoint_sets.h"
 
 namespace islet::motion {
 namespace {
@@ -110,17 +111,22 @@ void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::spa
   for (int g = 0; g < size(); ++g) whole_[g] = bodies_of(g).size() <= most;
   if (std::all_of(whole_.begin(), whole_.end(), [](std::uint8_t whole) { return whole != 0; })) return;
   const auto group_of = [&](const std::pair<int, int>& pair) { return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first]; };
-  near_.clear();
-  for (const auto& pair : pairs_)
-    if (whole_[group_of(pair)] || cut_[pair.first] || cut_[pair.second] || std::binary_search(joined.begin(), joined.end(), pair) || ComeNear(dt, pair.first, pair.second, bodies, shapes))
-      near_.push_back(pair);
-  islands::BuildPartition({cut_, near_}, &parts_);
-  for (int part = 0; part < parts_.num_islands(); ++part)
-    if (parts_.bodies_of(part).size() > most) whole_[partition_.body_to_island[parts_.bodies_of(part)[0]]] = 1;
+  const auto is_cut = [&](const std::pair<int, int>& pair) { return cut_[pair.first] || cut_[pair.second]; };
+  // A group needs no more looks once one of its parts is too large, nor does a pair that is joined by others.
+  parents_.resize(bodies.size());
+  members_.assign(bodies.size(), 1);
+  islands::DisjointSets parts(parents_);
+  for (const auto& pair : pairs_) {
+    const int group = group_of(pair), first = parts.Find(pair.first), second = parts.Find(pair.second);
+    if (whole_[group] || is_cut(pair) || first == second) continue;
+    if (!std::binary_search(joined.begin(), joined.end(), pair) && !ComeNear(dt, pair.first, pair.second, bodies, shapes)) continue;
+    parts.Union(first, second);
+    const size_t count = members_[std::min(first, second)] += members_[std::max(first, second)];
+    whole_[group] = count > most;
+  }
   unsorted_.clear();
   for (const auto& pair : pairs_) {
-    const bool stays = whole_[group_of(pair)] || cut_[pair.first] || cut_[pair.second] ||
-                       parts_.body_to_island[pair.first] == parts_.body_to_island[pair.second];
+    const bool stays = whole_[group_of(pair)] || is_cut(pair) || parts.Find(pair.first) == parts.Find(pair.second);
     (stays ? unsorted_ : parted_).push_back(pair);
   }
   pairs_.swap(unsorted_);

@@ -52,9 +52,10 @@ class Groups {
   std::vector<int> order_, planes_, met_, starts_;
   std::vector<std::pair<int, int>> pairs_, unsorted_;
   std::vector<std::uint8_t> cut_;
-  std::vector<std::pair<int, int>> parted_, near_;
-  std::vector<std::uint8_t> whole_;  // per group
-  islands::Partition partition_, parts_;
+  std::vector<std::pair<int, int>> parted_;
+  std::vector<std::uint8_t> whole_;     // per group
+  std::vector<int> parents_, members_;  // per body: of its part; how many it has, at its root
+  islands::Partition partition_;
   Meeting meeting_;
 };
 
