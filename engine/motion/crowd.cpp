@@ -128,7 +128,7 @@ void Crowd::Select() {
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
-    if (contact.gap + dt_ * opening > kReach * size && start_force_W_[c].isZero(0)) continue;
+    if (getenv("OLD") ? (contact.gap + dt_ * opening > kReach * size && start_force_W_[c].isZero(0)) : (start_force_W_[c].isZero(0) && (contact.gap > settings_.overlap_tolerance * size || dt_ * opening > kReach * size))) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
@@ -328,6 +328,7 @@ bool Crowd::Judge() {
     for (const int i : {end[e].body_a, end[e].body_b})
       if (!cut_[i]) disturbed_[i] = 1;
   }
+  met = !(LetGo() && !getenv("NOLET")) && met;
   met = !Gains() && met;
   if (met) return true;
   // All of an island that misses its end somewhere.
@@ -342,10 +343,31 @@ bool Crowd::Judge() {
   return false;
 }
 
+// What presses a pair and parts it holds by a plane that is not the pair's at the end: it is let go. Returns whether anything does.
+bool Crowd::LetGo() {
+  bool any = false;
+  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
+    if (h == h_end) return;
+    const double size = Size(held_[h]);
+    double gap = INFINITY, before = 0;
+    for (size_t k = e; k < e_end; ++k) gap = std::min(gap, (*near_)[k].gap);
+    const auto [first, last] = std::equal_range(start_.begin(), start_.end(), held_[h], EarlierPair);
+    if (first != last) before = std::max(0.0, std::min_element(first, last, [](const Contact& x, const Contact& y) { return x.gap < y.gap; })->gap);
+    if (gap <= before + settings_.overlap_tolerance * size) return;
+    for (size_t c = h; c < h_end; ++c) {
+      if (impulse_W_[c].isZero(0) || held_of_[c].let_go) continue;
+      held_of_[c].let_go = any = true;
+      for (const int i : {held_[c].body_a, held_[c].body_b})
+        if (!cut_[i]) disturbed_[i] = 1;
+    }
+  });
+  return any;
+}
+
 // Whether a held contact is there at the end, in much the same plane.
 bool Crowd::IsFoundAgain(size_t c) const {
   const Contact& contact = held_[c];
-  const double alike = TurnsInItself(contact.body_a) && TurnsInItself(contact.body_b) ? -1 : kAlike;
+  const double alike = TurnsInItself(contact.body_a) || TurnsInItself(contact.body_b) ? -1 : kAlike;
   return follows_[c] >= 0 && (*near_)[follows_[c]].normal_W.dot(contact.normal_W) > alike;
 }
 
@@ -556,7 +578,7 @@ void Crowd::NextTargets() {
     const bool disturbed = disturbed_[pair.body_a] || disturbed_[pair.body_b];
     for (size_t c = h; c < h_end; ++c) {
       held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
-      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed)) Keep(c);
+      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed && !held_of_[c].let_go)) Keep(c);
     }
     if (!disturbed || e == e_end || Guard(e, e_end)) return;
     for (size_t k = e; k < e_end; ++k) Aim(k);

@@ -64,6 +64,7 @@ class Crowd {
     double allowed = 0;  // [m] <= 0: gap at which it may end
     double push = 0;     // [m] of that: what the step takes back of an overlap
     bool pressed = false;  // in some pass
+    bool let_go = false;   // its pair ended open
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
   };
   struct State {
@@ -99,6 +100,7 @@ class Crowd {
   void Carry(bool first, StepReport* report);
   void Fly();
   bool Judge();
+  bool LetGo();
   bool IsFoundAgain(size_t c) const;
   bool Gains();
   double EnergyOf(size_t i, bool at_end) const;
