@@ -16,6 +16,7 @@ constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
 constexpr int kLevels = 2;           // times that a piece is halved
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
+constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
 constexpr double kPushOut = 0.2;     // of an overlap: what a piece takes back
@@ -128,7 +129,7 @@ void Crowd::Select() {
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
-    if (getenv("OLD") ? (contact.gap + dt_ * opening > kReach * size && start_force_W_[c].isZero(0)) : (start_force_W_[c].isZero(0) && (contact.gap > settings_.overlap_tolerance * size || dt_ * opening > kReach * size))) continue;
+    if (start_force_W_[c].isZero(0) && (contact.gap > kTouch * size || dt_ * opening > kReach * size)) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
@@ -151,6 +152,20 @@ void Crowd::Select() {
     centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
     held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
   }
+}
+
+// [m] of the pair; infinite where it was out of reach.
+double Crowd::GapAtStart(const Contact& pair) const {
+  const auto [first, last] = std::equal_range(start_.begin(), start_.end(), pair, EarlierPair);
+  double gap = INFINITY;
+  for (auto c = first; c != last; ++c) gap = std::min(gap, c->gap);
+  return gap;
+}
+
+// Whether its normal turns as the bodies pass each other.
+bool Crowd::IsRound(const Contact& c) const {
+  const ShapeKind a = shapes_[c.body_a].kind(), b = shapes_[c.body_b].kind();
+  return a != ShapeKind::kHalfSpace && b != ShapeKind::kHalfSpace && (a == ShapeKind::kSphere || b == ShapeKind::kSphere);
 }
 
 double Crowd::Share(const Contact& c) const {
@@ -349,11 +364,9 @@ bool Crowd::LetGo() {
   ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
     if (h == h_end) return;
     const double size = Size(held_[h]);
-    double gap = INFINITY, before = 0;
+    double gap = INFINITY;
     for (size_t k = e; k < e_end; ++k) gap = std::min(gap, (*near_)[k].gap);
-    const auto [first, last] = std::equal_range(start_.begin(), start_.end(), held_[h], EarlierPair);
-    if (first != last) before = std::max(0.0, std::min_element(first, last, [](const Contact& x, const Contact& y) { return x.gap < y.gap; })->gap);
-    if (gap <= before + settings_.overlap_tolerance * size) return;
+    if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * size) return;
     for (size_t c = h; c < h_end; ++c) {
       if (impulse_W_[c].isZero(0) || held_of_[c].let_go) continue;
       held_of_[c].let_go = any = true;
@@ -596,7 +609,12 @@ void Crowd::Settle(StepReport* report) {
   closed_.clear();
   for (size_t e = 0; e < end.size(); ++e) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap > (carried_W_[e].isZero(0) ? settings_.overlap_tolerance : kReach) * Size(end[e])) continue;
+    const Contact& contact = end[e];
+    const double size = Size(contact);
+    if (contact.gap > (carried_W_[e].isZero(0) ? settings_.overlap_tolerance : kReach) * size) continue;
+    // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
+    const bool stays = !IsRound(contact) && GapAtStart(contact) <= settings_.overlap_tolerance * size;
+    if (carried_W_[e].isZero(0) && contact.gap > kTouch * size && !stays) continue;
     problem_.push_back(end[e]);
     closed_.push_back(static_cast<int>(e));
   }
@@ -673,8 +691,9 @@ double Crowd::EnergyLeftFor(std::span<const int> contacts, std::span<const int> 
       if (bodies_[i].kind == BodyKind::kKinematic) return INFINITY;
   double most = 0;
   for (const int i : bodies) most += (1 + kGain) * bodies_[i].KineticEnergy() + kGain * 0.5 * bodies_[i].mass * floor_ * floor_;
-  for (const int c : contacts) most -= std::min(0.0, work_[closed_[c]]);
-  return most;
+  double work = 0;
+  for (const int c : contacts) work += work_[closed_[c]];
+  return most - std::min(0.0, work);
 }
 
 // What hits is first left out; blows follow in order of their speed, then at once. They may not leave more energy than the step began

@@ -119,6 +119,8 @@ class Crowd {
   Course CourseOf(int i) const;
   double TargetOf(const Contact& contact, double gap, double allowed) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
+  bool IsRound(const Contact& contact) const;
+  double GapAtStart(const Contact& pair) const;
   double Share(const Contact& contact) const;
   double LighterMass(const Contact& contact) const;
   void Settle(StepReport* report);
