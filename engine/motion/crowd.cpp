@@ -7,6 +7,7 @@
 #include "engine/paper_freezing.h"
 #include "engine/rotation.h"
 #include "engine/stopwatch.h"
+#include "islands/disjoint_sets.h"
 
 namespace islet::motion {
 namespace {
@@ -17,6 +18,7 @@ constexpr int kPasses = 8;           // of the carrying problem
 constexpr int kLevels = 2;           // times that a piece is halved
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
 constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
+constexpr int kAttempts = 3;         // of blows, before none rebounds
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
 constexpr double kPushOut = 0.2;     // of an overlap: what a piece takes back
@@ -677,64 +679,80 @@ void Crowd::Settle(StepReport* report) {
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
 }
 
-double Crowd::KineticEnergyOf(std::span<const int> bodies) const {
-  double sum = 0;
-  for (const int i : bodies) sum += posed_[i].KineticEnergy();
-  return sum;
+// Marks the bodies of an island that impulses join, as far as they have more energy together than carrying left them and took from them.
+// Moving walls do work. Returns whether there are any.
+bool Crowd::MarkGains(int island, Worker* worker) const {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const auto place = [&](int i) { return static_cast<int>(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()); };
+  const auto first_of = [&](int c) { return place(cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a); };
+  worker->parents.resize(bodies.size());
+  worker->gains.assign(bodies.size(), 0.0);
+  worker->works.assign(bodies.size(), 0.0);
+  islands::DisjointSets parts(worker->parents);
+  for (const int c : contacts) {
+    const Contact& contact = problem_[c];
+    const bool acts = !carried_W_[closed_[c]].isZero(0) || !(local_[c] + blows_[c] + collisions_[c]).isZero(0);
+    if (acts && !cut_[contact.body_a] && !cut_[contact.body_b]) parts.Union(place(contact.body_a), place(contact.body_b));
+  }
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    const Body& left = bodies_[bodies[k]];
+    worker->gains[parts.Find(static_cast<int>(k))] +=
+        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * 0.5 * left.mass * floor_ * floor_;
+  }
+  for (const int c : contacts) {
+    const bool driven = bodies_[problem_[c].body_a].kind == BodyKind::kKinematic || bodies_[problem_[c].body_b].kind == BodyKind::kKinematic;
+    worker->works[parts.Find(first_of(c))] += driven ? -INFINITY : work_[closed_[c]];
+  }
+  bool any = false;
+  worker->gaining.assign(bodies.size(), 0);
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    const int part = parts.Find(static_cast<int>(k));
+    worker->gaining[k] = worker->gains[part] + std::min(0.0, worker->works[part]) > 0;
+    any = any || worker->gaining[k];
+  }
+  return any;
 }
 
-// [J] kinetic energy that the bodies of an island may have at the end, where no moving wall works on them: what carrying left them, and
-// took from them.
-double Crowd::EnergyLeftFor(std::span<const int> contacts, std::span<const int> bodies) const {
-  for (const int c : contacts)
-    for (const int i : {problem_[c].body_a, problem_[c].body_b})
-      if (bodies_[i].kind == BodyKind::kKinematic) return INFINITY;
-  double most = 0;
-  for (const int i : bodies) most += (1 + kGain) * bodies_[i].KineticEnergy() + kGain * 0.5 * bodies_[i].mass * floor_ * floor_;
-  double work = 0;
-  for (const int c : contacts) work += work_[closed_[c]];
-  return most - std::min(0.0, work);
-}
-
-// What hits is first left out; blows follow in order of their speed, then at once. They may not leave more energy than the step began
-// with, or all is held at once: with the least speeds at which blows rebound, then with none. Where friction would make some even so,
-// velocities stay those that the carrying impulses left.
+// What hits is first left out; blows follow in order of their speed, then at once. Bodies that gain energy by them are held without
+// rebound, with all that touches them. Where friction would make some even so, velocities stay those that the carrying impulses left.
 void Crowd::SettleIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   if (contacts.empty()) return;
-  const bool any = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return hits_[c] != 0; });
-  const double most = EnergyLeftFor(contacts, bodies);
   worker->before.clear();
   worker->guess.clear();
   for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
   for (const int c : contacts) worker->guess.push_back(local_[c]);
-  const auto again = [&] {
-    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
-    for (size_t k = 0; k < contacts.size(); ++k) {
-      local_[contacts[k]] = worker->guess[k];
-      blows_[contacts[k]].setZero();
-      collisions_[contacts[k]].setZero();
-    }
-    struck_[island] = {};
+  const auto gains = [&](int i) { return !cut_[i] && worker->gaining[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()]; };
+  const auto take_back = [&](size_t k) {
+    local_[contacts[k]] = worker->guess[k];
+    blows_[contacts[k]].setZero();
+    collisions_[contacts[k]].setZero();
   };
-  if (any && Strike(island, most, worker)) return;
-  for (const bool bounces : {true, false}) {
-    if (bounces && !any) continue;
-    if (any) again();
-    if (!bounces)
-      for (const int c : contacts) targets_[c] = 0;
-    outcomes_[island] = worker->responder.ResolveTargets({bodies, contacts}, {problem_, frames_}, targets_, settings_, floor_, posed_, local_);
-    outcomes_[island].restitution_lowered = any;
-    if (KineticEnergyOf(bodies) > most) continue;
-    Record(island, Stage::kStatic, outcomes_[island], *worker);
-    return;
+  for (int attempt = 1;; ++attempt) {
+    const bool any = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return hits_[c] != 0; });
+    Strike(island, any, worker);
+    outcomes_[island].restitution_lowered = attempt > 1;
+    if (!MarkGains(island, worker)) break;
+    if (!any) {
+      for (size_t k = 0; k < bodies.size(); ++k)
+        if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
+      for (size_t k = 0; k < contacts.size(); ++k)
+        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
+      break;
+    }
+    for (size_t k = 0; k < contacts.size(); ++k) {
+      const int c = contacts[k];
+      if (attempt < kAttempts && !gains(problem_[c].body_a) && !gains(problem_[c].body_b)) continue;
+      hits_[c] = 0;
+      targets_[c] = 0;
+    }
+    for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
+    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
   }
-  again();
-  for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+  Record(island, struck_[island].status == QpStatus::kNone ? Stage::kStatic : Stage::kCollision, struck_[island].status == QpStatus::kNone ? outcomes_[island] : struck_[island], *worker);
 }
 
-// Returns whether no energy was made.
-bool Crowd::Strike(int island, double most, Worker* worker) {
+void Crowd::Strike(int island, bool any, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const ContactFrames all{problem_, frames_};
   worker->contacts.clear();
@@ -743,13 +761,12 @@ bool Crowd::Strike(int island, double most, Worker* worker) {
     if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
   }
   outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  struck_[island] = {};
+  if (!any) return;
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, settings_.bounce_limit, true}, posed_, blows_);
   struck_[island] = worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)
     if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
-  if (KineticEnergyOf(bodies) > most) return false;
-  Record(island, Stage::kCollision, struck_[island], *worker);
-  return true;
 }
 
 // Of a size: the deepest overlap that the piece made.

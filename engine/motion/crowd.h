@@ -83,6 +83,9 @@ class Crowd {
     std::vector<int> contacts;
     std::vector<Twist> before;     // of an island's bodies
     std::vector<Vector3> guess;    // of its contacts
+    std::vector<int> parents;             // of its bodies: of those that impulses join
+    std::vector<double> gains, works;     // [J] of these, at the first of them
+    std::vector<std::uint8_t> gaining;    // of its bodies
   };
 
   enum class Outcome { kDone, kMissed, kHitFrozen };
@@ -125,9 +128,8 @@ class Crowd {
   double LighterMass(const Contact& contact) const;
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
-  bool Strike(int island, double most, Worker* worker);
-  double KineticEnergyOf(std::span<const int> bodies) const;
-  double EnergyLeftFor(std::span<const int> contacts, std::span<const int> bodies) const;
+  void Strike(int island, bool any, Worker* worker);
+  bool MarkGains(int island, Worker* worker) const;
   void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report);
   void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
   void TellObserver();
