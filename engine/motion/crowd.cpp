@@ -713,8 +713,9 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   return any;
 }
 
-// What hits is first left out; blows follow in order of their speed, then at once. Bodies that gain energy by them are held without
-// rebound, with all that touches them. Where friction would make some even so, velocities stay those that the carrying impulses left.
+// What hits is first left out; blows follow in order of their speed, then at once. What bodies that gain energy by them hit is held with
+// the rest: with the least speeds at which it rebounds, then with none. Where friction would make some even so, velocities stay those that
+// the carrying impulses left.
 void Crowd::SettleIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   if (contacts.empty()) return;
@@ -729,22 +730,21 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     collisions_[contacts[k]].setZero();
   };
   for (int attempt = 1;; ++attempt) {
-    const bool any = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return hits_[c] != 0; });
-    Strike(island, any, worker);
+    const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
+    Strike(island, worker);
     outcomes_[island].restitution_lowered = attempt > 1;
     if (!MarkGains(island, worker)) break;
-    if (!any) {
+    if (!rebounds) {
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
       for (size_t k = 0; k < contacts.size(); ++k)
         if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
       break;
     }
-    for (size_t k = 0; k < contacts.size(); ++k) {
-      const int c = contacts[k];
+    for (const int c : contacts) {
       if (attempt < kAttempts && !gains(problem_[c].body_a) && !gains(problem_[c].body_b)) continue;
+      if (!hits_[c] || attempt >= kAttempts) targets_[c] = 0;
       hits_[c] = 0;
-      targets_[c] = 0;
     }
     for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
     for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
@@ -752,7 +752,8 @@ void Crowd::SettleIsland(int island, Worker* worker) {
   Record(island, struck_[island].status == QpStatus::kNone ? Stage::kStatic : Stage::kCollision, struck_[island].status == QpStatus::kNone ? outcomes_[island] : struck_[island], *worker);
 }
 
-void Crowd::Strike(int island, bool any, Worker* worker) {
+// What does not hit is held, then blows follow.
+void Crowd::Strike(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const ContactFrames all{problem_, frames_};
   worker->contacts.clear();
@@ -762,7 +763,7 @@ void Crowd::Strike(int island, bool any, Worker* worker) {
   }
   outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
   struck_[island] = {};
-  if (!any) return;
+  if (worker->contacts.size() == contacts.size()) return;
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, settings_.bounce_limit, true}, posed_, blows_);
   struck_[island] = worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)

@@ -128,7 +128,7 @@ class Crowd {
   double LighterMass(const Contact& contact) const;
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
-  void Strike(int island, bool any, Worker* worker);
+  void Strike(int island, Worker* worker);
   bool MarkGains(int island, Worker* worker) const;
   void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report);
   void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
