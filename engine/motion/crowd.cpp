@@ -118,6 +118,7 @@ void Crowd::Recall(const CrowdMemory& memory) {
 
 // What may close within the step, on the course that the velocities of its start give.
 void Crowd::Select() {
+  const double near = settings_.model == Model::kCoulomb ? kTouch : INFINITY;  // by the convex models what comes near parts
   held_.clear();
   held_of_.clear();
   impulse_W_.clear();
@@ -131,7 +132,7 @@ void Crowd::Select() {
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
-    if (start_force_W_[c].isZero(0) && (contact.gap > kTouch * size || dt_ * opening > kReach * size)) continue;
+    if (start_force_W_[c].isZero(0) && (contact.gap > near * size || contact.gap + dt_ * opening > kReach * size)) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
@@ -345,7 +346,7 @@ bool Crowd::Judge() {
     for (const int i : {end[e].body_a, end[e].body_b})
       if (!cut_[i]) disturbed_[i] = 1;
   }
-  met = !(LetGo() && !getenv("NOLET")) && met;
+  met = !LetGo() && met;
   met = !Gains() && met;
   if (met) return true;
   // All of an island that misses its end somewhere.
@@ -361,7 +362,9 @@ bool Crowd::Judge() {
 }
 
 // What presses a pair and parts it holds by a plane that is not the pair's at the end: it is let go. Returns whether anything does.
+// (By the convex models what rubs parts.)
 bool Crowd::LetGo() {
+  if (settings_.model != Model::kCoulomb) return false;
   bool any = false;
   ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
     if (h == h_end) return;

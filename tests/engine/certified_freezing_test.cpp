@@ -108,7 +108,7 @@ TEST(CertifiedFreezing, PileThatIsTouchedWakesAsAWhole) {
     for (int i = 0; i < 25; ++i) world.Add(Cube({1.001 * (i % 5), 1.001 * (i / 5), 0.5}));
     for (int i = 0; i < 16; ++i) world.Add(Cube({0.5 + 1.001 * (i % 4), 0.5 + 1.001 * (i / 4), 1.5}));
     StepTimes(&world, 30, kDt);
-    BodyDefinition ball = Ball({1, 1, 2.6}, 0.5);
+    BodyDefinition ball = Ball({1.501, 1.501, 2.6}, 0.5);  // on the middle of a cube
     ball.linear_velocity_W = {0, 0, -3};
     world.Add(ball);
   }
