@@ -79,6 +79,43 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
 }
 
 // What is closed stays as it is, or what one step misses would be a velocity of the next.
+// Tiles that are level make one floor: their edges stop nobody, in a crowd neither.
+TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
+  for (const double dt : {1.0 / 60, 1.0 / 240}) {
+    World world(testing::AsCrowd(ByLaw()));
+    for (int x = 0; x < 8; ++x)
+      for (int y = 0; y < 8; ++y)
+        world.Add({.shape = Shape::Box({0.5, 0.5, 0.25}), .kind = BodyKind::kFixed, .position_W = {x + 0.5, y + 0.5, -0.25}, .friction = 0});
+    std::vector<int> cubes;
+    for (const double turn : {0.0, 0.3, 0.7}) {
+      BodyDefinition cube{.shape = Shape::Box({0.3, 0.3, 0.3}), .position_W = {1.3, 1.2 + 2.0 * static_cast<double>(cubes.size()), 0.3}, .friction = 0};
+      cube.rotation_WB = Quaternion(Eigen::AngleAxisd(turn, Vector3::UnitZ()));
+      cube.linear_velocity_W = {3, 0.2, 0};
+      cubes.push_back(world.Add(cube));
+    }
+    for (const double end = 1.5; world.time() < end;) world.Step(dt);
+    for (const int i : cubes) {
+      EXPECT_LT((world.body(i).linear_velocity_W - Vector3(3, 0.2, 0)).norm(), 1e-8) << i << " " << dt;
+      EXPECT_NEAR(world.body(i).position_W.z(), 0.3, 1e-8) << i << " " << dt;
+    }
+  }
+}
+
+// What a body loses on one wall is not another's to gain.
+TEST(Crowd, BlowsOfOneBodyGiveNothingToTheNext) {
+  World world(testing::AsCrowd(ByLaw()));
+  world.Add(Floor(0.5, 1));
+  std::mt19937 rng(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int i = 0; i < 20; ++i) {
+    BodyDefinition stick{.shape = Shape::Box({0.3, 0.015, 0.015}), .position_W = {uniform(rng), uniform(rng), 0.5 + 0.2 * i}, .friction = 0.5, .restitution = 0.5};
+    stick.rotation_WB = Quaternion(Eigen::AngleAxisd(uniform(rng), Vector3(uniform(rng), uniform(rng), 1).normalized()));
+    stick.angular_velocity_W = {10 * uniform(rng), 10 * uniform(rng), 10 * uniform(rng)};
+    world.Add(stick);
+  }
+  EXPECT_LT(StepFor(&world, 1.0 / 240, 2).energy, 1e-6);
+}
+
 TEST(Crowd, HeapOfCubesComesToRest) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0.2));
