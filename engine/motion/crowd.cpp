@@ -132,8 +132,7 @@ void Crowd::Select() {
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
-    const bool passes_by = settings_.model == Model::kCoulomb && opening < -floor_;  // or strikes: the next pass tells
-    if (start_force_W_[c].isZero(0) && (passes_by || contact.gap > near * size || contact.gap + dt_ * opening > kReach * size)) continue;
+    if (start_force_W_[c].isZero(0) && (contact.gap > near * size || contact.gap + dt_ * opening > kReach * size)) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
@@ -621,8 +620,6 @@ void Crowd::Settle(StepReport* report) {
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
     const bool stays = !IsRound(contact) && GapAtStart(contact) <= settings_.overlap_tolerance * size;
     if (carried_W_[e].isZero(0) && contact.gap > kTouch * size && !stays) continue;
-    // What comes to touch just now has not met yet: it may pass by.
-    if (carried_W_[e].isZero(0) && contact.gap > -settings_.overlap_tolerance * size && !stays && NormalVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]) < -floor_) continue;
     problem_.push_back(end[e]);
     closed_.push_back(static_cast<int>(e));
   }

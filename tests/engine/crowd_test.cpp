@@ -88,7 +88,7 @@ TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
         world.Add({.shape = Shape::Box({0.5, 0.5, 0.25}), .kind = BodyKind::kFixed, .position_W = {x + 0.5, y + 0.5, -0.25}, .friction = 0});
     std::vector<int> cubes;
     for (const double turn : {0.0, 0.3, 0.7}) {
-      BodyDefinition cube{.shape = Shape::Box({0.3, 0.3, 0.3}), .position_W = {1.3, 1.2 + 2.0 * static_cast<double>(cubes.size()), 0.3}, .friction = 0};
+      BodyDefinition cube{.shape = Shape::Box({0.3, 0.3, 0.3}), .position_W = {1.31, 1.2 + 2.0 * static_cast<double>(cubes.size()), 0.3}, .friction = 0};
       cube.rotation_WB = Quaternion(Eigen::AngleAxisd(turn, Vector3::UnitZ()));
       cube.linear_velocity_W = {3, 0.2, 0};
       cubes.push_back(world.Add(cube));
