@@ -40,6 +40,13 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
   return found;
 }
 
+// [m] of the contacts of a pair; infinite if there are none.
+double LeastGap(std::span<const Contact> of_pair) {
+  double gap = INFINITY;
+  for (const Contact& c : of_pair) gap = std::min(gap, c.gap);
+  return gap;
+}
+
 // Calls f(first and last place in x, the same in y) for each pair of bodies that has contacts in x, in y or in both.
 template <typename F>
 void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F& f) {
@@ -160,9 +167,7 @@ void Crowd::Select() {
 // [m] of the pair; infinite where it was out of reach.
 double Crowd::GapAtStart(const Contact& pair) const {
   const auto [first, last] = std::equal_range(start_.begin(), start_.end(), pair, EarlierPair);
-  double gap = INFINITY;
-  for (auto c = first; c != last; ++c) gap = std::min(gap, c->gap);
-  return gap;
+  return LeastGap({first, last});
 }
 
 // Whether its normal turns as the bodies pass each other.
@@ -343,8 +348,7 @@ bool Crowd::Judge() {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
     if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size) continue;
     met = false;
-    for (const int i : {end[e].body_a, end[e].body_b})
-      if (!cut_[i]) disturbed_[i] = 1;
+    Disturb(end[e]);
   }
   met = !LetGo() && met;
   met = !Gains() && met;
@@ -361,6 +365,12 @@ bool Crowd::Judge() {
   return false;
 }
 
+// Its bodies are solved again.
+void Crowd::Disturb(const Contact& contact) {
+  for (const int i : {contact.body_a, contact.body_b})
+    if (!cut_[i]) disturbed_[i] = 1;
+}
+
 // What presses a pair and parts it holds by a plane that is not the pair's at the end: it is let go. Returns whether anything does.
 // (By the convex models what rubs parts.)
 bool Crowd::LetGo() {
@@ -368,15 +378,12 @@ bool Crowd::LetGo() {
   bool any = false;
   ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
     if (h == h_end) return;
-    const double size = Size(held_[h]);
-    double gap = INFINITY;
-    for (size_t k = e; k < e_end; ++k) gap = std::min(gap, (*near_)[k].gap);
-    if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * size) return;
+    const double gap = LeastGap(std::span(*near_).subspan(e, e_end - e));
+    if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * Size(held_[h])) return;
     for (size_t c = h; c < h_end; ++c) {
-      if (impulse_W_[c].isZero(0) || held_of_[c].let_go) continue;
+      if (impulse_W_[c].isZero(0)) continue;
       held_of_[c].let_go = any = true;
-      for (const int i : {held_[c].body_a, held_[c].body_b})
-        if (!cut_[i]) disturbed_[i] = 1;
+      Disturb(held_[c]);
     }
   });
   return any;
@@ -435,8 +442,7 @@ bool Crowd::Gains() {
       held_of_[c].allowed -= push;
       if (push == 0 && WorkOf(c) <= 0.1 * kGain * at_hand) continue;
       gains = true;
-      for (const int i : {held_[c].body_a, held_[c].body_b})
-        if (!cut_[i]) disturbed_[i] = 1;
+      Disturb(held_[c]);
     }
   }
   return gains;
@@ -615,12 +621,12 @@ void Crowd::Settle(StepReport* report) {
   for (size_t e = 0; e < end.size(); ++e) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
     const Contact& contact = end[e];
-    const double size = Size(contact);
-    if (contact.gap > (carried_W_[e].isZero(0) ? settings_.overlap_tolerance : kReach) * size) continue;
+    const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
+    const bool pressed = !carried_W_[e].isZero(0);
+    if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
-    const bool stays = !IsRound(contact) && GapAtStart(contact) <= settings_.overlap_tolerance * size;
-    if (carried_W_[e].isZero(0) && contact.gap > kTouch * size && !stays) continue;
-    problem_.push_back(end[e]);
+    if (!pressed && contact.gap > kTouch * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
+    problem_.push_back(contact);
     closed_.push_back(static_cast<int>(e));
   }
   Part(problem_);
@@ -752,7 +758,8 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
     for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
   }
-  Record(island, struck_[island].status == QpStatus::kNone ? Stage::kStatic : Stage::kCollision, struck_[island].status == QpStatus::kNone ? outcomes_[island] : struck_[island], *worker);
+  const bool held_only = struck_[island].status == QpStatus::kNone;
+  Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island], *worker);
 }
 
 // What does not hit is held, then blows follow.

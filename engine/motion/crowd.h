@@ -81,11 +81,11 @@ class Crowd {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> before;     // of an island's bodies
-    std::vector<Vector3> guess;    // of its contacts
-    std::vector<int> parents;             // of its bodies: of those that impulses join
-    std::vector<double> gains, works;     // [J] of these, at the first of them
-    std::vector<std::uint8_t> gaining;    // of its bodies
+    std::vector<Twist> before;          // of an island's bodies
+    std::vector<Vector3> guess;         // of its contacts
+    std::vector<int> parents;           // of its bodies: of those that impulses join
+    std::vector<double> gains, works;   // [J] of these, at the first of them
+    std::vector<std::uint8_t> gaining;  // per body of the island
   };
 
   enum class Outcome { kDone, kMissed, kHitFrozen };
@@ -103,6 +103,7 @@ class Crowd {
   void Carry(bool first, StepReport* report);
   void Fly();
   bool Judge();
+  void Disturb(const Contact& contact);
   bool LetGo();
   bool IsFoundAgain(size_t c) const;
   bool Gains();

@@ -78,7 +78,6 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
   }
 }
 
-// What is closed stays as it is, or what one step misses would be a velocity of the next.
 // Tiles that are level make one floor: their edges stop nobody, in a crowd neither.
 TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
   for (const double dt : {1.0 / 60, 1.0 / 240}) {
@@ -116,6 +115,7 @@ TEST(Crowd, BlowsOfOneBodyGiveNothingToTheNext) {
   EXPECT_LT(StepFor(&world, 1.0 / 240, 2).energy, 1e-6);
 }
 
+// What is closed stays as it is, or what one step misses would be a velocity of the next.
 TEST(Crowd, HeapOfCubesComesToRest) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0.2));
