@@ -139,7 +139,7 @@ TEST(Ladder, WhatHoldsAStackThatLanded) {
       frozen = 0;
       for (int i = 1; i <= 10; ++i) frozen += world.body(i).frozen;
     }
-    // An overlap that nothing pays for is asked to be pushed out in every step, and keeps its island awake.
+    // What carried and is not found again at the end is not remembered: what is does not balance, and its island stays awake.
     double fastest = 0;
     for (int i = 1; i <= 10; ++i) fastest = std::max(fastest, world.body(i).linear_velocity_W.norm());
     EXPECT_TRUE(frozen == 10 || fastest < 1e-9) << frozen << " " << fastest;
