@@ -15,7 +15,7 @@ namespace {
 constexpr int kPerTask = 256;        // bodies or contacts
 constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
-constexpr int kLevels = 2;           // times that a piece is halved
+constexpr int kLevels = 3;           // times that a piece is halved
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
 constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
 constexpr int kAttempts = 3;         // of blows, before none rebounds
@@ -123,6 +123,18 @@ void Crowd::Recall(const CrowdMemory& memory) {
   });
 }
 
+// Overlaps are pushed out by who lost as much energy in the piece before as that costs.
+void Crowd::AllowPushes(CrowdMemory* memory) {
+  memory->lost.resize(bodies_.size(), INFINITY);
+  pushes_.assign(bodies_.size(), 1);
+  for (size_t c = 0; c < start_.size(); ++c) {
+    const Contact& contact = start_[c];
+    const double cost = kPushOut * -contact.gap * contact.normal_W.dot(start_force_W_[c]);
+    for (const int i : {contact.body_a, contact.body_b})
+      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory->lost[i]) pushes_[i] = 0;
+  }
+}
+
 // What may close within the step, on the course that the velocities of its start give.
 void Crowd::Select() {
   const double near = settings_.model == Model::kCoulomb ? kTouch : INFINITY;  // by the convex models what comes near parts
@@ -141,7 +153,9 @@ void Crowd::Select() {
     const double size = Size(contact);
     if (start_force_W_[c].isZero(0) && (contact.gap > near * size || contact.gap + dt_ * opening > kReach * size)) continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
-    const double gap = contact.gap > settings_.overlap_tolerance * size ? contact.gap : contact.gap < -settings_.overlap_tolerance * size ? kPushOut * contact.gap : 0;
+    const double tolerance = settings_.overlap_tolerance * size;
+    const bool pushed = contact.gap < -tolerance && pushes_[contact.body_a] && pushes_[contact.body_b];
+    const double gap = contact.gap > tolerance ? contact.gap : pushed ? kPushOut * contact.gap : 0;
     held_.push_back(contact);
     Held held;
     held.target = -gap / dt_;
@@ -422,6 +436,7 @@ bool Crowd::Gains() {
     pressing_.push_back(static_cast<int>(c));
   }
   islands::BuildPartition({cut_, edges_}, &gaining_);
+  lost_.assign(bodies_.size(), INFINITY);
   gain_.resize(bodies_.size());
   at_hand_.resize(bodies_.size());
   pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
@@ -434,6 +449,7 @@ bool Crowd::Gains() {
   for (int island = 0; island < gaining_.num_islands(); ++island) {
     double gain = 0, at_hand = 0;
     for (const int i : gaining_.bodies_of(island)) gain += gain_[i], at_hand += at_hand_[i];
+    for (const int i : gaining_.bodies_of(island)) lost_[i] = -gain;
     if (gain <= kGain * at_hand) continue;
     for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0;  // what it costs is not there
     for (const int k : gaining_.contacts_of(island)) {
@@ -796,9 +812,9 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   start_ = *near_;
   Recall(*memory);
   Load(h);
+  AllowPushes(memory);
   Select();
   disturbed_.assign(bodies_.size(), 1);
-  pushes_.assign(bodies_.size(), 1);
   int pass = 1;
   for (;; ++pass) {
     Carry(pass == 1, report);
@@ -869,6 +885,7 @@ bool Crowd::HitsFrozen() {
 // What held as the piece ended, also between bodies that stood still all the while.
 void Crowd::Remember(double h, CrowdMemory* memory) {
   memory->contacts = *near_;
+  memory->lost = lost_;
   memory->forces_W.assign(near_->size(), Vector3::Zero());
   blow_W_.assign(near_->size(), Vector3::Zero());
   for (size_t c = 0; c < problem_.size(); ++c) {
@@ -1012,12 +1029,14 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   first_near_ = *near;
   first_contacts_ = memory->contacts;
   first_forces_W_ = memory->forces_W;
+  first_lost_ = memory->lost;
   Wake(dt, memory);
   while (!Pieces(dt, find, memory, report)) {
     Return(first_);
     *near = first_near_;
     memory->contacts = first_contacts_;
     memory->forces_W = first_forces_W_;
+    memory->lost = first_lost_;
     LookAtStart(dt, *memory);
     memory->freezing.Wake(frame_, settings_);
   }

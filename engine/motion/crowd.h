@@ -43,6 +43,7 @@ using FindContacts = std::function<void(std::span<const Vector3> travel_W, std::
 struct CrowdMemory {
   std::vector<Contact> contacts;  // near ones
   std::vector<Vector3> forces_W;  // [N] on body_b, that held there
+  std::vector<double> lost;       // [J] per body: by all that it pressed, together; infinite: it pressed nobody
   CertifiedFreezing freezing;
   std::vector<int> freeze_counters;  // kPaper, per body
 };
@@ -97,6 +98,7 @@ class Crowd {
   double Size(const Contact& contact) const;
   void Load(double dt);
   void Recall(const CrowdMemory& memory);
+  void AllowPushes(CrowdMemory* memory);
   void Select();
   void Part(std::span<const Contact> contacts);
   void PartEdges();
@@ -157,6 +159,7 @@ class Crowd {
   std::vector<State> first_;                       // as it began
   std::vector<Contact> first_near_, first_contacts_;
   std::vector<Vector3> first_forces_W_;
+  std::vector<double> first_lost_;
   // Of the piece, where it begins.
   double dt_ = 0;                        // [s]
   double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none
@@ -179,7 +182,7 @@ class Crowd {
   std::vector<int> follows_;                         // per held contact: place in near_, or -1
   std::vector<double> before_;                       // [m] <= 0 per near contact: overlap of its pair where the piece began
   std::vector<Vector3> carried_W_;                   // [N s] per near contact; at the end: what of that its cone allows there
-  std::vector<double> gain_, at_hand_;               // [J] per body
+  std::vector<double> gain_, at_hand_, lost_;        // [J] per body
   // Of its end.
   std::vector<int> closed_;               // places in near_ of the contacts of the problem
   std::vector<int> carried_at_;           // per near contact: place in impulses_ of what it carried, or -1

@@ -8,7 +8,7 @@ namespace islet {
 namespace {
 
 // Of two edges that lie all but parallel each pass opens one and closes the other. A piece that ends deeper than 2e-3 of a cube is done
-// in halves, twice at most.
+// in halves, three times at most.
 TEST(Hourglass, NoFrameOfTheFlowFails) {
   for (const int seed : {0, 6}) {
     Settings settings;
