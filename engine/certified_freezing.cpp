@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/ledger.h"
 #include "islands/disjoint_sets.h"
 
 namespace islet {
@@ -12,6 +13,7 @@ constexpr double kBalanced = 10;    // times the tolerance: imbalance that count
 constexpr double kWrong = 10;       // times what the answer is wrong by: velocity that may be its error
 constexpr double kRounding = 1e-10;  // of |g| dt: the same, where the answer is exact
 constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
+constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: what may be missed of those that stop it
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
   return frame.bodies[contact.body_a].kind == BodyKind::kDynamic && frame.bodies[contact.body_b].kind == BodyKind::kDynamic;
@@ -115,6 +117,69 @@ void CertifiedFreezing::Wake(const SuiteFrame& frame, const Settings& settings) 
     if (moves_[roots_[i]]) frame.bodies[i].frozen = false;
 }
 
+// Of the islands that freeze now.
+void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& settings) {
+  stops_.clear();
+  freezing_.clear();
+  holding_.clear();
+  std::vector<std::uint8_t>& fresh = held_;  // per root; no longer asked for
+  fresh.assign(frame.bodies.size(), 0);
+  const auto freezes = [&](int i) { return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]]; };
+  for (size_t i = 0; i < frame.bodies.size(); ++i)
+    if (freezes(static_cast<int>(i)) && !frame.bodies[i].frozen) fresh[roots_[i]] = 1;
+  for (size_t i = 0; i < frame.bodies.size(); ++i)
+    if (freezes(static_cast<int>(i)) && fresh[roots_[i]]) freezing_.emplace_back(roots_[i], static_cast<int>(i));
+  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    for (const int i : {contact.body_a, contact.body_b}) {
+      if (!freezes(i) || !fresh[roots_[i]]) continue;
+      if (frame.holding[c][0] > 0) holding_.emplace_back(roots_[i], static_cast<int>(c));
+      break;
+    }
+  }
+  std::sort(freezing_.begin(), freezing_.end());
+  std::sort(holding_.begin(), holding_.end());
+  for (size_t i = 0, c = 0; i < freezing_.size();) {
+    const int root = freezing_[i].first;
+    members_.clear();
+    contacts_.clear();
+    for (; i < freezing_.size() && freezing_[i].first == root; ++i) members_.push_back(freezing_[i].second);
+    for (; c < holding_.size() && holding_[c].first == root; ++c) contacts_.push_back(holding_[c].second);
+    StopIsland(frame, settings);
+  }
+}
+
+// Stops it, or lets it move on where impulses within their cones cannot.
+void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
+  stopping_.Prepare(frame, members_, contacts_);
+  const auto find = [&](const auto& of_body, std::vector<Vector3>* impulses) -> bool {
+    wanted_.resize(members_.size());
+    limits_.resize(members_.size());
+    for (size_t k = 0; k < members_.size(); ++k) {
+      const Body& body = frame.bodies[members_[k]];
+      const Twist momentum = of_body(body, loads_[members_[k]]);
+      wanted_[k] << -momentum.linear_W, -momentum.angular_W / body.radius;
+      limits_[k] = kCalm * loads_[members_[k]].size;
+    }
+    const bool found = stopping_.Find(wanted_, limits_, impulses);
+    for (size_t k = 0; k < contacts_.size(); ++k) {
+      const Vector3 all = frame.holding[contacts_[k]] + (*impulses)[k];
+      const double outside = all.tail<2>().norm() - frame.contacts.contacts[contacts_[k]].friction * all[0];
+      if (outside <= kBalanced * settings.tolerance * all.norm()) continue;
+      std::fill(impulses->begin(), impulses->end(), Vector3::Zero());
+      return false;
+    }
+    return found;
+  };
+  const bool stops = find([](const Body& body, const Load&) { return Twist{body.mass * body.linear_velocity_W, body.AngularMomentumW()}; }, &stop_);
+  if (!stops) {
+    moves_[roots_[members_[0]]] = 1;
+    return;
+  }
+  find([](const Body&, const Load& load) { return Twist{load.linear, load.angular}; }, &balance_);
+  for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
+}
+
 void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                  const std::vector<double>& errors, const Settings& settings) {
   FindIslands(frame);
@@ -129,6 +194,7 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
                        FastestPoint(GainOf(body, loads_[i]), body.radius) <= kWrong * errors[i] + kRounding * frame.rest_speed;
     if (!still) moves_[roots_[i]] = 1;
   }
+  StopIslands(frame, settings);
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;

@@ -5,6 +5,7 @@
 //            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
 //            impulses of this very frame balance what acts on it, inside their cones: to the tolerance, and to what the solver reached.
 //            However slow, what gains more velocity than the answer is wrong by stands on an edge or a top, and will fall
+//            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too
 //   wakes    at the start of a frame, as a whole: where a contact joins it to a body or a wall that moves, and where its impulses no
 //            longer balance what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was
 //            lowered: all show. It is solved with the others, from the impulses that held it
@@ -12,9 +13,12 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/settings.h"
+#include "engine/stop_impulses.h"
 #include "engine/suite_frame.h"
 
 namespace islet {
@@ -30,6 +34,13 @@ class CertifiedFreezing {
   // body, the worst natural map of the answers of this frame for its island.
   void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const std::vector<double>& errors,
                 const Settings& settings);
+
+  // What the last EndFrame found for a contact of the frame, in (n, t1, t2).
+  struct Stop {
+    int contact;
+    Vector3 stop, balance;  // [N s] what brings its bodies to rest; what the impulses that hold them lack
+  };
+  std::span<const Stop> stops() const { return stops_; }
 
   // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
   double worst_imbalance() const { return worst_imbalance_; }
@@ -48,6 +59,8 @@ class CertifiedFreezing {
   };
   void FindIslands(const SuiteFrame& frame);
   void SumLoads(const SuiteFrame& frame);
+  void StopIslands(const SuiteFrame& frame, const Settings& settings);
+  void StopIsland(const SuiteFrame& frame, const Settings& settings);
   static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
   static Twist GainOf(const Body& body, const Load& load);
   static double Imbalance(const Body& body, const Load& load);
@@ -58,6 +71,14 @@ class CertifiedFreezing {
   std::vector<int> roots_;                  // islands, per body
   std::vector<std::uint8_t> moves_, held_;  // per root: not all of it rests; per body: a contact holds it
   std::vector<Load> loads_;
+  std::vector<Stop> stops_;
+  // Of an island that freezes.
+  StopImpulses stopping_;
+  std::vector<std::pair<int, int>> freezing_, holding_;  // by root: bodies, contacts of those that do
+  std::vector<int> members_, contacts_;
+  std::vector<StopImpulses::Momentum> wanted_;
+  std::vector<double> limits_;
+  std::vector<Vector3> stop_, balance_;
 };
 
 }  // namespace islet

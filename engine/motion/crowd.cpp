@@ -907,6 +907,7 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
   frame_.rest_speed = settings_.gravity.norm() * dt;
   frame_.bodies = bodies_;
   joined_.clear();
+  joined_at_.clear();
   frame_.frames.clear();
   frame_.holding.clear();
   frame_.collisions.clear();
@@ -917,6 +918,7 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
     const double way = dt * (std::max(0.0, -NormalVelocity(contact, a, b)) + frame_.rest_speed);
     if (!known && contact.gap > settings_.overlap_tolerance * Size(contact) && (a.frozen == b.frozen || contact.gap > way)) continue;
     joined_.push_back(contact);
+    joined_at_.push_back(static_cast<int>(c));
     frame_.frames.push_back(ContactFrame(contact.normal_W));
     frame_.holding.push_back(known ? Vector3(dt * (frame_.frames.back().transpose() * forces_W[c])) : Vector3(Vector3::Zero()));
     frame_.collisions.push_back(c < blow_W_.size() ? Vector3(frame_.frames.back().transpose() * blow_W_[c]) : Vector3(Vector3::Zero()));
@@ -952,7 +954,13 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   FillFrame(dt, memory->forces_W);
   frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
-  if (settings_.freezing == Freezing::kCertified) memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_);
+  if (settings_.freezing == Freezing::kCertified) {
+    memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_);
+    for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
+      impulses_.push_back({joined_[s.contact], frame_.frames[s.contact] * s.stop, dt, 0});
+      memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
+    }
+  }
   for (size_t i = 0; i < bodies_.size(); ++i) bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
   if (settings_.freezing == Freezing::kPaper) FreezeLikePaper(frame_, settings_, &memory->freeze_counters);
   for (size_t i = 0; i < bodies_.size(); ++i) {

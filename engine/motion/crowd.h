@@ -194,6 +194,7 @@ class Crowd {
   std::vector<double> work_;              // [J] the same: of what it carried
   std::vector<double> errors_;            // [m/s] per body: the worst natural map of what was solved with it
   std::vector<Contact> joined_;           // of freezing's frame
+  std::vector<int> joined_at_;            // places in near_
   SuiteFrame frame_;
   // Scratch of contact problems.
   std::vector<Body> posed_;
