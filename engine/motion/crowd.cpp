@@ -425,6 +425,18 @@ double Crowd::WorkOf(size_t c) const {
   return impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
 }
 
+// [J] that moving walls do by an impulse on body_b, halfway or at the end.
+double Crowd::WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const {
+  double work = 0;
+  for (const auto& [i, sign] : {std::pair{c.body_a, 1.0}, std::pair{c.body_b, -1.0}}) {
+    const Body& wall = bodies_[i];
+    if (wall.kind != BodyKind::kKinematic) continue;
+    const Vector3 centre = at_end ? wall.position_W : middle_[i].position_W;
+    work += sign * impulse_W.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+  }
+  return work;
+}
+
 // Whether bodies that press each other gained energy, by contacts whose levers are not those of the step, or by what pushed an overlap
 // out; marks the bodies of these contacts.
 bool Crowd::Gains() {
@@ -449,6 +461,10 @@ bool Crowd::Gains() {
   for (int island = 0; island < gaining_.num_islands(); ++island) {
     double gain = 0, at_hand = 0;
     for (const int i : gaining_.bodies_of(island)) gain += gain_[i], at_hand += at_hand_[i];
+    for (const int k : gaining_.contacts_of(island)) {
+      const int c = pressing_[k];
+      gain -= WorkOfWalls(held_[c], acted_at_[c], impulse_W_[c], false);
+    }
     for (const int i : gaining_.bodies_of(island)) lost_[i] = -gain;
     if (gain <= kGain * at_hand) continue;
     for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0;  // what it costs is not there
@@ -705,7 +721,7 @@ void Crowd::Settle(StepReport* report) {
 }
 
 // Marks the bodies of an island that impulses join, as far as they have more energy together than carrying left them and took from them.
-// Moving walls do work. Returns whether there are any.
+// Returns whether there are any.
 bool Crowd::MarkGains(int island, Worker* worker) const {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const auto place = [&](int i) { return static_cast<int>(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()); };
@@ -725,8 +741,10 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
         posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * 0.5 * left.mass * floor_ * floor_;
   }
   for (const int c : contacts) {
-    const bool driven = bodies_[problem_[c].body_a].kind == BodyKind::kKinematic || bodies_[problem_[c].body_b].kind == BodyKind::kKinematic;
-    worker->works[parts.Find(first_of(c))] += driven ? -INFINITY : work_[closed_[c]];
+    const int part = parts.Find(first_of(c));
+    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]];
+    worker->gains[part] -= WorkOfWalls(problem_[c], problem_[c].point_W, change, true);
+    worker->works[part] += work_[closed_[c]];
   }
   bool any = false;
   worker->gaining.assign(bodies.size(), 0);

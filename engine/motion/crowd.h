@@ -111,6 +111,7 @@ class Crowd {
   bool Gains();
   double EnergyOf(size_t i, bool at_end) const;
   double WorkOf(size_t c) const;
+  double WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const;
   void NextTargets();
   void Keep(size_t c);
   void Aim(size_t end);
