@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kFallbackCompliance = 1e-4;  // of the contact's own W_nn
+constexpr double kCompliance = 0.1;  // of the contact's own W_nn: of what gives way
+constexpr double kMostLeft = 2, kMostDriven = 10;  // times the speeds that an island has, and that drive it: fastest it leaves
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
 double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {
@@ -124,15 +125,41 @@ void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* o
   outcome->in_vain.Include(solution_.in_vain);
 }
 
-// The status of what was solved; where it is no answer, the compliant one is taken.
+// Contacts that nothing but a moving wall, a bounce or a push makes contradict others: without these all bodies could stand still.
+bool IslandResponder::IsDriven(const qp::ContactTerm& contact) { return contact.target > 0 || !contact.drift.isZero(0); }
+
+// [m/s] fastest that an island may leave a problem, far beyond what collisions and levers make of its speeds and those that drive it.
+double IslandResponder::SpeedLimit() const {
+  double fastest = 0, driven = 0;
+  for (const qp::BodyTerm& body : problem_.bodies) fastest = std::max(fastest, body.velocity.head<3>().norm());
+  for (const qp::ContactTerm& c : problem_.contacts) driven = std::max({driven, c.target, c.drift.norm()});
+  return kMostLeft * fastest + kMostDriven * driven;
+}
+
+// What is squirted out between closing walls obeys the law, but for walls of no strength that there is.
+bool IslandResponder::IsSquirt() const {
+  if (std::none_of(problem_.contacts.begin(), problem_.contacts.end(), IsDriven)) return false;
+  const double limit = SpeedLimit();
+  for (size_t i = 0; i < problem_.bodies.size(); ++i)
+    if (Vector3::Map(solution_.velocities.data() + 6 * i).norm() > limit) return true;
+  return false;
+}
+
+// The status of what was solved; where it is no answer, what drives gives way.
 void IslandResponder::AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome) {
   outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
-  if (Usable(solution_.status)) return;
+  given_.assign(problem_.contacts.size(), 0.0);
+  if (Usable(solution_.status) && !IsSquirt()) return;
   for (qp::ContactTerm& c : problem_.contacts)
-    c.compliance = kFallbackCompliance * qp::DelassusBlock(problem_, c)(0, 0);
+    if (IsDriven(c)) c.compliance = kCompliance * qp::DelassusBlock(problem_, c)(0, 0);
+  guess_.clear();
   SolveOnce(settings, outcome);
   outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
+  for (size_t c = 0; c < given_.size(); ++c) {
+    const qp::ContactTerm& contact = problem_.contacts[c];
+    given_[c] = std::max(0.0, contact.target - qp::ContactVelocity(contact, solution_.velocities.data())[0]);
+  }
 }
 
 // Velocities from the impulses, whatever the solver's own: momentum and angular momentum to rounding.

@@ -4,7 +4,8 @@
 //   collision  needed only if contacts still approach: bounces u_n >= -epsilon u_n^- ; restitution is lowered, for the
 //              whole island and counted, while the problem has no solution or the answer holds more energy than before
 //   static     after gravity; restitution 0; contacts that do not touch yet may approach at gap / dt
-//   no solution (walls that close on a body): the same contacts made slightly compliant, status kInfeasible
+//   no solution (walls that close on a body), or one that squirts it out: the contacts of moving walls, and those that bounce or push,
+//              made compliant, status kInfeasible
 //   no finite answer: velocities stay as they were, status kFailed
 //
 //   threads: one responder per worker; writes only the island's own bodies and contacts
@@ -54,6 +55,8 @@ class IslandResponder {
   ResponseOutcome ResolveTargets(const IslandView& island, const ContactFrames& contacts,
                                  std::span<const double> targets, const Settings& settings, double speed_floor,
                                  std::span<Body> bodies, std::span<Vector3> impulses);
+  // [m/s] per contact of the island: what it gave way by, where the last answer is kInfeasible.
+  std::span<const double> given() const { return given_; }
   // Problem and answer of the last call that solved one.
   const qp::Problem& problem() const { return problem_; }
   const qp::Solution& solution() const { return solution_; }
@@ -62,6 +65,9 @@ class IslandResponder {
   void Solve(const Settings& settings, double v_ref, ResponseOutcome* outcome);
   void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
+  static bool IsDriven(const qp::ContactTerm& contact);
+  double SpeedLimit() const;
+  bool IsSquirt() const;
   bool LowerRestitution(int attempt);
   void KeepMomentum();
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
@@ -73,6 +79,7 @@ class IslandResponder {
   qp::IslandSolver solver_;
   std::vector<double> free_;    // contact velocities before
   std::vector<int> touching_;   // contacts of the collision problem
+  std::vector<double> given_;   // per contact of the problem
   std::vector<Vector3> guess_;  // impulses found there, per contact of the problem
 };
 

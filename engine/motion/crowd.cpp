@@ -23,7 +23,7 @@ constexpr double kReach = 0.02;      // of a size: contacts nearer than that may
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
 constexpr double kPushOut = 0.2;     // of an overlap: what a piece takes back
 constexpr double kAstray = 0.01;     // of a size: an overlap whose way out begins so far inside is not that of the way in
-constexpr double kFast = 20;         // times |g| dt: fastest that such a way out may ask for
+constexpr double kFast = 20;         // times |g| dt: fastest that a way out of an overlap may ask for
 constexpr double kAlike = 0.999;     // cosine: normals that are the same
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
 
@@ -123,13 +123,16 @@ void Crowd::Recall(const CrowdMemory& memory) {
   });
 }
 
+// [m] what a piece takes back of an overlap.
+double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFast * floor_ * dt_); }
+
 // Overlaps are pushed out by who lost as much energy in the piece before as that costs.
 void Crowd::AllowPushes(CrowdMemory* memory) {
   memory->lost.resize(bodies_.size(), INFINITY);
   pushes_.assign(bodies_.size(), 1);
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
-    const double cost = kPushOut * -contact.gap * contact.normal_W.dot(start_force_W_[c]);
+    const double cost = PushOf(contact.gap) * contact.normal_W.dot(start_force_W_[c]);
     for (const int i : {contact.body_a, contact.body_b})
       if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory->lost[i]) pushes_[i] = 0;
   }
@@ -155,11 +158,11 @@ void Crowd::Select() {
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double tolerance = settings_.overlap_tolerance * size;
     const bool pushed = contact.gap < -tolerance && pushes_[contact.body_a] && pushes_[contact.body_b];
-    const double gap = contact.gap > tolerance ? contact.gap : pushed ? kPushOut * contact.gap : 0;
+    const double gap = contact.gap > tolerance ? contact.gap : pushed ? -PushOf(contact.gap) : 0;
     held_.push_back(contact);
     Held held;
-    held.target = -gap / dt_;
-    held.allowed = contact.gap - gap;
+    held.target = -gap / dt_ - YieldOf(contact);
+    held.allowed = contact.gap - gap - dt_ * YieldOf(contact);
     held.push = gap < 0 ? -gap : 0;
     const Vector3 half = 0.5 * contact.gap * contact.normal_W;
     held.in_a = Inside(contact.body_a, begin_[contact.body_a].pose, contact.point_W - half);
@@ -234,6 +237,7 @@ void Crowd::Carry(bool first, StepReport* report) {
     if (!bodies_[i].torque_W.isZero(0)) p.angular_velocity_W += 0.5 * dt_ * SpinOf(bodies_[i], p.rotation_WB, bodies_[i].torque_W);
   });
   targets_.resize(held_.size());
+  given_.assign(held_.size(), 0.0);
   local_.resize(held_.size());
   for (const int c : active_) {
     targets_[c] = held_of_[c].target;
@@ -250,11 +254,34 @@ void Crowd::Carry(bool first, StepReport* report) {
       impulse_W_[c] = 2 * (frames_[c] * local_[c]);
       if (impulse_W_[c].norm() <= settings_.tolerance * floor_ * LighterMass(held_[c])) impulse_W_[c].setZero();  // or what is open is held
     }
+    for (size_t k = 0; k < view.contacts.size() && outcomes_[island].status == QpStatus::kInfeasible; ++k)
+      given_[view.contacts[k]] = worker->responder.given()[k];
     for (const int i : view.bodies) errors_[i] = outcomes_[island].certificate.natural_map_max;
     Record(island, Stage::kStatic, outcomes_[island], *worker);
   });
   TellObserver();
   Report(outcomes_, &report->static_qp, Seconds() - start, &report->seconds.static_qp, report);
+  GiveWay();
+}
+
+// Pairs that moving walls press together faster than anything keeps them apart close at that speed for the rest of the step.
+void Crowd::GiveWay() {
+  ForEachPair(held_, {}, [&](size_t h, size_t h_end, size_t, size_t) {
+    const double given = *std::max_element(given_.begin() + static_cast<std::ptrdiff_t>(h), given_.begin() + static_cast<std::ptrdiff_t>(h_end));
+    if (given <= threshold_) return;
+    const auto known = std::find_if(yields_.begin(), yields_.end(), [&](const Yield& y) { return SamePair(y.pair, held_[h]); });
+    if (known != yields_.end())
+      known->speed += given;
+    else
+      yields_.push_back({held_[h], given});
+  });
+}
+
+// [m/s] at which a pair gives way.
+double Crowd::YieldOf(const Contact& pair) const {
+  for (const Yield& y : yields_)
+    if (SamePair(y.pair, pair)) return y.speed;
+  return 0;
 }
 
 // [kg] of the lighter of those that contacts move.
@@ -360,7 +387,7 @@ bool Crowd::Judge() {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size) continue;
+    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
   }
@@ -573,8 +600,9 @@ void Crowd::Aim(size_t e) {
   } else {
     contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
   }
-  held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? -kPushOut * before_[e] : 0;
+  held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap) : before_[e] + held.push;
+  held.allowed -= dt_ * YieldOf(contact);
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), kFast * floor_);
   next_.push_back(contact);
   next_of_.push_back(held);
@@ -588,6 +616,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   const int a = pair.body_a, b = pair.body_b;
   const double size = Size(pair);
   bool astray = false;
+  if (YieldOf(pair) > 0) return false;
   for (size_t k = e; k < e_end; ++k) {
     const Contact& c = (*near_)[k];
     if (c.gap >= before_[k] - settings_.overlap_tolerance * size) continue;
@@ -680,6 +709,8 @@ void Crowd::Settle(StepReport* report) {
   targets_.assign(problem_.size(), 0.0);
   pool_->ForEachOf(problem_.size(), kPerTask, [&](size_t c) {
     const Contact& contact = problem_[c];
+    targets_[c] = -YieldOf(contact);
+    if (targets_[c] < 0) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
@@ -819,7 +850,7 @@ double Crowd::FreshOverlap() const {
   double worst = 0;
   for (size_t e = 0; e < near_->size(); ++e) {
     const Contact& c = (*near_)[e];
-    if (!cut_[c.body_a] || !cut_[c.body_b]) worst = std::max(worst, (before_[e] - c.gap) / Size(c));
+    if (!cut_[c.body_a] || !cut_[c.body_b]) worst = std::max(worst, (before_[e] - c.gap - dt_ * YieldOf(c)) / Size(c));
   }
   return worst;
 }
@@ -1056,6 +1087,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   first_contacts_ = memory->contacts;
   first_forces_W_ = memory->forces_W;
   first_lost_ = memory->lost;
+  yields_.clear();
   Wake(dt, memory);
   while (!Pieces(dt, find, memory, report)) {
     Return(first_);

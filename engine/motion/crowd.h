@@ -78,6 +78,10 @@ class Crowd {
     Quaternion half_WB;  // turned for half of the step
     Vector3 spin_W;      // [rad/s] there
   };
+  struct Yield {         // of a pair between walls that close
+    Contact pair;
+    double speed;        // [m/s] at which nothing keeps it apart
+  };
   struct Worker {
     IslandResponder responder;
     SequentialResolver sequential;
@@ -98,6 +102,9 @@ class Crowd {
   double Size(const Contact& contact) const;
   void Load(double dt);
   void Recall(const CrowdMemory& memory);
+  void GiveWay();
+  double YieldOf(const Contact& pair) const;
+  double PushOf(double gap) const;
   void AllowPushes(CrowdMemory* memory);
   void Select();
   void Part(std::span<const Contact> contacts);
@@ -161,6 +168,7 @@ class Crowd {
   std::vector<Contact> first_near_, first_contacts_;
   std::vector<Vector3> first_forces_W_;
   std::vector<double> first_lost_;
+  std::vector<Yield> yields_;                      // few
   // Of the piece, where it begins.
   double dt_ = 0;                        // [s]
   double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none
@@ -202,7 +210,7 @@ class Crowd {
   std::vector<Contact> problem_;
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_;            // [N s] per contact of the problem, (n, t1, t2)
-  std::vector<double> targets_;           // [m/s]
+  std::vector<double> targets_, given_;   // [m/s]; what it gave way by
   std::vector<std::pair<int, int>> edges_;
   std::vector<int> active_, pressing_;    // places in held_ of the contacts of a partition
   islands::Partition partition_, gaining_;
