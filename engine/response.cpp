@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kCompliance = 0.1;  // of the contact's own W_nn: of what gives way
-constexpr double kMostLeft = 2, kMostDriven = 10;  // times the speeds that an island has, and that drive it: fastest it leaves
+constexpr double kCompliances[] = {1e-4, 0.1};  // of the contact's own W_nn: of what gives way, and where that squirts out what is beside
+constexpr double kMostLeft = 1, kMostDriven = 5;  // times the speeds that an island has, and that drive it: fastest it leaves
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
 double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {
@@ -138,7 +138,7 @@ double IslandResponder::SpeedLimit() const {
 
 // What is squirted out between closing walls obeys the law, but for walls of no strength that there is.
 bool IslandResponder::IsSquirt() const {
-  if (std::none_of(problem_.contacts.begin(), problem_.contacts.end(), IsDriven)) return false;
+  if (!AnyDrift(problem_)) return false;
   const double limit = SpeedLimit();
   for (size_t i = 0; i < problem_.bodies.size(); ++i)
     if (Vector3::Map(solution_.velocities.data() + 6 * i).norm() > limit) return true;
@@ -150,10 +150,14 @@ void IslandResponder::AcceptOrComply(const qp::Settings& settings, ResponseOutco
   outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
   given_.assign(problem_.contacts.size(), 0.0);
   if (Usable(solution_.status) && !IsSquirt()) return;
-  for (qp::ContactTerm& c : problem_.contacts)
-    if (IsDriven(c)) c.compliance = kCompliance * qp::DelassusBlock(problem_, c)(0, 0);
-  guess_.clear();
-  SolveOnce(settings, outcome);
+  const bool driven = std::any_of(problem_.contacts.begin(), problem_.contacts.end(), IsDriven);
+  for (const double compliance : kCompliances) {
+    for (qp::ContactTerm& c : problem_.contacts)
+      if (!driven || IsDriven(c)) c.compliance = compliance * qp::DelassusBlock(problem_, c)(0, 0);
+    guess_.clear();
+    SolveOnce(settings, outcome);
+    if (Usable(solution_.status) && !IsSquirt()) break;
+  }
   outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem
   for (size_t c = 0; c < given_.size(); ++c) {

@@ -86,8 +86,10 @@ void Crowd::Load(double dt) {
   posed_.assign(bodies_.begin(), bodies_.end());
   cut_.resize(n);
   double fastest = 0;
+  driven_ = false;
   for (size_t i = 0; i < n; ++i) {
     cut_[i] = !bodies_[i].Moves();
+    driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
     if (!cut_[i]) fastest = std::max(fastest, FastestPoint(TwistOf(bodies_[i]), bodies_[i].radius));
   }
   floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
@@ -627,6 +629,8 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   const double t = meeting_.First({&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
+  // What closing walls squeeze may have no way out: it is sent back no faster than it came.
+  const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm() : INFINITY;
   probe_.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size, &probe_);
   for (Contact c : probe_) {
@@ -643,7 +647,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W), with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
     c.point_W = share * with_a + (1 - share) * with_b;
     held.allowed = before_[e];
-    held.target = TargetOf(c, GapAlong(c, held), held.allowed);
+    held.target = std::min(TargetOf(c, GapAlong(c, held), held.allowed), most);
     next_.push_back(c);
     next_of_.push_back(held);
     next_impulse_W_.push_back(Vector3::Zero());

@@ -172,6 +172,7 @@ class Crowd {
   // Of the piece, where it begins.
   double dt_ = 0;                        // [s]
   double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none
+  bool driven_ = false;                  // walls move
   std::vector<Contact> start_;           // near ones
   std::vector<Vector3> start_force_W_;   // [N] that held there
   std::vector<State> begin_;             // per body

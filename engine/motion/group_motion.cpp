@@ -65,7 +65,8 @@ GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) :
 }
 
 bool GroupMotion::IsCrowd(std::span<const int> members) const {
-  return members.size() > static_cast<size_t>(settings_.group_bodies);
+  return members.size() > static_cast<size_t>(settings_.group_bodies) ||
+         std::any_of(members.begin(), members.end(), [&](int i) { return gave_up_[i] != 0; });
 }
 
 // A body of a crowd may become as fast as the fastest of it.
@@ -247,9 +248,20 @@ bool GroupMotion::JoinStrays(double dt) {
     for (const int i : jobs_[k].members) job_of_[i] = static_cast<int>(k);
   const size_t before = joined_.size();
   for (const auto& [i, k] : parted)
-    if (Met(dt, i, k)) joined_.emplace_back(i, k);
+    if (job_of_[i] < 0 || job_of_[k] < 0 || Met(dt, i, k)) joined_.emplace_back(i, k);  // where a crowd goes is not known yet
   std::sort(joined_.begin(), joined_.end());
   return joined_.size() > before;
+}
+
+// What groups could not step for want of work goes with the crowd. Returns whether there is any.
+bool GroupMotion::LeaveToCrowd() {
+  bool any = false;
+  for (const Job& job : std::span(jobs_).first(num_jobs_)) {
+    if (job.rests || job.outcome.unstepped == 0) continue;
+    for (const int i : job.members) gave_up_[i] = 1;
+    any = true;
+  }
+  return any;
 }
 
 bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
@@ -261,6 +273,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   num_before_ = num_jobs_ = 0;
   bool kept = false;
   joined_.clear();
+  gave_up_.assign(bodies.size(), 0);
   for (int round = 0; round < kRounds && !kept; ++round) {
     const auto find = [&] {
       groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
@@ -276,6 +289,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_), [](const Job& job) { return job.kept; });
     kept = !JoinStrays(dt) && kept;
+    if (round + 1 < kRounds && LeaveToCrowd()) kept = false;
   }
   if (!kept && !races) return false;
   report->motion_failures += !kept;

@@ -74,6 +74,7 @@ class GroupMotion {
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   bool Met(double dt, int i, int k);
   bool JoinStrays(double dt);
+  bool LeaveToCrowd();
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(double dt, const Job& job) const;
@@ -92,7 +93,7 @@ class GroupMotion {
   std::vector<int> job_of_;                  // per body that moves
   Meeting meeting_;
   std::vector<double> rooms_;
-  std::vector<std::uint8_t> crowd_, was_frozen_;
+  std::vector<std::uint8_t> crowd_, was_frozen_, gave_up_;
   bool any_crowd_ = false;
   std::vector<LedgerImpulse> impulses_;
 };

@@ -215,5 +215,62 @@ TEST(Crowd, PlateThatMovesCarriesAHeap) {
   for (int i = 1; i < 37; ++i) EXPECT_NEAR(world.body(i).linear_velocity_W.z(), 0.5, 1e-6) << i;
 }
 
+// A drum of twelve plates turns sixty boxes over: what it lifts them by is no gain, and no step needs more than its passes.
+TEST(Crowd, DrumTumblesBoxes) {
+  World world(ByLaw());
+  std::vector<int> plates;
+  for (int i = 0; i < 12; ++i) {
+    const double angle = 2 * M_PI * i / 12;
+    BodyDefinition plate{.shape = Shape::Box({0.3, 0.6, 0.05}), .kind = BodyKind::kKinematic};
+    plate.position_W = {1.02 * std::cos(angle), 0, 1.02 * std::sin(angle)};
+    plate.rotation_WB = testing::Turn(M_PI / 2 - angle, Vector3::UnitY());
+    plates.push_back(world.Add(plate));
+  }
+  for (const double side : {-1.0, 1.0}) {
+    BodyDefinition end{.shape = Shape::Box({1.5, 0.1, 1.5}), .kind = BodyKind::kFixed};
+    end.position_W = {0, 0.65 * side, 0};
+    world.Add(end);
+  }
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> in(-1, 1);
+  std::vector<int> boxes;
+  for (int i = 0; i < 60; ++i) {
+    BodyDefinition box{.shape = Shape::Box({0.08, 0.07, 0.06})};
+    box.position_W = {-0.5 + 0.25 * (i % 5), -0.375 + 0.25 * (i / 5 % 4), -0.4 + 0.25 * (i / 20)};
+    box.rotation_WB = Quaternion(in(random), in(random), in(random), in(random)).normalized();
+    boxes.push_back(world.Add(box));
+  }
+  for (int frame = 0; frame < 120; ++frame) {
+    const Vector3 spin(0, 1, 0);
+    for (const int plate : plates) world.SetVelocity(plate, spin.cross(world.body(plate).position_W), spin);
+    const StepReport report = world.Step(1.0 / 60);
+    EXPECT_TRUE(report.ledger.Clean()) << frame;
+    EXPECT_EQ(report.motion_failures, 0) << frame;
+  }
+  for (const int i : boxes) EXPECT_LE(std::hypot(world.body(i).position_W.x(), world.body(i).position_W.z()), 1.1) << i;
+}
+
+// A ram that leaves 15 cm squeezes balls of 24 cm against the wall. No velocity keeps them apart: contacts give way, which the report
+// says, and nobody is shot through a wall.
+TEST(Crowd, RamSqueezesBallsThatGiveWay) {
+  World world(ByLaw());
+  world.Add(Floor());
+  AddWalls(&world, 1.5, 2, 2);
+  for (int i = 0; i < 30; ++i) world.Add(Ball({0.3 + 0.25 * (i % 3), -0.75 + 0.25 * (i / 3 % 5), 0.15 + 0.25 * (i / 15)}, 0.12, 0.5, 0.5));
+  BodyDefinition ram{.shape = Shape::Box({0.3, 0.95, 0.3}), .kind = BodyKind::kKinematic};
+  ram.position_W = {-0.65, 0, 0.35};
+  const int number = world.Add(ram);
+  bool told = false;
+  for (int frame = 0; frame < 155; ++frame) {
+    world.SetVelocity(number, {world.body(number).position_W.x() < 0.55 ? 0.5 : 0, 0, 0}, Vector3::Zero());
+    const StepReport report = world.Step(1.0 / 60);
+    told = told || report.overlapping > 0;
+    EXPECT_EQ(report.unstepped, 0) << frame;
+    EXPECT_EQ(report.ledger.sides_changed, 0) << frame;
+    for (const Body& body : world.bodies()) EXPECT_LE(body.linear_velocity_W.norm(), 20) << frame;
+  }
+  EXPECT_TRUE(told);
+}
+
 }  // namespace
 }  // namespace islet
