@@ -12,7 +12,7 @@ namespace {
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
 constexpr double kCompliances[] = {1e-4, 0.1};  // of the contact's own W_nn: of what gives way, and where that squirts out what is beside
-constexpr double kMostLeft = 1, kMostDriven = 5;  // times the speeds that an island has, and that drive it: fastest it leaves
+constexpr double kMostDriven = 5;  // times the speeds that drive an island: what walls may give it
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
 double ApproachVelocities(const qp::Problem& problem, std::vector<double>* velocities) {
@@ -125,24 +125,18 @@ void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* o
   outcome->in_vain.Include(solution_.in_vain);
 }
 
-// Contacts that nothing but a moving wall, a bounce or a push makes contradict others: without these all bodies could stand still.
+// Without moving walls, bounces and pushes all bodies could stand still: where a problem has no solution, these are to blame.
 bool IslandResponder::IsDriven(const qp::ContactTerm& contact) { return contact.target > 0 || !contact.drift.isZero(0); }
 
-// [m/s] fastest that an island may leave a problem, far beyond what collisions and levers make of its speeds and those that drive it.
-double IslandResponder::SpeedLimit() const {
-  double fastest = 0, driven = 0;
-  for (const qp::BodyTerm& body : problem_.bodies) fastest = std::max(fastest, body.velocity.head<3>().norm());
-  for (const qp::ContactTerm& c : problem_.contacts) driven = std::max({driven, c.target, c.drift.norm()});
-  return kMostLeft * fastest + kMostDriven * driven;
-}
-
-// What is squirted out between closing walls obeys the law, but for walls of no strength that there is.
+// What is squirted out between closing walls obeys the law, but for walls of no strength that there is: they would give the island more
+// energy than all of it has at a few times the speeds that drive it.
 bool IslandResponder::IsSquirt() const {
   if (!AnyDrift(problem_)) return false;
-  const double limit = SpeedLimit();
-  for (size_t i = 0; i < problem_.bodies.size(); ++i)
-    if (Vector3::Map(solution_.velocities.data() + 6 * i).norm() > limit) return true;
-  return false;
+  double driven = 0, mass = 0;
+  for (const qp::ContactTerm& c : problem_.contacts) driven = std::max({driven, c.target, c.drift.norm()});
+  for (const qp::BodyTerm& body : problem_.bodies) mass += body.mass;
+  const double most = 0.5 * mass * kMostDriven * kMostDriven * driven * driven;
+  return qp::KineticEnergy(problem_, solution_.velocities.data()) > qp::KineticEnergy(problem_, nullptr) + most;
 }
 
 // The status of what was solved; where it is no answer, what drives gives way.

@@ -66,7 +66,6 @@ class IslandResponder {
   void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   static bool IsDriven(const qp::ContactTerm& contact);
-  double SpeedLimit() const;
   bool IsSquirt() const;
   bool LowerRestitution(int attempt);
   void KeepMomentum();

@@ -250,6 +250,26 @@ TEST(Crowd, DrumTumblesBoxes) {
   for (const int i : boxes) EXPECT_LE(std::hypot(world.body(i).position_W.x(), world.body(i).position_W.z()), 1.1) << i;
 }
 
+// A rod that spins lands on a floor that creeps as on one that stands: no contact gives way to speeds that it brings.
+TEST(Crowd, SpinningRodLandsOnAFloorThatCreeps) {
+  Vector3 left[2];
+  for (const int creeps : {0, 1}) {
+    World world(testing::AsCrowd(ByLaw(1)));
+    BodyDefinition floor = Floor(0.5, 0);
+    floor.kind = BodyKind::kKinematic;
+    floor.linear_velocity_W = {0, 0, 1e-6 * creeps};
+    world.Add(floor);
+    BodyDefinition rod = Cube({0, 0, 0.12}, 0.5, 0.5);
+    rod.shape = Shape::Box({1, 0.05, 0.05});
+    rod.angular_velocity_W = {0, 20, 0};
+    const int number = world.Add(rod);
+    for (int frame = 0; frame < 5; ++frame) world.Step(1.0 / 240);
+    left[creeps] = world.body(number).linear_velocity_W;
+  }
+  EXPECT_GT(left[0].norm(), 1);
+  EXPECT_LE((left[1] - left[0]).norm(), 1e-4) << left[0].transpose() << ", " << left[1].transpose();
+}
+
 // A ram that leaves 15 cm squeezes balls of 24 cm against the wall. No velocity keeps them apart: contacts give way, which the report
 // says, and nobody is shot through a wall.
 TEST(Crowd, RamSqueezesBallsThatGiveWay) {
