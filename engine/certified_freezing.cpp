@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "engine/ledger.h"
 #include "islands/disjoint_sets.h"
 
 namespace islet {
@@ -13,7 +12,6 @@ constexpr double kBalanced = 10;    // times the tolerance: imbalance that count
 constexpr double kWrong = 10;       // times what the answer is wrong by: velocity that may be its error
 constexpr double kRounding = 1e-10;  // of |g| dt: the same, where the answer is exact
 constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
-constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: what may be missed of those that stop it
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
   return frame.bodies[contact.body_a].kind == BodyKind::kDynamic && frame.bodies[contact.body_b].kind == BodyKind::kDynamic;
@@ -119,23 +117,22 @@ void CertifiedFreezing::Wake(const SuiteFrame& frame, const Settings& settings) 
 
 // Of the islands that freeze now.
 void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& settings) {
+  const int bodies = static_cast<int>(frame.bodies.size()), contacts = static_cast<int>(frame.contacts.contacts.size());
+  const auto rests = [&](int i) { return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]]; };
   stops_.clear();
   freezing_.clear();
   holding_.clear();
-  std::vector<std::uint8_t>& fresh = held_;  // per root; no longer asked for
-  fresh.assign(frame.bodies.size(), 0);
-  const auto freezes = [&](int i) { return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]]; };
-  for (size_t i = 0; i < frame.bodies.size(); ++i)
-    if (freezes(static_cast<int>(i)) && !frame.bodies[i].frozen) fresh[roots_[i]] = 1;
-  for (size_t i = 0; i < frame.bodies.size(); ++i)
-    if (freezes(static_cast<int>(i)) && fresh[roots_[i]]) freezing_.emplace_back(roots_[i], static_cast<int>(i));
-  for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
+  fresh_.assign(frame.bodies.size(), 0);
+  for (int i = 0; i < bodies; ++i)
+    if (rests(i) && !frame.bodies[i].frozen) fresh_[roots_[i]] = 1;
+  const auto freezes = [&](int i) { return rests(i) && fresh_[roots_[i]]; };
+  for (int i = 0; i < bodies; ++i)
+    if (freezes(i)) freezing_.emplace_back(roots_[i], i);
+  if (freezing_.empty()) return;
+  for (int c = 0; c < contacts; ++c) {
     const Contact& contact = frame.contacts.contacts[c];
-    for (const int i : {contact.body_a, contact.body_b}) {
-      if (!freezes(i) || !fresh[roots_[i]]) continue;
-      if (frame.holding[c][0] > 0) holding_.emplace_back(roots_[i], static_cast<int>(c));
-      break;
-    }
+    const int body = freezes(contact.body_a) ? contact.body_a : contact.body_b;
+    if (freezes(body) && frame.holding[c][0] > 0) holding_.emplace_back(roots_[body], c);
   }
   std::sort(freezing_.begin(), freezing_.end());
   std::sort(holding_.begin(), holding_.end());
@@ -149,35 +146,39 @@ void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& set
   }
 }
 
-// Stops it, or lets it move on where impulses within their cones cannot.
+// Stops it, or lets it move on where impulses within their cones cannot. What holds it then is balanced as far as they can.
 void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
   stopping_.Prepare(frame, members_, contacts_);
-  const auto find = [&](const auto& of_body, std::vector<Vector3>* impulses) -> bool {
-    wanted_.resize(members_.size());
-    limits_.resize(members_.size());
-    for (size_t k = 0; k < members_.size(); ++k) {
-      const Body& body = frame.bodies[members_[k]];
-      const Twist momentum = of_body(body, loads_[members_[k]]);
-      wanted_[k] << -momentum.linear_W, -momentum.angular_W / body.radius;
-      limits_[k] = kCalm * loads_[members_[k]].size;
-    }
-    const bool found = stopping_.Find(wanted_, limits_, impulses);
-    for (size_t k = 0; k < contacts_.size(); ++k) {
-      const Vector3 all = frame.holding[contacts_[k]] + (*impulses)[k];
-      const double outside = all.tail<2>().norm() - frame.contacts.contacts[contacts_[k]].friction * all[0];
-      if (outside <= kBalanced * settings.tolerance * all.norm()) continue;
-      std::fill(impulses->begin(), impulses->end(), Vector3::Zero());
-      return false;
-    }
-    return found;
-  };
-  const bool stops = find([](const Body& body, const Load&) { return Twist{body.mass * body.linear_velocity_W, body.AngularMomentumW()}; }, &stop_);
-  if (!stops) {
+  limits_.clear();
+  wanted_.resize(members_.size());
+  for (size_t k = 0; k < members_.size(); ++k) {
+    const Body& body = frame.bodies[members_[k]];
+    wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
+    limits_.push_back(kCalm * loads_[members_[k]].size);
+  }
+  if (!FindImpulses(frame, settings, &stop_)) {
     moves_[roots_[members_[0]]] = 1;
     return;
   }
-  find([](const Body&, const Load& load) { return Twist{load.linear, load.angular}; }, &balance_);
+  for (size_t k = 0; k < members_.size(); ++k) {
+    const Load& load = loads_[members_[k]];
+    wanted_[k] << -load.linear, -load.angular / frame.bodies[members_[k]].radius;
+  }
+  FindImpulses(frame, settings, &balance_);
   for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
+}
+
+// None where they would leave their cones. Returns whether they give what is wanted.
+bool CertifiedFreezing::FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses) {
+  const bool found = stopping_.Find(wanted_, limits_, impulses);
+  for (size_t k = 0; k < contacts_.size(); ++k) {
+    const Vector3 all = frame.holding[contacts_[k]] + (*impulses)[k];
+    const double outside = all.tail<2>().norm() - frame.contacts.contacts[contacts_[k]].friction * all[0];
+    if (outside <= kBalanced * settings.tolerance * all.norm()) continue;
+    std::fill(impulses->begin(), impulses->end(), Vector3::Zero());
+    return false;
+  }
+  return found;
 }
 
 void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,

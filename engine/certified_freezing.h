@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "engine/settings.h"
+#include "engine/step_report.h"
 #include "engine/stop_impulses.h"
 #include "engine/suite_frame.h"
 
@@ -25,6 +26,8 @@ namespace islet {
 
 class CertifiedFreezing {
  public:
+  static constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that rest may take from it
+
   // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings);
   // The same once more, for a body that was found to be hit in this frame and is frozen no more: its island wakes with it.
@@ -61,6 +64,7 @@ class CertifiedFreezing {
   void SumLoads(const SuiteFrame& frame);
   void StopIslands(const SuiteFrame& frame, const Settings& settings);
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
+  bool FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses);
   static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
   static Twist GainOf(const Body& body, const Load& load);
   static double Imbalance(const Body& body, const Load& load);
@@ -74,7 +78,8 @@ class CertifiedFreezing {
   std::vector<Stop> stops_;
   // Of an island that freezes.
   StopImpulses stopping_;
-  std::vector<std::pair<int, int>> freezing_, holding_;  // by root: bodies, contacts of those that do
+  std::vector<std::uint8_t> fresh_;                      // per root: it does, and not all of it was frozen
+  std::vector<std::pair<int, int>> freezing_, holding_;  // by root: its bodies, the contacts that press
   std::vector<int> members_, contacts_;
   std::vector<StopImpulses::Momentum> wanted_;
   std::vector<double> limits_;

@@ -8,8 +8,8 @@
 namespace islet {
 namespace {
 
-constexpr int kRounds = 400, kPatience = 50;
-constexpr double kRank = 1e-9;  // of a block's trace: what no contact of a body can give it
+constexpr int kRounds = 400, kPatience = 50;  // at most; without a smaller residual
+constexpr double kSingular = 1e-9;            // of a block's trace: eigenvalue of what no contact can give a body
 
 double Dot(std::span<const StopImpulses::Momentum> x, std::span<const StopImpulses::Momentum> y) {
   double sum = 0;
@@ -46,19 +46,24 @@ void StopImpulses::Prepare(const SuiteFrame& frame, std::span<const int> bodies,
       if (side.body >= 0) sums_[side.body] += side.g * term.weight.asDiagonal() * side.g.transpose();
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Eigen::SelfAdjointEigenSolver<Block> axes(sums_[i]);
-    const double least = kRank * sums_[i].trace();
+    const double least = kSingular * sums_[i].trace();
     const Momentum inverse = axes.eigenvalues().unaryExpr([least](double x) { return x > least ? 1 / x : 0; });
     inverses_[i].noalias() = axes.eigenvectors() * inverse.asDiagonal() * axes.eigenvectors().transpose();
   }
 }
 
-void StopImpulses::Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax) {
+// D G^T x of one contact.
+Vector3 StopImpulses::ImpulseOf(const Term& term, std::span<const Momentum> x) {
+  Vector3 u = Vector3::Zero();
+  for (const Side& side : term.sides)
+    if (side.body >= 0) u += side.g.transpose() * x[side.body];
+  return term.weight.cwiseProduct(u);
+}
+
+void StopImpulses::Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax) const {
   ax->assign(x.size(), Momentum::Zero());
   for (const Term& term : terms_) {
-    Vector3 u = Vector3::Zero();
-    for (const Side& side : term.sides)
-      if (side.body >= 0) u += side.g.transpose() * x[side.body];
-    const Vector3 j = term.weight.cwiseProduct(u);
+    const Vector3 j = ImpulseOf(term, x);
     for (const Side& side : term.sides)
       if (side.body >= 0) (*ax)[side.body] += side.g * j;
   }
@@ -67,45 +72,40 @@ void StopImpulses::Multiply(std::span<const Momentum> x, std::vector<Momentum>* 
 bool StopImpulses::Find(std::span<const Momentum> wanted, std::span<const double> limits, std::vector<Vector3>* impulses) {
   const size_t n = wanted.size();
   w_.assign(n, Momentum::Zero());
-  rest_.assign(wanted.begin(), wanted.end());
-  mild_.resize(n);
+  residual_.assign(wanted.begin(), wanted.end());
+  preconditioned_.resize(n);
   const auto missed = [&] {
     double worst = 0;
-    for (size_t i = 0; i < n; ++i) worst = std::max(worst, rest_[i].norm() / limits[i]);
+    for (size_t i = 0; i < n; ++i) worst = std::max(worst, residual_[i].norm() / limits[i]);
     return worst;
   };
-  const auto soften = [&] {
-    for (size_t i = 0; i < n; ++i) mild_[i] = inverses_[i] * rest_[i];
+  const auto precondition = [&] {
+    for (size_t i = 0; i < n; ++i) preconditioned_[i] = inverses_[i] * residual_[i];
   };
-  soften();
-  way_ = mild_;
-  double size = Dot(rest_, mild_);
+  precondition();
+  direction_ = preconditioned_;
+  double size = Dot(residual_, preconditioned_);
   double least = missed();
   best_ = w_;
   // What no contact can give leads the rounds astray once the rest is found.
   for (int round = 0, found = 0; least > 1 && round < kRounds && round < found + kPatience; ++round) {
-    Multiply(way_, &ahead_);
-    const double stiffness = Dot(way_, ahead_);
+    Multiply(direction_, &image_);
+    const double stiffness = Dot(direction_, image_);
     if (!(stiffness > 0)) break;
     const double step = size / stiffness;
     for (size_t i = 0; i < n; ++i) {
-      w_[i] += step * way_[i];
-      rest_[i] -= step * ahead_[i];
+      w_[i] += step * direction_[i];
+      residual_[i] -= step * image_[i];
     }
     const double now = missed();
     if (now < least) least = now, best_ = w_, found = round;
-    soften();
-    const double next = Dot(rest_, mild_);
-    for (size_t i = 0; i < n; ++i) way_[i] = mild_[i] + next / size * way_[i];
+    precondition();
+    const double next = Dot(residual_, preconditioned_);
+    for (size_t i = 0; i < n; ++i) direction_[i] = preconditioned_[i] + next / size * direction_[i];
     size = next;
   }
   impulses->resize(terms_.size());
-  for (size_t c = 0; c < terms_.size(); ++c) {
-    Vector3 u = Vector3::Zero();
-    for (const Side& side : terms_[c].sides)
-      if (side.body >= 0) u += side.g.transpose() * best_[side.body];
-    (*impulses)[c] = terms_[c].weight.cwiseProduct(u);
-  }
+  for (size_t c = 0; c < terms_.size(); ++c) (*impulses)[c] = ImpulseOf(terms_[c], best_);
   return least <= 1;
 }
 

@@ -34,11 +34,12 @@ class StopImpulses {
     Side sides[2];
     Vector3 weight;
   };
-  void Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax);
+  static Vector3 ImpulseOf(const Term& term, std::span<const Momentum> x);
+  void Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax) const;
 
   std::vector<Term> terms_;
   std::vector<Block> sums_, inverses_;  // blocks of A, per body, and their inverses as far as contacts reach
-  std::vector<Momentum> w_, best_, rest_, way_, ahead_, mild_;
+  std::vector<Momentum> w_, best_, residual_, preconditioned_, direction_, image_;
 };
 
 }  // namespace islet

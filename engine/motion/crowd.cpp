@@ -129,14 +129,13 @@ void Crowd::Recall(const CrowdMemory& memory) {
 double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFast * floor_ * dt_); }
 
 // Overlaps are pushed out by who lost as much energy in the piece before as that costs.
-void Crowd::AllowPushes(CrowdMemory* memory) {
-  memory->lost.resize(bodies_.size(), INFINITY);
+void Crowd::AllowPushes(const CrowdMemory& memory) {
   pushes_.assign(bodies_.size(), 1);
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
     const double cost = PushOf(contact.gap) * contact.normal_W.dot(start_force_W_[c]);
     for (const int i : {contact.body_a, contact.body_b})
-      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory->lost[i]) pushes_[i] = 0;
+      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory.lost[i]) pushes_[i] = 0;
   }
 }
 
@@ -865,7 +864,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   start_ = *near_;
   Recall(*memory);
   Load(h);
-  AllowPushes(memory);
+  AllowPushes(*memory);
   Select();
   disturbed_.assign(bodies_.size(), 1);
   int pass = 1;
@@ -993,6 +992,7 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
   was_frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) was_frozen_[i] = bodies_[i].frozen;
   memory->freeze_counters.resize(bodies_.size(), 0);
+  memory->lost.resize(bodies_.size(), INFINITY);
   LookAtStart(dt, *memory);
   if (settings_.freezing == Freezing::kCertified) memory->freezing.BeginFrame(frame_, settings_);
   if (settings_.freezing != Freezing::kPaper) return;
@@ -1088,11 +1088,11 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   for (size_t i = 0; i < bodies.size(); ++i)
     first_[i] = StateOf(bodies[i]);
   first_near_ = *near;
+  yields_.clear();
+  Wake(dt, memory);
   first_contacts_ = memory->contacts;
   first_forces_W_ = memory->forces_W;
   first_lost_ = memory->lost;
-  yields_.clear();
-  Wake(dt, memory);
   while (!Pieces(dt, find, memory, report)) {
     Return(first_);
     *near = first_near_;

@@ -105,7 +105,7 @@ class Crowd {
   void GiveWay();
   double YieldOf(const Contact& pair) const;
   double PushOf(double gap) const;
-  void AllowPushes(CrowdMemory* memory);
+  void AllowPushes(const CrowdMemory& memory);
   void Select();
   void Part(std::span<const Contact> contacts);
   void PartEdges();

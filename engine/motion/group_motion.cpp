@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/certified_freezing.h"
 #include "engine/suite_frame.h"
 
 namespace islet::motion {
@@ -16,7 +17,6 @@ constexpr double kWider = 1.5;     // times what a body strayed out of its room
 constexpr double kMet = 5e-6;      // of a size: overlap that is none
 constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
-constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that is taken from it when it rests
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
@@ -431,7 +431,7 @@ bool GroupMotion::IsBalanced(double dt, const Job& job) const {
     }
     if (force.norm() > kBalanced * loads || torque.norm() > kBalanced * loads * b.radius) return false;
     const Vector3 spin_W = b.InertiaW() * b.angular_velocity_W;
-    if (b.mass * b.linear_velocity_W.norm() > kCalm * loads * dt || spin_W.norm() > kCalm * loads * dt * b.radius) return false;
+    if (b.mass * b.linear_velocity_W.norm() > CertifiedFreezing::kCalm * loads * dt || spin_W.norm() > CertifiedFreezing::kCalm * loads * dt * b.radius) return false;
   }
   return true;
 }

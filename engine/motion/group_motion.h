@@ -8,6 +8,7 @@
 //   parts:   a group that is too large is parted by who comes near whom on the free ways. Then no body may have met one of another part
 //            on its real way, or their parts are joined and stepped again from the start. If a part gets too large that way,
 //            the whole group is a crowd
+//   work:    a group whose step would take more than its share goes with the crowd
 //   threads: groups run on the pool; results do not depend on the number of workers
 #pragma once
 

@@ -270,6 +270,26 @@ TEST(Crowd, SpinningRodLandsOnAFloorThatCreeps) {
   EXPECT_LE((left[1] - left[0]).norm(), 1e-4) << left[0].transpose() << ", " << left[1].transpose();
 }
 
+// Fourteen balls are no crowd. A ram squeezes them until the way from blow to blow is beyond the work of a step: no body is left behind.
+TEST(Crowd, TakesOverWhatIsBeyondTheWorkOfAGroup) {
+  World world(ByLaw(1));
+  world.Add(Floor());
+  AddWalls(&world, 1.5, 2, 2);
+  for (const double side : {-1.0, 1.0}) {
+    BodyDefinition wall{.shape = Shape::Box({2, 0.5, 2}), .kind = BodyKind::kFixed};
+    wall.position_W = {0, side, 2};
+    world.Add(wall);
+  }
+  for (int i = 0; i < 14; ++i) world.Add(Ball({0.5 + 0.25 * (i % 2), -0.3 + 0.25 * (i / 2 % 3), 0.15 + 0.25 * (i / 6)}, 0.12, 0.5, 0.5));
+  BodyDefinition ram{.shape = Shape::Box({0.3, 0.45, 0.6}), .kind = BodyKind::kKinematic};
+  ram.position_W = {-0.2, 0, 0.65};
+  const int number = world.Add(ram);
+  for (int frame = 0; frame < 75; ++frame) {
+    world.SetVelocity(number, {0.5, 0, 0}, Vector3::Zero());
+    EXPECT_EQ(world.Step(1.0 / 60).unstepped, 0) << frame;
+  }
+}
+
 // A ram that leaves 15 cm squeezes balls of 24 cm against the wall. No velocity keeps them apart: contacts give way, which the report
 // says, and nobody is shot through a wall.
 TEST(Crowd, RamSqueezesBallsThatGiveWay) {
