@@ -44,13 +44,13 @@ double CoulombNewton::Residual() {
   return std::sqrt(Dot(residual_, residual_) / total_mass_);
 }
 
-void CoulombNewton::Multiply(const std::vector<double>& x, std::vector<double>* out) const {
-  const Problem& problem = *problem_;
-  for (int i = 0; i < problem.num_bodies(); ++i) At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
-  for (int c = 0; c < problem.num_contacts(); ++c) {
-    if (slopes_[c](0, 0) == 0) continue;
-    const Vector3 j = slopes_[c] * FieldVelocity(problem.contacts[c], 6, 0, x);
-    AddForce(problem.contacts[c], 6, 0, 1, j, out);
+// What the matrix has beyond its factor, times x: friction that grows with the normal velocity, where a contact slides.
+void CoulombNewton::AddCoupling(const std::vector<double>& x, std::vector<double>* out) const {
+  for (int c = 0; c < problem_->num_contacts(); ++c) {
+    const auto coupling = slopes_[c].bottomLeftCorner<2, 1>();
+    if (coupling.isZero(0)) continue;
+    const double approach = FieldVelocity(problem_->contacts[c], 6, 0, x)[0];
+    AddForce(problem_->contacts[c], 6, 0, 1, Vector3(0, coupling[0] * approach, coupling[1] * approach), out);
   }
 }
 
@@ -66,7 +66,8 @@ bool CoulombNewton::FindDirection() {
   while (k < kKrylov && std::abs(rest[k]) > kForcing) {
     steps_[k] = basis_[k];
     system_.Solve(steps_[k].data());
-    Multiply(steps_[k], &basis_[k + 1]);
+    basis_[k + 1] = basis_[k];
+    AddCoupling(steps_[k], &basis_[k + 1]);
     auto& column = hessenberg[k];
     for (int i = 0; i <= k; ++i) {
       column[i] = Dot(basis_[k + 1], basis_[i]);
@@ -131,15 +132,16 @@ bool CoulombNewton::Step(double aim, int most) {
 // Of one point of all the mass that has the kinetic energy of v_.
 double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
 
-NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough,
-                                int max_factorisations, std::vector<Vector3>* impulses) {
+NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim, int max_factorisations,
+                                std::vector<Vector3>* impulses) {
   problem_ = &problem, rho_ = &rho;
   factorisations_ = 0;
   const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
   centre_ = *impulses;
   VelocitiesAfter(problem, centre_, &v_);
   NaturalMap best = CoulombMap(problem, v_, centre_, rho);
-  if (best.max <= goal) return best;
+  const auto reached = [&] { return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data()))); };
+  if (reached()) return best;
   for (std::vector<double>* values : {&residual_, &direction_, &weights_}) values->resize(unknowns);
   total_mass_ = 0;
   for (size_t i = 0; i < problem.bodies.size(); ++i) {
@@ -155,8 +157,8 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   ProximalPace pace(best);
   for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
     const int before = factorisations_;
-    const bool refines = best.max <= enough;
-    if (best.max <= goal || before >= max_factorisations || !pace.GoesOn(refines)) break;
+    const bool refines = best.max <= aim.enough;
+    if (reached() || before >= max_factorisations || !pace.GoesOn(refines)) break;
     const double residual = kStepShare * best.rms;
     stiffness_ = pace.Stiffness(residual, Speed());
     const int most = refines ? kRefiningSteps : ProximalPace::kMostNewtonSteps;

@@ -6,7 +6,8 @@
 // of a step is the next j'; where impulses stay what they were, they are exact, and t decides about nothing but the pace.
 //
 //   Newton's matrix   M + J^T G J,  G = t rho L' of each contact, which is not symmetric where a contact slides. GMRES solves it,
-//                     with the Cholesky factor of the same matrix without the normal-tangent coupling of sliding contacts
+//                     with the Cholesky factor of the same matrix without the normal-tangent coupling of sliding contacts, and
+//                     multiplies by that coupling alone
 //   redundant contacts do no harm, since the unknown is v; what is larger than the law asks for is not sought, since every step
 //                     starts from the impulses at hand
 //
@@ -23,10 +24,15 @@ namespace islet::qp {
 
 class CoulombNewton {
  public:
-  // Improves impulses until their natural map is below `goal` at every contact [velocity], the factorisations are used up, or nothing
-  // gains any more; below `enough` it goes on only as long as every few steps halve the map. impulses are the best that it met.
-  // rho: as by ImpulseScales. Returns their map.
-  NaturalMap Solve(const Problem& problem, const std::vector<double>& rho, double goal, double enough, int max_factorisations,
+  // What the natural map of every contact shall be below: `enough`, and that share of the speed that the contacts are left with, or
+  // what rests would creep; no less than `least`.
+  struct Aim {
+    double enough, least;  // [velocity]
+    double of_speed = 0;
+  };
+  // Improves impulses until they meet the aim, the factorisations are used up, or nothing gains any more; below `enough` it goes on
+  // only as long as every few steps halve the map. impulses are the best that it met. rho: as by ImpulseScales. Returns their map.
+  NaturalMap Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim, int max_factorisations,
                    std::vector<Vector3>* impulses);
 
   int factorisations() const { return factorisations_; }  // of the last call
@@ -36,7 +42,7 @@ class CoulombNewton {
   double Speed() const;
   bool Step(double aim, int most);
   bool FindDirection();
-  void Multiply(const std::vector<double>& x, std::vector<double>* out) const;
+  void AddCoupling(const std::vector<double>& x, std::vector<double>* out) const;
   double Dot(const std::vector<double>& p, const std::vector<double>& q) const;
 
   const Problem* problem_ = nullptr;  // during Solve

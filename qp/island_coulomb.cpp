@@ -1,6 +1,7 @@
 // Exact Coulomb friction in IslandSolver.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "qp/body_algebra.h"
 #include "qp/island_solver.h"
@@ -18,6 +19,7 @@ constexpr int kPlainSweeps = 20;    // that lead out of them
 constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 constexpr int kBigNewtonSteps = 40;    // factorisations, where only thorough effort asks for them
+constexpr double kStill = 0.01;        // of v_ref: what moves in a tower that stands
 
 // The octagon.
 constexpr int kSweepsOfASolve = 30;       // what an interior-point solve counts as, of the effort
@@ -39,6 +41,7 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const bool small = IsSmall(problem), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
   prepared_ = false;
+  spent_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = StartFrom(problem, settings, start);
@@ -95,9 +98,11 @@ NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& setting
   const bool small = IsSmall(problem);
   const double goal = settings.tolerance * settings.velocity_scale;
   if (!small) map = Search(problem, settings, map);
-  if (small || (settings.effort.newton && !map.Meets(goal))) {
-    coulomb_newton_.Solve(problem, scales_, small ? kSmallShare * goal : goal, goal, small ? kNewtonSteps : kBigNewtonSteps,
-                          &swept_.impulses);
+  // Sweeps place what moves. A tower that is to stand wants more.
+  const bool exact = small || (HasFewLoops(problem) && ContactSpeed(problem, swept_.velocities.data()) <= kStill * settings.velocity_scale);
+  if (exact || (settings.effort.newton && !map.Meets(goal))) {
+    const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, settings.tolerance};
+    coulomb_newton_.Solve(problem, scales_, aim, exact ? kNewtonSteps : kBigNewtonSteps, &swept_.impulses);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);  // without the rounding of thousands of increments
@@ -111,7 +116,7 @@ NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings
   best_ = swept_;
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;
-  for (int left = settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
+  for (int left = settings.effort.sweeps - std::exchange(spent_, 0); left > 0 && !best.Meets(goal);) {
     const Precision precision =
         single && best.rms > kSingleAbove * settings.velocity_scale ? Precision::kSingle : Precision::kDouble;
     const int block = std::min(left, astray ? kPlainSweeps : kSweeps);

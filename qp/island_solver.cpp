@@ -227,9 +227,8 @@ NaturalMap IslandSolver::StartFrom(const Problem& problem, const Settings& setti
   return without;
 }
 
-// Few bodies, or few ways around: a tower, a bridge.
-bool IslandSolver::IsSmall(const Problem& problem) {
-  if (problem.num_bodies() <= kSmallIsland) return true;
+// A tower, a bridge.
+bool IslandSolver::HasFewLoops(const Problem& problem) {
   int pairs = 0, last_a = -1, last_b = -1;
   for (const ContactTerm& c : problem.contacts) {  // in order of pairs
     if (c.body_a < 0 || c.body_b < 0 || (c.body_a == last_a && c.body_b == last_b)) continue;
@@ -249,6 +248,7 @@ void IslandSolver::PrepareSweeps(const Problem& problem) {
 NaturalMap IslandSolver::SweepOn(const Problem& problem) {
   PrepareSweeps(problem);
   const int sweeps = IsSmall(problem) ? kSmallSweeps : kMendingSweeps;
+  spent_ = sweeps;
   gauss_seidel_.Sweep(problem, sweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
   return MapOfSwept(problem);
 }

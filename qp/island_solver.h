@@ -39,7 +39,8 @@ class IslandSolver {
   static constexpr int kNewtonSteps = 300;        // factorisations of a search; 26 bodies from no impulses take 100 to 200
 
   static bool AllZero(std::span<const Vector3> impulses);
-  static bool IsSmall(const Problem& problem);
+  static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }
+  static bool HasFewLoops(const Problem& problem);
   bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution);
   void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
@@ -71,6 +72,7 @@ class IslandSolver {
   Column column_;
   GaussSeidel gauss_seidel_;
   bool prepared_ = false;  // for the sweeps of this solve
+  int spent_ = 0;          // sweeps that count as the next search's
   CoulombNewton coulomb_newton_;
   int iterations_ = 0;  // of this solve
   InVain in_vain_;      // the same

@@ -1,5 +1,6 @@
 #include "qp/problem.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -55,6 +56,12 @@ double KineticEnergy(const Problem& problem, const double* velocities) {
     energy += 0.5 * body.mass * v.head<3>().squaredNorm() + 0.5 * v.tail<3>().dot(body.inertia * v.tail<3>());
   }
   return energy;
+}
+
+double ContactSpeed(const Problem& problem, const double* velocities) {
+  double sum = 0;
+  for (const ContactTerm& contact : problem.contacts) sum += ContactVelocity(contact, velocities).squaredNorm();
+  return std::sqrt(sum / std::max(1, problem.num_contacts()));
 }
 
 Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact) {

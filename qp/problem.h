@@ -53,6 +53,8 @@ Vector3 ContactVelocity(const ContactTerm& contact, const double* velocities);
 
 // 1/2 v^T M v for the given velocities, 6 numbers a body, or the free ones if there are none (null).
 double KineticEnergy(const Problem& problem, const double* velocities);
+// [velocity] of the contacts, rms: how fast bodies slide, roll and part. 0: they move as one, or not at all.
+double ContactSpeed(const Problem& problem, const double* velocities);
 
 // W_cc = J_c M^-1 J_c^T, the contact's own block of the Delassus operator.
 Matrix3 DelassusBlock(const Problem& problem, const ContactTerm& contact);

@@ -15,8 +15,10 @@ namespace {
 constexpr int kPerTask = 256;        // bodies or contacts
 constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
+constexpr int kFinePasses = 3;       // of these, that go on for gaps that miss their end by the overlap tolerance
 constexpr int kLevels = 3;           // times that a piece is halved
-constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave
+constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave; later passes go on for these alone
+constexpr int kOpenings = 2;         // of a pair that an old plane presses: then that plane is let go
 constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
 constexpr int kAttempts = 3;         // of blows, before none rebounds
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
@@ -362,8 +364,9 @@ Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const { return mean_W_[
 
 // Where held contacts are found again; what they carried; the overlap that each pair began with. Returns whether gaps meet their end,
 // and marks the islands in which they do not.
-bool Crowd::Judge() {
+bool Crowd::Judge(int pass) {
   const std::vector<Contact>& end = *near_;
+  const double tolerance = pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kDeep, settings_.overlap_tolerance);
   follows_.assign(held_.size(), -1);
   carried_W_.assign(end.size(), Vector3::Zero());
   before_.assign(end.size(), 0.0);
@@ -388,11 +391,11 @@ bool Crowd::Judge() {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size - dt_ * YieldOf(end[e])) continue;
+    if (end[e].gap >= before_[e] - tolerance * size - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
   }
-  met = !LetGo() && met;
+  met = (!LetGo() || pass > kFinePasses) && met;
   met = !Gains() && met;
   if (met) return true;
   // All of an island that misses its end somewhere.
@@ -413,8 +416,8 @@ void Crowd::Disturb(const Contact& contact) {
     if (!cut_[i]) disturbed_[i] = 1;
 }
 
-// What presses a pair and parts it holds by a plane that is not the pair's at the end: it is let go. Returns whether anything does.
-// (By the convex models what rubs parts.)
+// What presses a pair that ends open holds by a plane that is not the pair's at the end. It is posed once more as it ends, then let go.
+// Returns whether there is any. (By the convex models what rubs parts.)
 bool Crowd::LetGo() {
   if (settings_.model != Model::kCoulomb) return false;
   bool any = false;
@@ -423,8 +426,9 @@ bool Crowd::LetGo() {
     const double gap = LeastGap(std::span(*near_).subspan(e, e_end - e));
     if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * Size(held_[h])) return;
     for (size_t c = h; c < h_end; ++c) {
-      if (impulse_W_[c].isZero(0)) continue;
-      held_of_[c].let_go = any = true;
+      if (impulse_W_[c].isZero(0) || IsFoundAgain(c)) continue;
+      ++held_of_[c].opened;
+      any = true;
       Disturb(held_[c]);
     }
   });
@@ -546,8 +550,11 @@ void Crowd::Keep(size_t c) {
   Contact contact = held_[c];
   contact.point_W = acted_at_[c];
   const int a = contact.body_a, b = contact.body_b;
-  if (disturbed_[a] || disturbed_[b])
-    old.target = std::min(TargetOf(contact, GapAlong(contact, old), old.allowed), 0.0);  // what is past pushes nobody
+  if (disturbed_[a] || disturbed_[b]) {
+    const double gap = GapAlong(contact, old);
+    const bool past = gap < old.allowed - kAstray * Size(contact);  // it pushes nobody
+    old.target = std::min(TargetOf(contact, gap, old.allowed), past ? 0 : kFast * floor_);
+  }
   next_.push_back(contact);
   next_of_.push_back(old);
   next_impulse_W_.push_back(impulse_W_[c]);
@@ -666,7 +673,7 @@ void Crowd::NextTargets() {
     const bool disturbed = disturbed_[pair.body_a] || disturbed_[pair.body_b];
     for (size_t c = h; c < h_end; ++c) {
       held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
-      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed && !held_of_[c].let_go)) Keep(c);
+      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed && held_of_[c].opened < kOpenings)) Keep(c);
     }
     if (!disturbed || e == e_end || Guard(e, e_end)) return;
     for (size_t k = e; k < e_end; ++k) Aim(k);
@@ -874,7 +881,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     const double looking = Seconds();
     find(travel_, near_);
     report->seconds.detect += Seconds() - looking;
-    const bool met = Judge();
+    const bool met = Judge(pass);
     if (met || pass == kPasses) break;
     NextTargets();
   }

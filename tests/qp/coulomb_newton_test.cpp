@@ -23,7 +23,7 @@ Answer Solve(const Problem& problem, double goal, std::vector<Vector3> start = {
   std::vector<double> rho, velocities;
   qp::ImpulseScales(problem, &rho);
   start.resize(problem.contacts.size(), Vector3::Zero());
-  const qp::NaturalMap map = newton.Solve(problem, rho, goal, goal, most, &start);
+  const qp::NaturalMap map = newton.Solve(problem, rho, {goal, goal}, most, &start);
   qp::VelocitiesAfter(problem, start, &velocities);
   return {map, start, velocities, newton.factorisations()};
 }
@@ -132,10 +132,10 @@ TEST(CoulombNewton, RepeatedSolveAllocatesNothing) {
   qp::ImpulseScales(problem, &rho);
   std::vector<Vector3> impulses(problem.contacts.size(), Vector3::Zero());
   const double goal = 1e-9 * VelocityScale(problem);
-  newton.Solve(problem, rho, goal, goal, 100, &impulses);
+  newton.Solve(problem, rho, {goal, goal}, 100, &impulses);
   std::fill(impulses.begin(), impulses.end(), Vector3::Zero());
   const AllocationCounter counter;
-  newton.Solve(problem, rho, goal, goal, 100, &impulses);
+  newton.Solve(problem, rho, {goal, goal}, 100, &impulses);
   EXPECT_EQ(counter.count(), 0);
 }
 
