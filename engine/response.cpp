@@ -47,18 +47,19 @@ bool FallsFreely(const IslandView& island, const ContactFrames& contacts, std::s
          });
 }
 
-qp::Settings SolverSettings(const Settings& settings, double v_ref) {
+}  // namespace
+
+qp::Settings IslandResponder::SolverSettings(const Settings& settings, double v_ref) const {
   qp::Settings out;
   out.model = settings.model;
   out.cone = settings.cone;
   out.effort = settings.effort;
   out.ladder = settings.ladder;
   out.tolerance = settings.tolerance;
+  out.speed_share = speed_share_;
   out.velocity_scale = v_ref;
   return out;
 }
-
-}  // namespace
 
 void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   summary->seconds += seconds;

@@ -43,6 +43,8 @@ struct ResponseOutcome {
 
 class IslandResponder {
  public:
+  // How exact an island that moves has to be: see qp::Settings::speed_share.
+  void SetSpeedShare(double share) { speed_share_ = share; }
   // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. What is found there is
   // taken for a guess.
@@ -72,6 +74,9 @@ class IslandResponder {
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 
+  qp::Settings SolverSettings(const Settings& settings, double v_ref) const;
+
+  double speed_share_ = 0;
   IslandGatherer gatherer_;
   qp::Problem problem_;
   qp::Solution solution_;

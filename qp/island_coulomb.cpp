@@ -19,7 +19,9 @@ constexpr int kPlainSweeps = 20;    // that lead out of them
 constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 constexpr int kBigNewtonSteps = 40;    // factorisations, where only thorough effort asks for them
-constexpr double kStill = 0.01;        // of v_ref: what moves in a tower that stands
+// Towers of more bodies: sweeps place what moves; what is to stand, or what they do not carry, wants more.
+constexpr double kStill = 0.01;     // of v_ref: what moves in a tower that stands
+constexpr double kCarried = 1e-4;   // of v_ref: natural map of sweeps that get from one end to the other
 
 // The octagon.
 constexpr int kSweepsOfASolve = 30;       // what an interior-point solve counts as, of the effort
@@ -47,7 +49,7 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
     map = StartFrom(problem, settings, start);
     if (small || !map.Meets(goal)) map = Improve(problem, settings, map);
     if (!small && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
-    if (small && !map.Meets(goal)) map = TryAgain(problem, settings, map);
+    if (small && settings.speed_share == 0 && !map.Meets(goal)) map = TryAgain(problem, settings, map);
     if (iterations_ > 0) solution->rung = Rung::kNewton;
   }
   if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
@@ -66,7 +68,7 @@ NaturalMap IslandSolver::TryAgain(const Problem& problem, const Settings& settin
 
 // Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
 bool IslandSolver::IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
-  if (IsSmall(problem)) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
+  if (IsSmall(problem) && settings.speed_share == 0) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
   return settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * settings.velocity_scale;
 }
 
@@ -97,16 +99,22 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
 NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings, NaturalMap map) {
   const bool small = IsSmall(problem);
   const double goal = settings.tolerance * settings.velocity_scale;
-  if (!small) map = Search(problem, settings, map);
-  // Sweeps place what moves. A tower that is to stand wants more.
-  const bool exact = small || (HasFewLoops(problem) && ContactSpeed(problem, swept_.velocities.data()) <= kStill * settings.velocity_scale);
+  const bool rough = settings.speed_share > 0 || !small;
+  if (rough) map = Search(problem, settings, map);
+  const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(problem, settings, map));
   if (exact || (settings.effort.newton && !map.Meets(goal))) {
-    const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, settings.tolerance};
+    const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, settings.speed_share};
     coulomb_newton_.Solve(problem, scales_, aim, exact ? kNewtonSteps : kBigNewtonSteps, &swept_.impulses);
     iterations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, swept_.impulses, &swept_.velocities);  // without the rounding of thousands of increments
   return MapOfSwept(problem);
+}
+
+// Of a tower, after sweeps.
+bool IslandSolver::IsUncarried(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
+  return map.rms > kCarried * settings.velocity_scale ||
+         ContactSpeed(problem, swept_.velocities.data()) <= kStill * settings.velocity_scale;
 }
 
 // Big islands: up to the goal or the effort.

@@ -64,7 +64,9 @@ void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F
 
 }  // namespace
 
-Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), workers_(pool->num_workers()) {}
+Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
+  for (Worker& worker : workers_) worker.responder.SetSpeedShare(settings.tolerance);
+}
 
 double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }
 
