@@ -99,7 +99,7 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
 NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings, NaturalMap map) {
   const bool small = IsSmall(problem);
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool rough = settings.speed_share > 0 || !small;
+  const bool rough = !small || (settings.speed_share > 0 && !AllZero(swept_.impulses));
   if (rough) map = Search(problem, settings, map);
   const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(problem, settings, map));
   if (exact || (settings.effort.newton && !map.Meets(goal))) {
