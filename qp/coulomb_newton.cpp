@@ -44,13 +44,19 @@ double CoulombNewton::Residual() {
   return std::sqrt(Dot(residual_, residual_) / total_mass_);
 }
 
-// What the matrix has beyond its factor, times x: friction that grows with the normal velocity, where a contact slides.
-void CoulombNewton::AddCoupling(const std::vector<double>& x, std::vector<double>* out) const {
-  for (int c = 0; c < problem_->num_contacts(); ++c) {
-    const auto coupling = slopes_[c].bottomLeftCorner<2, 1>();
-    if (coupling.isZero(0)) continue;
-    const double approach = FieldVelocity(problem_->contacts[c], 6, 0, x)[0];
-    AddForce(problem_->contacts[c], 6, 0, 1, Vector3(0, coupling[0] * approach, coupling[1] * approach), out);
+// Newton's matrix times what the factor makes of b. It has beyond its factor just friction that grows with the normal velocity, where a
+// contact slides. Near the end springs are so stiff that what rounding leaves of the factor would show: there the matrix multiplies.
+void CoulombNewton::Multiply(const std::vector<double>& b, const std::vector<double>& x, std::vector<double>* out) const {
+  const Problem& problem = *problem_;
+  *out = b;
+  for (int i = 0; refines_ && i < problem.num_bodies(); ++i) At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const Matrix3& slope = slopes_[c];
+    const auto coupling = slope.bottomLeftCorner<2, 1>();
+    if (slope(0, 0) == 0 || (!refines_ && coupling.isZero(0))) continue;
+    const Vector3 u = FieldVelocity(problem.contacts[c], 6, 0, x);
+    const Vector3 j = refines_ ? Vector3(slope * u) : Vector3(0, coupling[0] * u[0], coupling[1] * u[0]);
+    AddForce(problem.contacts[c], 6, 0, 1, j, out);
   }
 }
 
@@ -66,8 +72,7 @@ bool CoulombNewton::FindDirection() {
   while (k < kKrylov && std::abs(rest[k]) > kForcing) {
     steps_[k] = basis_[k];
     system_.Solve(steps_[k].data());
-    basis_[k + 1] = basis_[k];
-    AddCoupling(steps_[k], &basis_[k + 1]);
+    Multiply(basis_[k], steps_[k], &basis_[k + 1]);
     auto& column = hessenberg[k];
     for (int i = 0; i <= k; ++i) {
       column[i] = Dot(basis_[k + 1], basis_[i]);
@@ -157,16 +162,16 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   ProximalPace pace(best);
   for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
     const int before = factorisations_;
-    const bool refines = best.max <= aim.enough;
-    if (reached() || before >= max_factorisations || !pace.GoesOn(refines)) break;
+    refines_ = best.max <= aim.enough;
+    if (reached() || before >= max_factorisations || !pace.GoesOn(refines_)) break;
     const double residual = kStepShare * best.rms;
     stiffness_ = pace.Stiffness(residual, Speed());
-    const int most = refines ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
+    const int most = refines_ ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
     const bool solved = Step(residual, std::min(most, max_factorisations - before));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
     if (map.rms < best.rms) best = map, *impulses = impulses_;
-    if (pace.Takes(map.rms, solved, factorisations_ - before, refines)) {
+    if (pace.Takes(map.rms, solved, factorisations_ - before, refines_)) {
       centre_ = impulses_;
     } else {
       VelocitiesAfter(problem, centre_, &v_);

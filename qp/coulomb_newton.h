@@ -6,8 +6,7 @@
 // of a step is the next j'; where impulses stay what they were, they are exact, and t decides about nothing but the pace.
 //
 //   Newton's matrix   M + J^T G J,  G = t rho L' of each contact, which is not symmetric where a contact slides. GMRES solves it,
-//                     with the Cholesky factor of the same matrix without the normal-tangent coupling of sliding contacts, and
-//                     multiplies by that coupling alone
+//                     with the Cholesky factor of the same matrix without the normal-tangent coupling of sliding contacts
 //   redundant contacts do no harm, since the unknown is v; what is larger than the law asks for is not sought, since every step
 //                     starts from the impulses at hand
 //
@@ -42,13 +41,14 @@ class CoulombNewton {
   double Speed() const;
   bool Step(double aim, int most);
   bool FindDirection();
-  void AddCoupling(const std::vector<double>& x, std::vector<double>* out) const;
+  void Multiply(const std::vector<double>& b, const std::vector<double>& x, std::vector<double>* out) const;
   double Dot(const std::vector<double>& p, const std::vector<double>& q) const;
 
   const Problem* problem_ = nullptr;  // during Solve
   const std::vector<double>* rho_ = nullptr;
   KktSystem system_;
   int factorisations_ = 0;
+  bool refines_ = false;  // the map is below `enough`
   double stiffness_ = 1, total_mass_ = 0;
   std::vector<Vector3> centre_, pulls_, impulses_;  // j', x, j
   std::vector<Matrix3> slopes_, plain_slopes_;      // G, and without its coupling

@@ -20,6 +20,7 @@ constexpr int kLevels = 3;           // times that a piece is halved
 constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave; later passes go on for these alone
 constexpr int kOpenings = 2;         // of a pair that an old plane presses: then that plane is let go
 constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
+constexpr double kMoving = 0.1;      // of the tolerance: what of their speed answers may be wrong by where bodies move
 constexpr int kAttempts = 3;         // of blows, before none rebounds
 constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
@@ -65,7 +66,7 @@ void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F
 }  // namespace
 
 Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
-  for (Worker& worker : workers_) worker.responder.SetSpeedShare(settings.tolerance);
+  for (Worker& worker : workers_) worker.responder.SetSpeedShare(kMoving * settings.tolerance);
 }
 
 double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }
