@@ -19,7 +19,8 @@ constexpr int kPlainSweeps = 20;    // that lead out of them
 constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 constexpr int kBigNewtonSteps = 40;    // factorisations, where only thorough effort asks for them
-// Towers of more bodies: sweeps place what moves; what is to stand, or what they do not carry, wants more.
+// Towers, and small islands that may move inexactly: sweeps place what moves; what is to stand, or what they do not carry, wants more.
+constexpr int kTinyIsland = 8;      // bodies: Newton's method takes no longer than sweeps
 constexpr double kStill = 0.01;     // of v_ref: what moves in a tower that stands
 constexpr double kCarried = 1e-4;   // of v_ref: natural map of sweeps that get from one end to the other
 
@@ -99,7 +100,7 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
 NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings, NaturalMap map) {
   const bool small = IsSmall(problem);
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool rough = !small || (settings.speed_share > 0 && !AllZero(swept_.impulses));
+  const bool rough = !small || (settings.speed_share > 0 && problem.num_bodies() > kTinyIsland && !AllZero(swept_.impulses));
   if (rough) map = Search(problem, settings, map);
   const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(problem, settings, map));
   if (exact || (settings.effort.newton && !map.Meets(goal))) {
