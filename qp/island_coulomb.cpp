@@ -19,10 +19,10 @@ constexpr int kPlainSweeps = 20;    // that lead out of them
 constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 constexpr int kBigNewtonSteps = 40;    // factorisations, where only thorough effort asks for them
-// Towers, and small islands that may move inexactly: sweeps place what moves; what is to stand, or what they do not carry, wants more.
-constexpr int kTinyIsland = 8;      // bodies: Newton's method takes no longer than sweeps
-constexpr double kStill = 0.01;     // of v_ref: what moves in a tower that stands
-constexpr double kCarried = 1e-4;   // of v_ref: natural map of sweeps that get from one end to the other
+// Towers, and small islands that may move inexactly.
+constexpr int kTinyIsland = 8;     // bodies: there Newton's method takes no longer than sweeps
+constexpr double kStill = 0.01;    // of v_ref: speed of the contacts of what stands
+constexpr double kCarried = 1e-4;  // of v_ref: natural map of sweeps that get from one end to the other
 
 // The octagon.
 constexpr int kSweepsOfASolve = 30;       // what an interior-point solve counts as, of the effort
@@ -37,20 +37,21 @@ double MassRatio(const Problem& problem) {
 }  // namespace
 
 // From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
-// the interior point. A small island is always sent on to Newton's method: it stops where it starts if nothing is left to do.
+// the interior point. A small island that is exact, or stands, is always sent on to Newton's method: it stops where it starts if nothing is
+// left to do.
 void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool small = IsSmall(problem), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
+  const bool exact = !MayBeRough(problem, settings), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
   prepared_ = false;
   spent_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = StartFrom(problem, settings, start);
-    if (small || !map.Meets(goal)) map = Improve(problem, settings, map);
-    if (!small && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
-    if (small && settings.speed_share == 0 && !map.Meets(goal)) map = TryAgain(problem, settings, map);
+    if (IsSmall(problem) || !map.Meets(goal)) map = Improve(problem, settings, map);
+    if (!exact && IsLost(problem, settings, map)) map = Improve(problem, settings, map);  // mostly they find back
+    if (exact && !map.Meets(goal)) map = TryAgain(problem, settings, map);
     if (iterations_ > 0) solution->rung = Rung::kNewton;
   }
   if ((!climbs || IsLost(problem, settings, map)) && SolveFromConvex(problem, settings, &map, solution)) return;
@@ -69,7 +70,7 @@ NaturalMap IslandSolver::TryAgain(const Problem& problem, const Settings& settin
 
 // Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
 bool IslandSolver::IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
-  if (IsSmall(problem) && settings.speed_share == 0) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
+  if (!MayBeRough(problem, settings)) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
   return settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * settings.velocity_scale;
 }
 
@@ -100,7 +101,7 @@ bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& setti
 NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& settings, NaturalMap map) {
   const bool small = IsSmall(problem);
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool rough = !small || (settings.speed_share > 0 && problem.num_bodies() > kTinyIsland && !AllZero(swept_.impulses));
+  const bool rough = !small || (MayBeRough(problem, settings) && !AllZero(swept_.impulses));
   if (rough) map = Search(problem, settings, map);
   const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(problem, settings, map));
   if (exact || (settings.effort.newton && !map.Meets(goal))) {
@@ -112,7 +113,12 @@ NaturalMap IslandSolver::Improve(const Problem& problem, const Settings& setting
   return MapOfSwept(problem);
 }
 
-// Of a tower, after sweeps.
+// Whether sweeps may do. A small island is exact, unless it may move inexactly.
+bool IslandSolver::MayBeRough(const Problem& problem, const Settings& settings) {
+  return !IsSmall(problem) || (settings.speed_share > 0 && problem.num_bodies() > kTinyIsland);
+}
+
+// Whether sweeps did not do: what is to stand, or what they do not carry from one end to the other, wants more.
 bool IslandSolver::IsUncarried(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
   return map.rms > kCarried * settings.velocity_scale ||
          ContactSpeed(problem, swept_.velocities.data()) <= kStill * settings.velocity_scale;

@@ -51,6 +51,7 @@ class IslandSolver {
   void SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
   bool SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution);
   NaturalMap TryAgain(const Problem& problem, const Settings& settings, const NaturalMap& found);
+  static bool MayBeRough(const Problem& problem, const Settings& settings);
   bool IsUncarried(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
   bool IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
   NaturalMap Improve(const Problem& problem, const Settings& settings, NaturalMap map);

@@ -25,8 +25,8 @@ struct Settings {
   Effort effort = kNormalEffort;  // of exact Coulomb friction
   // Exact Coulomb: natural map over v_ref, as by NaturalMap::Meets. Other models: see gap_tolerance.
   double tolerance = 1e-6;
-  // Small islands by exact Coulomb: what moves need be no more exact than this share of the speed that its contacts are left with; what
-  // comes to rest is as exact as iterations get. 0: so is all.
+  // Small islands by exact Coulomb that move need be no more exact than this share of the speed that their contacts are left with; where
+  // they have more than eight bodies, than sweeps. What comes to rest is as exact as iterations get. 0: so is all.
   double speed_share = 0;
   double aim = 0;             // of the gap over 1/2 m v_ref^2; if below its tolerance: iterate on while that helps
   int max_iterations = 100;   // of one interior-point solve

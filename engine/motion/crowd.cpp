@@ -429,7 +429,7 @@ bool Crowd::LetGo() {
     const double gap = LeastGap(std::span(*near_).subspan(e, e_end - e));
     if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * Size(held_[h])) return;
     for (size_t c = h; c < h_end; ++c) {
-      if (impulse_W_[c].isZero(0) ) continue;
+      if (impulse_W_[c].isZero(0)) continue;
       ++held_of_[c].opened;
       any = true;
       Disturb(held_[c]);

@@ -65,7 +65,7 @@ class Crowd {
     double allowed = 0;  // [m] <= 0: gap at which it may end
     double push = 0;     // [m] of that: what the step takes back of an overlap
     bool pressed = false;  // in some pass
-    int opened = 0;
+    int opened = 0;        // passes after which its pair was open, though it pressed
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
   };
   struct State {

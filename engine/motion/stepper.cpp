@@ -1085,15 +1085,20 @@ bool Stepper::Pushed() const {
 
 void Stepper::Commit(double t, double h) {
   carried_at_.assign(end_.size(), -1);
+  last_ = end_;
+  last_pair_ = end_pair_;
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
-    if (follows_[c] >= 0) carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
+    if (follows_[c] >= 0) {
+      carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
+      // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,
+      // and what rests would not balance.
+      last_[follows_[c]].point_W = Carried(held_of_[c].pair, acted_at_[c], Moment::kMiddle, Moment::kEnd);
+    }
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }
-  last_ = end_;
-  last_pair_ = end_pair_;
   last_force_W_.resize(end_.size());
   for (size_t e = 0; e < end_.size(); ++e) {
     last_force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
@@ -1255,7 +1260,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   outcome->touching_force_W.clear();
   outcome->overlap = 0;
   for (size_t c = 0; c < now_.size(); ++c) {
-    outcome->touching.push_back(now_[c]);
+    outcome->touching.push_back(out_->unstepped == 0 ? last_[c] : now_[c]);
     outcome->touching_force_W.push_back(c < last_force_W_.size() ? last_force_W_[c] : Vector3(Vector3::Zero()));
     outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
   }
