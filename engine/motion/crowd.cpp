@@ -15,9 +15,10 @@ namespace {
 constexpr int kPerTask = 256;        // bodies or contacts
 constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
 constexpr int kPasses = 8;           // of the carrying problem
-constexpr int kFinePasses = 3;       // of these, that go on for gaps that miss their end by the overlap tolerance
+constexpr int kFinePasses = 3;       // of these, that go on for the overlap tolerance
 constexpr int kLevels = 3;           // times that a piece is halved
-constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not leave; later passes go on for these alone
+constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not make
+constexpr double kLate = 1e-3;       // of a size: overlap that later passes go on for
 constexpr int kOpenings = 2;         // of a pair that an old plane presses: then that plane is let go
 constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
 constexpr double kMoving = 0.1;      // of the tolerance: what of their speed answers may be wrong by where bodies move
@@ -369,7 +370,7 @@ Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const { return mean_W_[
 // and marks the islands in which they do not.
 bool Crowd::Judge(int pass) {
   const std::vector<Contact>& end = *near_;
-  const double tolerance = pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kDeep, settings_.overlap_tolerance);
+  const double tolerance = pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
   follows_.assign(held_.size(), -1);
   carried_W_.assign(end.size(), Vector3::Zero());
   before_.assign(end.size(), 0.0);
@@ -553,11 +554,8 @@ void Crowd::Keep(size_t c) {
   Contact contact = held_[c];
   contact.point_W = acted_at_[c];
   const int a = contact.body_a, b = contact.body_b;
-  if (disturbed_[a] || disturbed_[b]) {
-    const double gap = GapAlong(contact, old);
-    const bool past = gap < old.allowed - kAstray * Size(contact);  // it pushes nobody
-    old.target = std::min(TargetOf(contact, gap, old.allowed), past ? 0 : kFast * floor_);
-  }
+  if (disturbed_[a] || disturbed_[b])
+    old.target = std::min(TargetOf(contact, GapAlong(contact, old), old.allowed), 0.0);  // what is past pushes nobody
   next_.push_back(contact);
   next_of_.push_back(old);
   next_impulse_W_.push_back(impulse_W_[c]);
