@@ -1,6 +1,7 @@
 // Exact Coulomb friction in IslandSolver.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "qp/body_algebra.h"
 #include "qp/island_solver.h"
@@ -44,6 +45,7 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const bool exact = !MayBeRough(problem, settings), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
   prepared_ = false;
+  spent_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = StartFrom(problem, settings, start);
@@ -129,7 +131,7 @@ NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings
   best_ = swept_;
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;
-  for (int left = settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
+  for (int left = settings.effort.sweeps - std::exchange(spent_, 0); left > 0 && !best.Meets(goal);) {
     const Precision precision =
         single && best.rms > kSingleAbove * settings.velocity_scale ? Precision::kSingle : Precision::kDouble;
     const int block = std::min(left, astray ? kPlainSweeps : kSweeps);

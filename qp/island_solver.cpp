@@ -248,6 +248,7 @@ void IslandSolver::PrepareSweeps(const Problem& problem) {
 NaturalMap IslandSolver::SweepOn(const Problem& problem) {
   PrepareSweeps(problem);
   const int sweeps = IsSmall(problem) ? kSmallSweeps : kMendingSweeps;
+  spent_ = sweeps;
   gauss_seidel_.Sweep(problem, sweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
   return MapOfSwept(problem);
 }
