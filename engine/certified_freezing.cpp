@@ -10,7 +10,6 @@ namespace {
 
 constexpr double kBalanced = 10;    // times the tolerance: imbalance that counts as none, of the impulses that act on the body
 constexpr double kWrong = 10;       // times what the answer is wrong by: velocity that may be its error
-constexpr double kRounding = 1e-10;  // of |g| dt: the same, where the answer is exact
 constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
@@ -70,10 +69,6 @@ double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
 
 bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) {
   return std::max(load.outside, Imbalance(body, load)) <= kBalanced * settings.tolerance;
-}
-
-Twist CertifiedFreezing::GainOf(const Body& body, const Load& load) {
-  return {load.linear / body.mass, body.InverseInertiaW() * load.angular};
 }
 
 void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
@@ -146,7 +141,7 @@ void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& set
   }
 }
 
-// Stops it, or lets it move on where impulses within their cones cannot. What holds it then is balanced as far as they can.
+// Stops it and balances what holds it, or lets it move on where impulses within their cones cannot.
 void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
   stopping_.Prepare(frame, members_, contacts_);
   limits_.clear();
@@ -164,7 +159,10 @@ void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& sett
     const Load& load = loads_[members_[k]];
     wanted_[k] << -load.linear, -load.angular / frame.bodies[members_[k]].radius;
   }
-  FindImpulses(frame, settings, &balance_);
+  if (!FindImpulses(frame, settings, &balance_)) {
+    moves_[roots_[members_[0]]] = 1;
+    return;
+  }
   for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
 }
 
@@ -191,8 +189,7 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
     const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed || body.frozen) continue;
     const bool still = held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm && IsBalanced(body, loads_[i], settings) &&
-                       FastestPoint(GainOf(body, loads_[i]), body.radius) <= kWrong * errors[i] + kRounding * frame.rest_speed;
+                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm && IsBalanced(body, loads_[i], settings);
     if (!still) moves_[roots_[i]] = 1;
   }
   StopIslands(frame, settings);

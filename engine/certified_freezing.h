@@ -3,9 +3,9 @@
 //   island   bodies joined by contacts, all of them; so nothing that moves ever meets a frozen body
 //   freezes  where each of its bodies has stood still for freeze_seconds (by the displacement of its farthest point, under the same
 //            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
-//            impulses of this very frame balance what acts on it, inside their cones: to the tolerance, and to what the solver reached.
-//            However slow, what gains more velocity than the answer is wrong by stands on an edge or a top, and will fall
-//            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too
+//            impulses of this very frame balance what acts on it, inside their cones, to the tolerance.
+//            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too. Where their
+//            cones do not allow that, it stands on an edge or a top, and will fall
 //   wakes    at the start of a frame, as a whole: where a contact joins it to a body or a wall that moves, and where its impulses no
 //            longer balance what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was
 //            lowered: all show. It is solved with the others, from the impulses that held it
@@ -66,7 +66,6 @@ class CertifiedFreezing {
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
   bool FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses);
   static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
-  static Twist GainOf(const Body& body, const Load& load);
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 

@@ -56,10 +56,6 @@ void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>
   if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
 }
 
-bool SameFeature(const Contact& x, int pair_x, const Contact& y, int pair_y) {
-  return pair_x == pair_y && x.feature == y.feature;
-}
-
 // Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
 bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
   const Vector3& n = contact.normal_W;
@@ -201,6 +197,23 @@ void Stepper::FindTouching() {
     DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_, &now_pair_);
 }
 
+// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
+void Stepper::Recall() {
+  force_W_.assign(now_.size(), Vector3::Zero());
+  for (size_t k = 0; k < group_->remembered.size(); ++k) {
+    const Contact& old = group_->remembered[k];
+    if (group_->remembered_force_W[k].isZero(0)) continue;
+    int heir = -1;
+    double nearest = INFINITY;
+    for (size_t c = 0; c < now_.size(); ++c) {
+      if (now_[c].body_a != old.body_a || now_[c].body_b != old.body_b) continue;
+      const double apart = now_[c].feature == old.feature ? -1 : (now_[c].point_W - old.point_W).norm();
+      if (apart < nearest) nearest = apart, heir = static_cast<int>(c);
+    }
+    if (heir >= 0) force_W_[heir] += group_->remembered_force_W[k];
+  }
+}
+
 // [m/s] fastest that the turn moves a point of the box around a body.
 double Stepper::WhirlOf(int i) const {
   const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W).cwiseAbs(), e = group_->shapes[i]->half_extents();
@@ -247,9 +260,7 @@ void Stepper::SelectHeld(double h) {
       freed_[now_pair_[c]] = kLeaves;
       continue;
     }
-    Vector3 guess = Vector3::Zero();
-    for (size_t k = 0; k < last_.size(); ++k)
-      if (SameFeature(last_[k], last_pair_[k], contact, now_pair_[c])) guess = h * last_force_W_[k];
+    const Vector3 guess = h * force_W_[c];
     if (contact.gap > kClosed * Size(pair) && guess.isZero(0)) continue;
     closed_[c] = true;
     held_.push_back(contact);
@@ -655,16 +666,23 @@ double Stepper::Missed() const {
   return worst;
 }
 
-// Whether levers and normals at the start of the piece do not describe it: what presses turns, or slides on what moves, or passes
-// an edge.
-bool Stepper::LeversMove(double h) const {
+// Whether normals at the start of the piece do not describe it: what presses passes an edge, or turns.
+bool Stepper::NormalsMove() const {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
-    const int a = held_[c].body_a, b = held_[c].body_b;
     bool alike = false;
     for (size_t e = 0; e < end_.size() && !alike; ++e)
       alike = end_pair_[e] == held_of_[c].pair && (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
     if (!alike) return true;
+  }
+  return false;
+}
+
+// The same of levers: what presses turns, or slides on what moves.
+bool Stepper::LeversMove(double h) const {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
     for (const int i : {a, b}) {
       const bool moves = group_->bodies[i].Moves();
       if (moves && BodyRadius(i) == 0) continue;
@@ -676,6 +694,43 @@ bool Stepper::LeversMove(double h) const {
     const Vector3 slip = mean_W_[b] - mean_W_[a];
     const double lever = std::min(group_->bodies[a].radius, group_->bodies[b].radius);
     if (h * (slip - n.dot(slip) * n).norm() > kLeverMoves * lever) return true;
+  }
+  return false;
+}
+
+// Whether the contacts that are held are those of their pairs at the end, one by one.
+bool Stepper::AllFollowed() const {
+  for (size_t c = 0; c < follows_.size(); ++c)
+    if (follows_[c] < 0 || std::count(follows_.begin(), follows_.end(), follows_[c]) > 1) return false;
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (Presses(end_pair_[e]) && !WasHeld(e)) return false;
+  return true;
+}
+
+// Where forces at hand move levers, and keep closed what they press, the first pass has levers of halfway on the course that these forces
+// give. Returns whether it does.
+bool Stepper::Foresee(double h) {
+  if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
+  Fly(h);
+  cut_pair_ = -1;
+  bool foresees = LeversMove(h);
+  if (foresees) DetectEnd(), foresees = Missed() <= kDeep && AllFollowed();
+  if (foresees) {
+    foreseen_ = end_state_;
+    NextTargets(h);
+  } else {
+    SelectHeld(h);
+  }
+  return foresees;
+}
+
+// Whether the course is another one than was foreseen, or the levers are not those of its middle.
+bool Stepper::Strays() const {
+  for (size_t i = 0; i < foreseen_.size(); ++i) {
+    if (!group_->bodies[i].Moves()) continue;
+    const Pose &now = end_state_[i].pose, &then = foreseen_[i].pose;
+    const double turn = BodyRadius(static_cast<int>(i)) * Log(now.rotation_WB * then.rotation_WB.conjugate()).norm();
+    if ((now.position_W - then.position_W).norm() + turn > kLeverMoves * group_->shapes[i]->size()) return true;
   }
   return false;
 }
@@ -1086,7 +1141,6 @@ bool Stepper::Pushed() const {
 void Stepper::Commit(double t, double h) {
   carried_at_.assign(end_.size(), -1);
   last_ = end_;
-  last_pair_ = end_pair_;
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = held_[c];
@@ -1099,9 +1153,9 @@ void Stepper::Commit(double t, double h) {
     }
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }
-  last_force_W_.resize(end_.size());
+  force_W_.resize(end_.size());
   for (size_t e = 0; e < end_.size(); ++e) {
-    last_force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
+    force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
     if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0, carried_at_[e]});
     if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
   }
@@ -1135,18 +1189,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
   least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
-  last_.clear();
-  last_pair_.clear();
-  last_force_W_.clear();
-  for (size_t k = 0; k < group->remembered.size(); ++k) {
-    last_.push_back(group->remembered[k]);
-    last_force_W_.push_back(group->remembered_force_W[k]);
-    int pair = -1;
-    for (size_t p = 0; p < group->pairs.size(); ++p)
-      if (group->pairs[p].a == last_.back().body_a && group->pairs[p].b == last_.back().body_b) pair = static_cast<int>(p);
-    last_pair_.push_back(pair);
-  }
   FindTouching();
+  Recall();
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;
@@ -1170,6 +1214,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (dt - t - h < 0.2 * h) h = std::min(dt - t, 1.2 * h);
     freed_.assign(group->pairs.size(), kStays);
     double moment = h;
+    bool foresaw = false;
     guards_.clear();
     guard_of_.clear();
     for (int round = 0; round < kGuardRounds; ++round) {
@@ -1181,7 +1226,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
         held_of_.push_back({pair, CentreAtStart(pair), target, target});
         impulse_W_.push_back(Vector3::Zero());
       }
-      Carry(h, true);
+      foresaw = guards_.empty() && Foresee(h);
+      Carry(h, !foresaw);
       Fly(h);
       moment = FindMeeting(h);
       if (!returned_ && (!guarded_ || moment < h)) break;
@@ -1195,7 +1241,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     if (cut) h = Shorten(h, moment);
     DetectEnd();
     double missed = Missed();
-    const bool moves = LeversMove(h);
+    const bool moves = foresaw && !cut ? Strays() : LeversMove(h) || NormalsMove();
     bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
     bool deep = false;
     int blows = out_->blows, pass = 1;
@@ -1261,7 +1307,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   outcome->overlap = 0;
   for (size_t c = 0; c < now_.size(); ++c) {
     outcome->touching.push_back(out_->unstepped == 0 ? last_[c] : now_[c]);
-    outcome->touching_force_W.push_back(c < last_force_W_.size() ? last_force_W_[c] : Vector3(Vector3::Zero()));
+    outcome->touching_force_W.push_back(force_W_[c]);
     outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
   }
   outcome->overlapping = CountOverlapping(outcome->touching, [&](const Contact& c) { return Size({c.body_a, c.body_b}); });

@@ -109,6 +109,7 @@ class Stepper {
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
+  void Recall();
   void SelectHeld(double h);
   void Carry(double h, bool first);
   double LighterMass(const Contact& contact) const;
@@ -134,7 +135,11 @@ class Stepper {
   double FreshOverlap() const;
   double Missed() const;
   double DeepestSinceStart() const;
+  bool NormalsMove() const;
   bool LeversMove(double h) const;
+  bool AllFollowed() const;
+  bool Foresee(double h);
+  bool Strays() const;
   void FollowHeld();
   enum class Moment { kStart, kMiddle, kEnd };
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
@@ -199,18 +204,18 @@ class Stepper {
   double time_of_piece_ = 0;                 // [s] at which it begins
   int cut_pair_ = -1;                        // whose blow ends it
   int grazing_ = -1;                         // whose blow ended the piece before, and was none
-  std::vector<State> state_, end_state_;     // per body: where it begins and ends
+  std::vector<State> state_, end_state_, foreseen_;     // per body: where it begins and ends
   std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
   std::vector<Contact> now_, end_, held_, next_, last_, probe_;
-  std::vector<int> now_pair_, end_pair_, last_pair_;
+  std::vector<int> now_pair_, end_pair_;
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
   std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins
   std::vector<int> follows_;                                    // in end_, or -1
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
-  std::vector<Vector3> last_force_W_;                           // [N] per contact of last_
+  std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
   std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow

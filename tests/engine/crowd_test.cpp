@@ -128,7 +128,8 @@ TEST(Crowd, HeapOfCubesComesToRest) {
 }
 
 // Once the last body is as slow as 1e-6, a few frames are enough, whoever rests in a crowd and whoever in a small group. Of two edges that
-// are all but parallel detection finds now this point and now that one: groups that remembered these did not balance for 50 to 150 frames.
+// are all but parallel detection finds now this point and now that one: groups that remembered these did not balance for 50 to 150 frames,
+// and a crowd whose impulses were not exact to 1e-10 of its weight never froze.
 TEST(Crowd, HeapsFreezeAsSoonAsTheyStand) {
   for (const unsigned seed : {1U, 4U, 8U}) {
     World world(ByLaw());
@@ -156,7 +157,7 @@ TEST(Crowd, HeapsFreezeAsSoonAsTheyStand) {
       double fastest = 0;
       for (const Body& b : world.bodies()) fastest = std::max(fastest, b.linear_velocity_W.norm() + b.angular_velocity_W.norm());
       standing = fastest < 1e-6 ? standing + 1 : 0;
-      ASSERT_LE(standing, 20) << seed;
+      ASSERT_LE(standing, 8) << seed;
     }
     for (const Body& b : world.bodies()) EXPECT_TRUE(b.kind != BodyKind::kDynamic || b.frozen) << seed;
   }
