@@ -284,7 +284,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     if (any_crowd_) {
       WidenCrowds(dt, bodies);
       find();
-      if (!races && HasRace(dt, bodies, shapes)) return false;
+      if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes))) return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_), [](const Job& job) { return job.kept; });

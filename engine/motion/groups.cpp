@@ -105,32 +105,47 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   islands::BuildPartition({cut_, pairs_}, &partition_);
 }
 
-void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
-                  std::span<const std::pair<int, int>> joined) {
+// Joins what comes near in groups of more than `most`. Marks the groups that are small, or have a part that is not: such a group needs no
+// more looks, nor does a pair that is joined by others.
+void Groups::JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                      std::span<const std::pair<int, int>> joined) {
   whole_.assign(partition_.num_islands(), 1);
   for (int g = 0; g < size(); ++g) whole_[g] = bodies_of(g).size() <= most;
-  if (std::all_of(whole_.begin(), whole_.end(), [](std::uint8_t whole) { return whole != 0; })) return;
-  const auto group_of = [&](const std::pair<int, int>& pair) { return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first]; };
-  const auto is_cut = [&](const std::pair<int, int>& pair) { return cut_[pair.first] || cut_[pair.second]; };
-  // A group needs no more looks once one of its parts is too large, nor does a pair that is joined by others.
+  if (!AnyParted()) return;
   parents_.resize(bodies.size());
   members_.assign(bodies.size(), 1);
   islands::DisjointSets parts(parents_);
   for (const auto& pair : pairs_) {
-    const int group = group_of(pair), first = parts.Find(pair.first), second = parts.Find(pair.second);
-    if (whole_[group] || is_cut(pair) || first == second) continue;
+    const int group = GroupOf(pair), first = parts.Find(pair.first), second = parts.Find(pair.second);
+    if (whole_[group] || IsCut(pair) || first == second) continue;
     if (!std::binary_search(joined.begin(), joined.end(), pair) && !ComeNear(dt, pair.first, pair.second, bodies, shapes)) continue;
     parts.Union(first, second);
     const size_t count = members_[std::min(first, second)] += members_[std::max(first, second)];
     whole_[group] = count > most;
   }
+  for (int& parent : parents_) parent = parts.Find(parent);
+}
+
+bool Groups::AnyParted() const {
+  return std::any_of(whole_.begin(), whole_.end(), [](std::uint8_t whole) { return whole == 0; });
+}
+
+void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                  std::span<const std::pair<int, int>> joined) {
+  JoinNear(most, dt, bodies, shapes, joined);
+  if (!AnyParted()) return;
   unsorted_.clear();
   for (const auto& pair : pairs_) {
-    const bool stays = whole_[group_of(pair)] || is_cut(pair) || parts.Find(pair.first) == parts.Find(pair.second);
+    const bool stays = whole_[GroupOf(pair)] || IsCut(pair) || parents_[pair.first] == parents_[pair.second];
     (stays ? unsorted_ : parted_).push_back(pair);
   }
   pairs_.swap(unsorted_);
   islands::BuildPartition({cut_, pairs_}, &partition_);
+}
+
+bool Groups::PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes) {
+  JoinNear(most, 0.5 * dt, bodies, shapes, {});
+  return AnyParted();
 }
 
 // Whether two bodies come within the margin of each other on their free ways. Both fall alike, or one does not fall, and the margin of the

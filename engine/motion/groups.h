@@ -31,6 +31,8 @@ class Groups {
   // Parts the groups of more than `most` bodies by the pairs that come near on their free ways and by those `joined` (ascending). A group
   // of which a part is still larger stays whole.
   void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const std::pair<int, int>> joined);
+  // Whether a group of more than `most` would part in half the step.
+  bool PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes);
   // The pairs that may meet and are of two groups.
   std::span<const std::pair<int, int>> parted() const { return parted_; }
 
@@ -44,6 +46,10 @@ class Groups {
   bool StaysInRoom(const Body& body, const Shape& shape, int number) const;
 
  private:
+  bool IsCut(const std::pair<int, int>& pair) const { return cut_[pair.first] || cut_[pair.second]; }
+  int GroupOf(const std::pair<int, int>& pair) const { return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first]; }
+  void JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const std::pair<int, int>> joined);
+  bool AnyParted() const;
   void SortPairs(size_t num_bodies);
   bool ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes);
 
