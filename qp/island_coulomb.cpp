@@ -45,7 +45,6 @@ void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, 
   const bool exact = !MayBeRough(problem, settings), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
   prepared_ = false;
-  spent_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = StartFrom(problem, settings, start);
@@ -131,7 +130,7 @@ NaturalMap IslandSolver::Search(const Problem& problem, const Settings& settings
   best_ = swept_;
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;
-  for (int left = settings.effort.sweeps - std::exchange(spent_, 0); left > 0 && !best.Meets(goal);) {
+  for (int left = settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
     const Precision precision =
         single && best.rms > kSingleAbove * settings.velocity_scale ? Precision::kSingle : Precision::kDouble;
     const int block = std::min(left, astray ? kPlainSweeps : kSweeps);

@@ -248,7 +248,6 @@ void IslandSolver::PrepareSweeps(const Problem& problem) {
 NaturalMap IslandSolver::SweepOn(const Problem& problem) {
   PrepareSweeps(problem);
   const int sweeps = IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kMendingSweeps;
-  spent_ = sweeps;
   gauss_seidel_.Sweep(problem, sweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
   return MapOfSwept(problem);
 }

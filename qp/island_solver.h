@@ -74,7 +74,6 @@ class IslandSolver {
   Column column_;
   GaussSeidel gauss_seidel_;
   bool prepared_ = false;  // for the sweeps of this solve
-  int spent_ = 0;          // sweeps that count as the next search's
   CoulombNewton coulomb_newton_;
   int iterations_ = 0;  // of this solve
   InVain in_vain_;      // the same

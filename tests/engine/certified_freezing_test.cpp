@@ -523,7 +523,7 @@ TEST(CertifiedFreezing, GravityThatTurnsByAHairRollsABall) {
   EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 5.0 / 7 * kGravity * lean * kDt, 1e-8);
 }
 
-// A blow of 20 kg at 10 m/s against one cube of a pyramid: all wake, and few move by more than what sweeps leave: 1e-4 of the blow.
+// A blow of 20 kg at 10 m/s against one cube of a pyramid: all wake, and few move by more than what the solver's tolerance leaves.
 TEST(CertifiedFreezing, BlowMovesWhatItHitsAndNothingElse) {
   World world(OneThread());
   world.Add(Floor());
@@ -543,10 +543,10 @@ TEST(CertifiedFreezing, BlowMovesWhatItHitsAndNothingElse) {
   int moving = 0;
   for (const Body& b : world.bodies()) {
     EXPECT_FALSE(b.frozen);
-    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 1e-3;
+    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 3e-4;
   }
   EXPECT_GE(moving, 2);
-  EXPECT_LE(moving, 11);  // of 92
+  EXPECT_LE(moving, 13);  // of 92
 }
 
 // T26, Fig. 5: the blow wakes the whole row in the frame of the hit.
