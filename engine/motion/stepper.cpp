@@ -462,11 +462,15 @@ double Stepper::FindMeeting(double h) {
   double first = h;
   cut_pair_ = -1;
   returned_ = guarded_ = met_ = false;
+  const std::vector<Body>& bodies = group_->bodies;
+  const bool driven = std::any_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.kind == BodyKind::kKinematic && !StandsStill(b); });
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
-    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : 0.5 * kOverlap);
+    // An overlap by what was not met gets no deeper, or bounces of fine steps sink. Where walls move it may be that of pairs that gave way.
+    const bool sunk = !driven && GapBefore(static_cast<int>(p)) < -0.5 * kOverlap * Size(pair);
+    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : sunk ? kClosed : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
     double t = First(query);
