@@ -33,17 +33,6 @@ constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is look
 
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
 
-// Of a pair's contacts the place of the one with that feature, else of the nearest to a point within `far` [m]; -1: none.
-int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double far) {
-  int found = -1;
-  double nearest = far;
-  for (size_t k = 0; k < of_pair.size(); ++k) {
-    const double apart = of_pair[k].feature == feature ? -1 : (of_pair[k].point_W - point_W).norm();
-    if (apart < nearest) nearest = apart, found = static_cast<int>(k);
-  }
-  return found;
-}
-
 // [m] of the contacts of a pair; infinite if there are none.
 double LeastGap(std::span<const Contact> of_pair) {
   double gap = INFINITY;

@@ -39,6 +39,16 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
   return press * contact.normal_W + share * friction;
 }
 
+int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double far) {
+  int found = -1;
+  double nearest = far;
+  for (size_t k = 0; k < of_pair.size(); ++k) {
+    const double apart = of_pair[k].feature == feature ? -1 : (of_pair[k].point_W - point_W).norm();
+    if (apart < nearest) nearest = apart, found = static_cast<int>(k);
+  }
+  return found;
+}
+
 double ShareOfA(bool moves_a, bool turns_in_itself_a, bool moves_b, bool turns_in_itself_b) {
   if (!moves_a) return 0;
   if (!moves_b) return 1;

@@ -203,14 +203,9 @@ void Stepper::Recall() {
   for (size_t k = 0; k < group_->remembered.size(); ++k) {
     const Contact& old = group_->remembered[k];
     if (group_->remembered_force_W[k].isZero(0)) continue;
-    int heir = -1;
-    double nearest = INFINITY;
-    for (size_t c = 0; c < now_.size(); ++c) {
-      if (now_[c].body_a != old.body_a || now_[c].body_b != old.body_b) continue;
-      const double apart = now_[c].feature == old.feature ? -1 : (now_[c].point_W - old.point_W).norm();
-      if (apart < nearest) nearest = apart, heir = static_cast<int>(c);
-    }
-    if (heir >= 0) force_W_[heir] += group_->remembered_force_W[k];
+    const auto [first, last] = std::equal_range(now_.begin(), now_.end(), old, EarlierPair);
+    const int heir = FindAgain({first, last}, old.feature, old.point_W, INFINITY);
+    if (heir >= 0) force_W_[first - now_.begin() + heir] += group_->remembered_force_W[k];
   }
 }
 
