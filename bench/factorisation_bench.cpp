@@ -24,7 +24,7 @@
 
 #include "bench/problem_files.h"
 #include "parallel/worker_pool.h"
-#include "qp/kkt.h"
+#include "qp/linear_algebra/kkt.h"
 
 #ifdef ISLET_HAVE_CHOLMOD
 #include <cholmod.h>

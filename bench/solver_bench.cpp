@@ -23,7 +23,7 @@
 #include "bench/problem_files.h"
 #include "bench/stopwatch.h"
 #include "parallel/worker_pool.h"
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 
 namespace islet::qp {
 namespace {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/contact_suite_impl.h"
+#include "engine/suite/contact_suite_impl.h"
 
 namespace islet {
 namespace {

@@ -25,7 +25,7 @@ namespace parallel {
 class WorkerPool;
 }
 
-struct SuiteMemory;  // engine/suite_memory.h
+struct SuiteMemory;  // engine/suite/suite_memory.h
 
 struct Twist {
   Vector3 linear_W = Vector3::Zero();   // [m/s]

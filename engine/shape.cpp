@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/convex_hull.h"
+#include "engine/geometry/convex_hull.h"
 
 namespace islet {
 

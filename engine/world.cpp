@@ -7,14 +7,14 @@
 #include <utility>
 
 #include "engine/body_definition.h"
-#include "engine/detection.h"
+#include "engine/detection/detection.h"
 #include "engine/ledger.h"
 #include "engine/motion/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/motion/lever.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
-#include "engine/suite_frame.h"
+#include "engine/response/suite_frame.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {

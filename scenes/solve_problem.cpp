@@ -5,8 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "qp/island_solver.h"
-#include "qp/local_solver.h"
+#include "qp/cascade/island_solver.h"
+#include "qp/dense/dense_solver.h"
 
 namespace islet {
 namespace {
@@ -137,7 +137,7 @@ void SolveSparse(const SolveProblem& problem, const qp::Settings& settings, Solv
 
 void SolveDense(const SolveProblem& problem, const qp::Settings& settings, SolveAnswer* answer) {
   const FclibProblem& file = problem.file;
-  qp::LocalProblem local;
+  qp::DenseProblem local;
   local.velocity = problem.free_velocity;
   local.friction.assign(file.friction.begin(), file.friction.end());
   if (file.global) {
@@ -148,10 +148,10 @@ void SolveDense(const SolveProblem& problem, const qp::Settings& settings, Solve
   } else {
     local.delassus = file.delassus;
   }
-  qp::LocalSolution solution;
+  qp::DenseSolution solution;
   try {
     local.Validate();
-    qp::LocalSolver().Solve(local, settings, &solution);
+    qp::DenseSolver().Solve(local, settings, &solution);
   } catch (const std::invalid_argument& error) {
     throw FclibError(problem.name + ": " + (file.global ? "/fclib_global/H" : "/fclib_local/W") + ": " + error.what());
   }

@@ -1,7 +1,7 @@
 // A problem of others made ready, solved and put back into the file's own unknowns.
 //
 //   rigid bodies   M of 6 x 6 blocks (mass, inertia) and at most two bodies a contact: qp::Problem, sparse   our exports
-//   anything else  W = H^T M^-1 H, or W as given: qp::LocalProblem, dense
+//   anything else  W = H^T M^-1 H, or W as given: qp::DenseProblem, dense
 //
 // A matrix that is not symmetric is replaced by its symmetric part; how far off it was is kept.
 //   errors: FclibError for a problem that cannot be solved by either way
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "qp/local_problem.h"
+#include "qp/dense/dense_solver.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "scenes/fclib_file.h"

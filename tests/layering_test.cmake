@@ -11,8 +11,25 @@ set(allowed_engine qp islands parallel engine)
 set(allowed_scenes qp parallel engine scenes)
 set(folders qp islands parallel engine scenes)
 
-# single headers that a folder may include besides
-set(also_qp "islands/disjoint_sets.h")
+# The rooms of a library, from the bottom up: room -> rooms that it may include besides the library's own folder. The headers of that folder
+# include no room; its sources include any.
+set(rooms_qp_linear_algebra "")
+set(rooms_qp_direct "")
+set(rooms_qp_gauss_seidel direct linear_algebra)
+set(rooms_qp_interior_point linear_algebra)
+set(rooms_qp_newton linear_algebra)
+set(rooms_qp_dense direct newton)
+set(rooms_qp_cascade direct gauss_seidel interior_point newton)
+set(rooms_engine_geometry "")
+set(rooms_engine_detection geometry)
+set(rooms_engine_response "")
+set(rooms_engine_impact response)
+set(rooms_engine_freezing response)
+set(rooms_engine_suite freezing impact response)
+set(rooms_engine_motion detection freezing geometry impact response)
+
+# Headers of rooms that other libraries may include; of a library's own folder they may include all.
+set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
 set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
@@ -20,13 +37,13 @@ set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
   "^(oneapi/)?tbb/"                                        "^parallel/worker_pool\\.cpp$"
-  "^(fcl|ccd|octomap)/"                                    "^engine/detection\\.cpp$"
-  "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/ordering\\.cpp$"
+  "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
+  "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
   "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
-  "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_]+\\.cpp$|^qp/[a-z0-9_]+_impl\\.h$"
+  "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_/]+\\.cpp$|^qp/[a-z0-9_/]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder
 
 set(errors "")
@@ -56,6 +73,29 @@ function(check_third_party file header)
   set(errors "${errors}" PARENT_SCOPE)
 endfunction()
 
+# Whether a file may look into the room that the header is in, if it is in one.
+function(check_room file header)
+  if(NOT header MATCHES "^(qp|engine)/([a-z_]+)/")
+    return()
+  endif()
+  set(library ${CMAKE_MATCH_1})
+  set(room ${CMAKE_MATCH_2})
+  if(NOT DEFINED rooms_${library}_${room})
+    fail(${file} ${header} "a new room; say in this test what it may include")
+  elseif(NOT file MATCHES "^${library}/")
+    if(NOT header IN_LIST doors)
+      fail(${file} ${header} "other libraries see only: ${doors}")
+    endif()
+  elseif(file MATCHES "^${library}/([a-z_]+)/")
+    if(NOT room STREQUAL CMAKE_MATCH_1 AND NOT room IN_LIST rooms_${library}_${CMAKE_MATCH_1})
+      fail(${file} ${header} "${library}/${CMAKE_MATCH_1} may include of the rooms only: ${rooms_${library}_${CMAKE_MATCH_1}}")
+    endif()
+  elseif(file MATCHES "\\.h$")
+    fail(${file} ${header} "headers of ${library} include no room")
+  endif()
+  set(errors "${errors}" PARENT_SCOPE)
+endfunction()
+
 foreach(folder IN LISTS folders)
   file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/${folder}/*.h ${ROOT}/${folder}/*.cpp)
   foreach(file IN LISTS files)
@@ -69,8 +109,10 @@ foreach(folder IN LISTS folders)
       endif()
       set(header ${CMAKE_MATCH_1})
       if(header MATCHES "^(qp|islands|parallel|engine|scenes|tests|bench)/")
-        if(NOT CMAKE_MATCH_1 IN_LIST allowed_${folder} AND NOT header IN_LIST also_${folder})
+        if(NOT CMAKE_MATCH_1 IN_LIST allowed_${folder})
           fail(${file} ${header} "${folder} may include only: ${allowed_${folder}}")
+        else()
+          check_room(${file} ${header})
         endif()
       else()
         check_third_party(${file} ${header})

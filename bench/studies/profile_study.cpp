@@ -21,7 +21,7 @@
 #include "bench/studies/reference_interior_point.h"
 #include "bench/studies/study_csv.h"
 #include "bench/studies/study_problem.h"
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 
 namespace islet::studies {
 namespace {
@@ -103,7 +103,7 @@ Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp
   return attempt;
 }
 
-// Problems that are not of rigid bodies, by qp::LocalSolver.
+// Problems that are not of rigid bodies, by qp::DenseSolver.
 Attempt RunDense(const StudyProblem& problem, qp::Model model, qp::Cone cone, double tolerance) {
   Attempt attempt;
   SolveAnswer answer;

@@ -24,7 +24,7 @@
 #include "bench/problem_files.h"
 #include "bench/studies/study_csv.h"
 #include "parallel/worker_pool.h"
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 #include "scenes/scene.h"
 
 namespace islet::studies {

@@ -8,7 +8,7 @@
 #include "bench/studies/lorentz_cone.h"
 #include "bench/studies/reference_interior_point.h"
 #include "bench/studies/study_problem.h"
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 
 namespace islet::studies {
 namespace {

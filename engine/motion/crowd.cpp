@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/paper_freezing.h"
+#include "engine/freezing/paper_freezing.h"
 #include "engine/rotation.h"
 #include "engine/stopwatch.h"
 #include "islands/disjoint_sets.h"

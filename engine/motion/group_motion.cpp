@@ -5,8 +5,8 @@
 #include <cstring>
 #include <utility>
 
-#include "engine/certified_freezing.h"
-#include "engine/suite_frame.h"
+#include "engine/freezing/certified_freezing.h"
+#include "engine/response/suite_frame.h"
 
 namespace islet::motion {
 namespace {

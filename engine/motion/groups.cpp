@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "engine/suite_frame.h"
+#include "engine/response/suite_frame.h"
 #include "islands/disjoint_sets.h"
 
 namespace islet::motion {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "engine/body.h"
-#include "engine/body_watch.h"
+#include "engine/detection/body_watch.h"
 #include "engine/motion/meeting.h"
 #include "engine/shape.h"
 #include "islands/partition.h"

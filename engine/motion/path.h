@@ -8,7 +8,7 @@
 #include <algorithm>
 
 #include "engine/linear_algebra.h"
-#include "engine/narrow_phase.h"
+#include "engine/geometry/narrow_phase.h"
 #include "engine/rotation.h"
 
 namespace islet::motion {

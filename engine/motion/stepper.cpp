@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/suite_frame.h"
+#include "engine/response/suite_frame.h"
 
 namespace islet::motion {
 namespace {

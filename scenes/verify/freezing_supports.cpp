@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kMu = 0.5;
 constexpr double kRollingShareOfG = 5.0 / 7 * kGravity;  // [m/s^2] of a ball on a slope, per rad
-// Imbalance below this share of a body's loads counts as none (engine/certified_freezing.cpp).
+// Imbalance below this share of a body's loads counts as none (engine/freezing/certified_freezing.cpp).
 constexpr double kBalanceTolerance = 1e-5;
 
 enum class Loss { kRemoved, kTeleported, kSinks };

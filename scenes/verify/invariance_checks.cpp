@@ -178,7 +178,7 @@ std::vector<BodyDefinition> DefinitionsAt(std::vector<BodyDefinition> definition
 // Frictionless or at rest: there the velocities are unique. Where bodies slide several answers obey Coulomb's law, and the
 // numbers decide between them.
 constexpr double kGapSlack = 1e-3;
-constexpr double kFeatureSlack = 1e-4;  // EdgeSlack of engine/separating_axis.h
+constexpr double kFeatureSlack = 1e-4;  // EdgeSlack of engine/geometry/separating_axis.h
 // The tolerance is one for velocities at contacts; what they hold turns by more where they are near each other. At rest 15 of 16
 // heaps (dt 1/240 to 7 ms) change by 3e-14 to 2e-6, one by 4e-6.
 constexpr double kLevers = 5;

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/narrow_phase.h"
+#include "engine/geometry/narrow_phase.h"
 #include "tests/support/worlds.h"
 
 namespace islet {

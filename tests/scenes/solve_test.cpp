@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "engine/world.h"
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 #include "scenes/export_fclib.h"
 #include "scenes/solve_judge.h"
 #include "scenes/solve_problem.h"
@@ -103,7 +103,7 @@ TEST(SolveProblem, RefusesWhatIsNoProblem) {
   EXPECT_EQ(reason(massless), "p: /fclib_global/M: is not positive definite");
 }
 
-// By hand for r = 0: u = q. The circular cone's projection of -q / ... is worked out in local_newton_test; here rho = 1/2.
+// By hand for r = 0: u = q. The circular cone's projection of -q / ... is worked out in dense_newton_test; here rho = 1/2.
 TEST(SolveJudge, ByHand) {
   const FclibProblem file = SlidingContact();
   const SolveProblem problem = PrepareProblem("p", file);

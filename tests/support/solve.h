@@ -1,7 +1,7 @@
 // One problem, one solver: what tests of the island solver and of its rungs begin with.
 #pragma once
 
-#include "qp/island_solver.h"
+#include "qp/cascade/island_solver.h"
 #include "tests/support/random_problems.h"
 
 namespace islet::testing {

@@ -1,0 +1,111 @@
+#include "engine/detection/pair_contacts.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "parallel/worker_pool.h"
+
+namespace islet {
+namespace {
+
+constexpr int kPairsPerChunk = 256;
+
+// Whether contacts of the two are wanted, see detection.h.
+bool Wanted(const WatchedBody& a, const WatchedBody& b, bool include_frozen) {
+  if (a.moves || b.moves) return true;
+  return include_frozen || a.moving_kinematic || b.moving_kinematic;
+}
+
+// Bounding spheres: most pairs of the broad phase that do not touch end here.
+bool Near(const WatchedBody& a, const WatchedBody& b, double reach) {
+  const Vector3 between = b.pose.position_W - a.pose.position_W;
+  if (a.half_space) return a.pose.rotation_WB.col(2).dot(between) <= b.radius + reach;
+  if (b.half_space) return -b.pose.rotation_WB.col(2).dot(between) <= a.radius + reach;
+  const double radii = a.radius + b.radius + reach;
+  return between.squaredNorm() <= radii * radii;
+}
+
+void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Contact>* contacts) {
+  const WatchedBody &a = bodies[pair->a], &b = bodies[pair->b];
+  const Vector3 travel_ba = b.travel - a.travel;
+  const double reach = a.margin + b.margin + travel_ba.norm();
+  if (!Near(a, b, reach)) return;
+  const size_t first = contacts->size();
+  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(), &pair->axis);
+  if (contacts->size() == first) return;
+  const double friction = MixFriction(a.friction, b.friction);
+  const double restitution = MixRestitution(a.restitution, b.restitution);
+  for (size_t c = first; c < contacts->size(); ++c) {
+    Contact& contact = (*contacts)[c];
+    contact.body_a = pair->a;
+    contact.body_b = pair->b;
+    contact.friction = friction;
+    contact.restitution = restitution;
+    for (size_t k = c; k > first && (*contacts)[k].feature < (*contacts)[k - 1].feature; --k) {
+      std::swap((*contacts)[k], (*contacts)[k - 1]);
+    }
+  }
+}
+
+}  // namespace
+
+void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, std::span<CandidatePair> pairs,
+                                int chunk) {
+  std::vector<Contact>& contacts = now_[chunk];
+  contacts.clear();
+  KeptContacts kept;
+  for (CandidatePair& pair : pairs) {
+    const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
+    const int first = static_cast<int>(contacts.size());
+    const bool known = pair.kept && !a.changed && !b.changed;
+    pair.kept = Wanted(a, b, include_frozen);
+    if (pair.kept && known) {
+      ++kept.pairs;
+      kept.contacts += pair.count;
+      if (pair.count > 0) {
+        const auto begin = before_[pair.chunk].begin() + pair.first;
+        contacts.insert(contacts.end(), begin, begin + pair.count);
+      }
+    } else if (pair.kept && (a.half_space || b.half_space || a.box.Meets(b.box))) {
+      CollidePair(bodies, &pair, &contacts);
+    }
+    pair.chunk = chunk;
+    pair.first = first;
+    pair.count = static_cast<int>(contacts.size()) - first;
+  }
+  kept_[chunk] = kept;
+}
+
+void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,
+                           std::vector<Contact>* contacts) {
+  const int num_pairs = static_cast<int>(pairs->size());
+  const int chunks = (num_pairs + kPairsPerChunk - 1) / kPairsPerChunk;
+  std::swap(now_, before_);
+  if (static_cast<int>(now_.size()) < chunks) now_.resize(chunks);
+  kept_.resize(chunks);
+  // By reference: a function object that holds more than two words allocates.
+  const auto collide = [&](int chunk, int) {
+    const int begin = chunk * kPairsPerChunk;
+    const int count = std::min(kPairsPerChunk, num_pairs - begin);
+    CollideChunk(bodies, include_frozen, std::span(*pairs).subspan(begin, count), chunk);
+  };
+  pool_->ForEach(chunks, std::cref(collide));
+  start_.assign(chunks + 1, 0);
+  for (int chunk = 0; chunk < chunks; ++chunk) start_[chunk + 1] = start_[chunk] + now_[chunk].size();
+  contacts->resize(start_[chunks]);
+  const auto copy = [&](int chunk, int) {
+    std::copy(now_[chunk].begin(), now_[chunk].end(), contacts->begin() + static_cast<std::ptrdiff_t>(start_[chunk]));
+  };
+  pool_->ForEach(chunks, std::cref(copy));
+}
+
+KeptContacts PairContacts::kept() const {
+  KeptContacts sum;
+  for (const KeptContacts& chunk : kept_) {
+    sum.pairs += chunk.pairs;
+    sum.contacts += chunk.contacts;
+  }
+  return sum;
+}
+
+}  // namespace islet

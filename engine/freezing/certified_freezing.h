@@ -1,0 +1,88 @@
+// Freezing that never lies: what rests as a whole and is held by known impulses is not computed again until something changes.
+//
+//   island   bodies joined by contacts, all of them; so nothing that moves ever meets a frozen body
+//   freezes  where each of its bodies has stood still for freeze_seconds (by the displacement of its farthest point, under the same
+//            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
+//            impulses of this very frame balance what acts on it, inside their cones, to the tolerance.
+//            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too. Where their
+//            cones do not allow that, it stands on an edge or a top, and will fall
+//   wakes    at the start of a frame, as a whole: where a contact joins it to a body or a wall that moves, and where its impulses no
+//            longer balance what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was
+//            lowered: all show. It is solved with the others, from the impulses that held it
+//   threads: one caller at a time
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "engine/settings.h"
+#include "engine/step_report.h"
+#include "engine/freezing/stop_impulses.h"
+#include "engine/response/suite_frame.h"
+
+namespace islet {
+
+class CertifiedFreezing {
+ public:
+  static constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that rest may take from it
+
+  // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
+  void BeginFrame(const SuiteFrame& frame, const Settings& settings);
+  // The same once more, for a body that was found to be hit in this frame and is frozen no more: its island wakes with it.
+  void Wake(const SuiteFrame& frame, const Settings& settings);
+
+  // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
+  // body, the worst natural map of the answers of this frame for its island.
+  void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const std::vector<double>& errors,
+                const Settings& settings);
+
+  // What the last EndFrame found for a contact of the frame, in (n, t1, t2).
+  struct Stop {
+    int contact;
+    Vector3 stop, balance;  // [N s] what brings its bodies to rest; what the impulses that hold them lack
+  };
+  std::span<const Stop> stops() const { return stops_; }
+
+  // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
+  double worst_imbalance() const { return worst_imbalance_; }
+
+ private:
+  struct Stillness {
+    Vector3 position_W = Vector3::Zero();
+    Quaternion rotation_WB = Quaternion::Identity();
+    Vector3 force_W = Vector3::Zero(), torque_W = Vector3::Zero();  // gravity included
+    double seconds = 0;
+  };
+  struct Load {
+    Vector3 linear = Vector3::Zero(), angular = Vector3::Zero();  // [N s], [N m s] of everything
+    double size = 0;                                              // [N s] sum of magnitudes
+    double outside = 0;                                           // farthest that an impulse lies outside its cone, of its size
+  };
+  void FindIslands(const SuiteFrame& frame);
+  void SumLoads(const SuiteFrame& frame);
+  void StopIslands(const SuiteFrame& frame, const Settings& settings);
+  void StopIsland(const SuiteFrame& frame, const Settings& settings);
+  bool FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses);
+  static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
+  static double Imbalance(const Body& body, const Load& load);
+  static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
+
+  std::vector<Stillness> still_;  // per body: since when, and where
+  double worst_imbalance_ = 0;
+  std::vector<int> roots_;                  // islands, per body
+  std::vector<std::uint8_t> moves_, held_;  // per root: not all of it rests; per body: a contact holds it
+  std::vector<Load> loads_;
+  std::vector<Stop> stops_;
+  // Of an island that freezes.
+  StopImpulses stopping_;
+  std::vector<std::uint8_t> fresh_;                      // per root: it does, and not all of it was frozen
+  std::vector<std::pair<int, int>> freezing_, holding_;  // by root: its bodies, the contacts that press
+  std::vector<int> members_, contacts_;
+  std::vector<StopImpulses::Momentum> wanted_;
+  std::vector<double> limits_;
+  std::vector<Vector3> stop_, balance_;
+};
+
+}  // namespace islet

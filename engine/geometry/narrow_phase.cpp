@@ -1,0 +1,65 @@
+#include "engine/geometry/narrow_phase.h"
+
+#include "engine/geometry/box_box.h"
+#include "engine/geometry/polytope_contact.h"
+#include "engine/geometry/sphere_contact.h"
+
+namespace islet {
+namespace {
+
+// The rank in which the two-shape functions take their arguments: half-space, polytope, sphere.
+int Rank(ShapeKind kind) {
+  switch (kind) {
+    case ShapeKind::kHalfSpace:
+      return 0;
+    case ShapeKind::kBox:
+      return 1;
+    case ShapeKind::kConvexHull:
+      return 2;
+    case ShapeKind::kSphere:
+      return 3;
+  }
+  return 3;
+}
+
+// Requires Rank(a) <= Rank(b).
+void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
+                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
+  const bool b_is_sphere = b.kind() == ShapeKind::kSphere;
+  switch (a.kind()) {
+    case ShapeKind::kHalfSpace:
+      if (b.kind() == ShapeKind::kHalfSpace) return;  // neither can move
+      if (b_is_sphere) return CollideHalfSpaceSphere(pose_a, b.radius(), pose_b.position_W, reach, contacts);
+      return CollideHalfSpacePolytope(pose_a, b, pose_b, reach, contacts);
+    case ShapeKind::kBox:
+      if (b_is_sphere) {
+        return CollideBoxSphere(a.half_extents(), pose_a, b.radius(), pose_b.position_W, reach, contacts);
+      }
+      if (b.kind() == ShapeKind::kBox) {
+        return CollideBoxBox(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
+      }
+      return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+    case ShapeKind::kConvexHull:
+      if (b_is_sphere) return CollidePolytopeSphere(a, pose_a, b.radius(), pose_b.position_W, reach, contacts);
+      return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+    case ShapeKind::kSphere:
+      return CollideSphereSphere(a.radius(), pose_a.position_W, b.radius(), pose_b.position_W, reach, contacts);
+  }
+}
+
+}  // namespace
+
+void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
+                   std::vector<Contact>* contacts, const Vector3& travel_ba_W, std::int8_t* separating) {
+  std::int8_t none = -1;
+  if (!separating) separating = &none;
+  if (Rank(a.kind()) <= Rank(b.kind())) {
+    CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
+    return;
+  }
+  const size_t first = contacts->size();
+  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
+  for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].normal_W = -(*contacts)[c].normal_W;
+}
+
+}  // namespace islet

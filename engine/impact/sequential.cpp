@@ -1,0 +1,247 @@
+#include "engine/impact/sequential.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/LU>
+
+namespace islet {
+namespace {
+
+constexpr double kTie = 1e-4;     // of the fastest approach: contacts that differ by less bounce at once
+constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
+constexpr int kMostSweeps = 400;
+constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change velocities by less
+// Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
+// other for ever.
+constexpr int kPolish = 30;
+constexpr double kRounding = 1e-14;       // of the fastest approach
+constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
+constexpr double kEnergySlack = 1e-13;    // of the work: rounding
+
+BounceBody MakeBounceBody(const Body& body) {
+  BounceBody out;
+  out.position_W = body.position_W;
+  out.linear_velocity_W = body.linear_velocity_W;
+  out.angular_velocity_W = body.angular_velocity_W;
+  if (body.kind == BodyKind::kDynamic) {
+    out.inverse_mass = 1 / body.mass;
+    out.inverse_inertia_W = body.InverseInertiaW();
+  }
+  return out;
+}
+
+}  // namespace
+
+int BounceLimit(int setting, int num_bodies, int num_contacts) {
+  if (setting != kAutoBounceLimit) return setting;
+  return num_bodies < 50 ? num_bodies : num_contacts / 10;
+}
+
+double BounceCost(double restitution, int num_bodies) { return 1 - restitution + restitution / num_bodies; }
+
+void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
+                              const ContactFrames& contacts, std::span<const Body> bodies) {
+  if (local_.size() < bodies.size()) local_.resize(bodies.size(), -1);
+  locals_.clear();
+  for (const int number : group_bodies) {
+    local_[number] = static_cast<int>(locals_.size());
+    locals_.push_back(MakeBounceBody(bodies[number]));
+  }
+  const auto place = [&](int number) {
+    if (local_[number] >= 0) return local_[number];
+    locals_.push_back(MakeBounceBody(bodies[number]));  // a wall: one copy per contact, it never changes
+    return static_cast<int>(locals_.size()) - 1;
+  };
+  sides_.clear();
+  for (const int number : group_contacts) {
+    const Contact& contact = contacts.contacts[number];
+    const int a = place(contact.body_a);
+    sides_.emplace_back(a, place(contact.body_b));
+  }
+  touch_start_.assign(locals_.size() + 1, 0);
+  for (const auto& [a, b] : sides_) ++touch_start_[a + 1], ++touch_start_[b + 1];
+  std::partial_sum(touch_start_.begin(), touch_start_.end(), touch_start_.begin());
+  touches_.resize(2 * sides_.size());
+  for (size_t c = sides_.size();
+       c-- > 0;) {  // filled from the back; touch_start_ ends one step early and is shifted below
+    touches_[--touch_start_[sides_[c].first + 1]] = static_cast<int>(c);
+    touches_[--touch_start_[sides_[c].second + 1]] = static_cast<int>(c);
+  }
+  touch_start_.erase(touch_start_.begin());
+  touch_start_.push_back(static_cast<int>(touches_.size()));
+  for (const int number : group_bodies) local_[number] = -1;
+}
+
+double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const {
+  const auto& [a, b] = sides_[c];
+  return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
+}
+
+void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
+  const auto [a, b] = sides_[c];
+  locals_[a].ApplyImpulse(-impulse_W, contact.point_W);
+  locals_[b].ApplyImpulse(impulse_W, contact.point_W);
+}
+
+// Whether it rests on an immovable body, which takes the blow with it.
+bool SequentialResolver::Answers(int c, double velocity) const {
+  const bool wall = !locals_[sides_[c].first].moves() || !locals_[sides_[c].second].moves();
+  return walls_answer_ && wall && std::abs(velocity) <= threshold_;
+}
+
+// The fastest contact and those as fast that chains of bodies between such contacts join to it. What is left as it is may be faster.
+void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  tied_.assign(1, queue_.top());
+  tied_bodies_.clear();
+  const double slowest = (1 - kTie) * queue_.top_key(), fastest = (1 + kTie) * queue_.top_key();
+  for (size_t k = 0; k == 0 || (k < tied_.size() && tied_.size() <= kMostTied); ++k) {
+    for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
+      if (!locals_[side].moves() || std::find(tied_bodies_.begin(), tied_bodies_.end(), side) != tied_bodies_.end())
+        continue;
+      tied_bodies_.push_back(side);
+      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {
+        const int c = touches_[t];
+        const double velocity = NormalVelocityOf(c, contacts[group_contacts[c]]);
+        const bool ties = Answers(c, velocity) || (velocity <= slowest && velocity >= fastest);
+        if (ties && std::find(tied_.begin(), tied_.end(), c) == tied_.end()) tied_.push_back(c);
+      }
+    }
+  }
+}
+
+// The tied contacts and the bodies that move in them, as a problem of their own; walls' velocities as drift.
+void SequentialResolver::GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts) {
+  tied_problem_.Clear();
+  for (const int side : tied_bodies_) {
+    const BounceBody& body = locals_[side];
+    qp::BodyTerm term;
+    term.mass = 1 / body.inverse_mass;
+    term.inverse_inertia = body.inverse_inertia_W;
+    term.inertia = body.inverse_inertia_W.inverse();
+    term.velocity << body.linear_velocity_W, body.angular_velocity_W;
+    tied_problem_.bodies.push_back(term);
+  }
+  for (const int c : tied_) {
+    const Contact& contact = contacts.contacts[group_contacts[c]];
+    const Matrix3& frame = contacts.frames[group_contacts[c]];
+    const auto [a, b] = sides_[c];
+    qp::ContactTerm term;
+    const auto add = [&](int side, double sign, int* body, qp::Jacobian* jacobian) {
+      const auto place = std::find(tied_bodies_.begin(), tied_bodies_.end(), side);
+      if (place == tied_bodies_.end()) {
+        term.drift += sign * frame.transpose() * locals_[side].VelocityAt(contact.point_W);
+      } else {
+        *body = static_cast<int>(place - tied_bodies_.begin());
+        *jacobian = PointJacobian(locals_[side].position_W, contact, frame, sign);
+      }
+    };
+    add(a, -1, &term.body_a, &term.jacobian_a);
+    add(b, 1, &term.body_b, &term.jacobian_b);
+    term.friction = contact.friction;
+    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact));
+    tied_problem_.contacts.push_back(term);
+  }
+}
+
+// Coulomb contacts with Newton's rebounds, all at once. Whether there is an answer, which
+// must not hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
+bool SequentialResolver::SolveTies() {
+  const double approach = -queue_.top_key();
+  const qp::Problem& problem = tied_problem_;
+  qp::Solution& solution = tied_solution_;
+  solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
+  solution.slips.assign(problem.contacts.size(), 0.0);
+  solution.velocities.clear();
+  for (const qp::BodyTerm& body : problem.bodies)
+    solution.velocities.insert(solution.velocities.end(), body.velocity.begin(), body.velocity.end());
+  tie_sweeps_.Prepare(problem);
+  const auto sweep = [&](int most, double tolerance) {
+    return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
+  };
+  if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
+    sweep(kPolish, kRounding);
+  } else {
+    qp::Settings settings;
+    settings.tolerance = kTiedMap;
+    settings.velocity_scale = approach;
+    tie_solver_.Solve(problem, settings, &solution);
+    if (solution.status != qp::Status::kSolved) return false;
+  }
+  double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
+  for (size_t k = 0; k < tied_.size(); ++k) {
+    const qp::ContactTerm& contact = tied_problem_.contacts[k];
+    Vector3 before = contact.drift;
+    if (contact.body_a >= 0) before += contact.jacobian_a * tied_problem_.bodies[contact.body_a].velocity;
+    if (contact.body_b >= 0) before += contact.jacobian_b * tied_problem_.bodies[contact.body_b].velocity;
+    const Vector3 after = qp::ContactVelocity(contact, tied_solution_.velocities.data()),
+                  &j = tied_solution_.impulses[k];
+    gain += 0.5 * j.dot(before + after);
+    work += std::abs(j.dot(before));
+    if (Answers(tied_[k], before[0])) left += std::abs(j[0] * before[0]);
+  }
+  return gain <= kEnergySlack * work + left;
+}
+
+// False, and nothing has changed, if there is no answer.
+bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
+                                        std::span<Vector3> impulses) {
+  GatherTies(group_contacts, contacts);
+  if (!SolveTies()) return false;
+  for (size_t k = 0; k < tied_.size(); ++k) {
+    const int number = group_contacts[tied_[k]];
+    impulses[number] += tied_solution_.impulses[k];
+    ApplyAt(tied_[k], contacts.contacts[number], contacts.frames[number] * tied_solution_.impulses[k]);
+  }
+  return true;
+}
+
+// After a bounce: all contacts of the bodies that it moved.
+void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  for (const int side : tied_bodies_)
+    for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
+      queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+}
+
+int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
+                                const ContactFrames& contacts, BounceLaw law, const BounceRule& rule,
+                                std::span<Body> bodies, std::span<Vector3> impulses) {
+  const int num_bodies = static_cast<int>(group_bodies.size());
+  const double limit = BounceLimit(rule.limit, num_bodies, static_cast<int>(group_contacts.size()));
+  if (limit == 0 || group_contacts.empty()) return 0;
+  const bool exact = law == BounceLaw::kExact;
+  const bool by_cost = exact && rule.limit == kAutoBounceLimit;
+  Load(group_bodies, group_contacts, contacts, bodies);
+  threshold_ = rule.threshold;
+  walls_answer_ = rule.walls_answer;
+  keys_.resize(group_contacts.size());
+  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  queue_.Assign(keys_);
+  int bounces = 0;
+  for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -rule.threshold;) {
+    FindTies(group_contacts, contacts.contacts);
+    const int c = queue_.top(), number = group_contacts[c];
+    const Contact& contact = contacts.contacts[number];
+    const bool together =
+        exact && tied_.size() > 1 && tied_.size() <= kMostTied && BounceTogether(group_contacts, contacts, impulses);
+    if (!together) {
+      const auto [a, b] = sides_[c];
+      tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
+      const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], law);
+      impulses[number] += impulse;
+      ApplyAt(c, contact, contacts.frames[number] * impulse);
+    }
+    const int count = together ? static_cast<int>(tied_.size()) : 1;
+    bounces += count;
+    spent += count * (by_cost ? BounceCost(contact.restitution, num_bodies) : 1.0);
+    Requeue(group_contacts, contacts.contacts);
+  }
+  for (size_t i = 0; i < group_bodies.size() && bounces > 0; ++i) {
+    bodies[group_bodies[i]].linear_velocity_W = locals_[i].linear_velocity_W;
+    bodies[group_bodies[i]].angular_velocity_W = locals_[i].angular_velocity_W;
+  }
+  return bounces;
+}
+
+}  // namespace islet

@@ -1,0 +1,71 @@
+// Step 1: partial sequential collision resolution (PQ). The fastest collision first, one at a time, until all contacts
+// separate or the bounce limit is reached; what is left goes to the collision QP.                     [SM04 Sec. 5.1]
+//
+// Contacts that tie for the fastest and share bodies bounce at once, by a small Coulomb problem of their own: a cube that
+// lands flat does not spin, and a symmetric hit stays symmetric.
+//
+//   in:  one group of bodies joined by contacts (cut at fixed bodies only: frozen ones bounce like dynamic ones)
+//   out: velocities of the group's bodies and the impulses, written in place
+//   threads: one resolver per worker; groups share no body that moves
+//   allocation: none after warm-up
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/body.h"
+#include "engine/impact/bounce.h"
+#include "engine/impact/contact_queue.h"
+#include "engine/response/island_problem.h"
+#include "engine/settings.h"
+#include "qp/cascade/island_solver.h"
+
+namespace islet {
+
+// c_b of a group: the given limit, or the paper's heuristic.                                         [SM04 Sec. 5.1]
+int BounceLimit(int setting, int num_bodies, int num_contacts);
+// What a bounce uses up of the automatic limit. Inelastic ones share a blow among bodies, which the QP does better: 1. Elastic
+// ones pass it on, which only the queue can do; k of n bodies into a row of n take k (n - k) of them, heaps some more: 1 / n.
+double BounceCost(double restitution, int num_bodies);
+
+// Which contacts of a group bounce, and how often.
+struct BounceRule {
+  double threshold;               // [m/s] > 0; a contact collides if it approaches faster
+  int limit = kAutoBounceLimit;   // c_b, or by BounceLimit
+  bool walls_answer = false;      // what rests on an immovable body takes a blow with it, not before it
+};
+
+class SequentialResolver {
+ public:
+  // impulses: [N s] per contact of the world, (n, t1, t2), added to. Returns the number of bounces.
+  int Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
+              BounceLaw law, const BounceRule& rule, std::span<Body> bodies, std::span<Vector3> impulses);
+
+ private:
+  void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
+            std::span<const Body> bodies);
+  double NormalVelocityOf(int local_contact, const Contact& contact) const;
+  bool Answers(int local_contact, double velocity) const;
+  void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
+  void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
+  bool SolveTies();
+  bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
+  void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
+  void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
+
+  std::vector<int> local_;                  // world body -> place in the group
+  std::vector<BounceBody> locals_;          // the group's bodies, then one per immovable body that it touches
+  std::vector<std::pair<int, int>> sides_;  // per contact of the group: its two bodies
+  std::vector<int> touch_start_, touches_;  // per body: contacts of the group
+  double threshold_ = 0;                    // [m/s]
+  bool walls_answer_ = false;
+  std::vector<double> keys_;
+  ContactQueue queue_;
+  std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
+  qp::Problem tied_problem_;
+  qp::Solution tied_solution_;
+  qp::GaussSeidel tie_sweeps_;
+  qp::IslandSolver tie_solver_;
+};
+
+}  // namespace islet

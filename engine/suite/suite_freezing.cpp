@@ -1,0 +1,15 @@
+#include "engine/suite/contact_suite_impl.h"
+#include "engine/freezing/paper_freezing.h"
+
+namespace islet {
+
+void ContactSuite::Impl::Freeze(StepReport* report) {
+  if (settings.freezing == Freezing::kCertified) certified.EndFrame(frame, was_frozen, errors, settings);
+  if (settings.freezing == Freezing::kPaper) FreezeLikePaper(frame, settings, &freeze_counters);
+  for (size_t i = 0; i < frame.bodies.size(); ++i) {
+    report->newly_frozen += frame.bodies[i].frozen && !was_frozen[i];
+    report->woken += !frame.bodies[i].frozen && was_frozen[i];
+  }
+}
+
+}  // namespace islet

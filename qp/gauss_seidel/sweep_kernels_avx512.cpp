@@ -1,0 +1,5 @@
+// Kernels for vectors of 8 doubles; see sweep_kernels_impl.h.
+#define ISLET_LANES 8
+#define ISLET_KERNEL_SET kAvx512SweepKernels
+#define ISLET_KERNEL_NAME "avx512"
+#include "qp/gauss_seidel/sweep_kernels_impl.h"

@@ -1,0 +1,352 @@
+#include "qp/linear_algebra/block_cholesky.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cassert>
+#include <cstdint>
+#include <cstring>
+
+namespace islet::qp {
+namespace {
+
+constexpr double kSharedFront = 50e3;    // [ns] from which a front of the top is split
+constexpr int kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
+constexpr int kLinesOfSolve = 96;        // lines of a piece, multiples of any kVector
+constexpr int kLinesOfUpdate = 48;
+constexpr int kLinesOfForward = 128;
+constexpr int kColumnsOfBackward = 24;
+constexpr int kPiecesOfAssembly = 8;
+constexpr int kNearCache = 3000;  // numbers
+
+template <typename Number>
+void CopyBlock(Number* to, const Number* from, int block) {
+  if (block == 6) {
+    std::memcpy(to, from, 6 * sizeof(Number));  // a fixed size is no call
+  } else {
+    std::memcpy(to, from, block * sizeof(Number));
+  }
+}
+
+template <typename From, typename To>
+void Convert(const From* from, int count, To* to) {
+  for (int i = 0; i < count; ++i) to[i] = static_cast<To>(from[i]);
+}
+
+// Claims the lowest bit that is not set. Which one it is depends on timing, and nothing may depend on it but addresses.
+int TakeLowest(std::atomic<std::uint64_t>* taken) {
+  std::uint64_t now = taken->load();
+  while (!taken->compare_exchange_weak(now, now | (now + 1))) {
+  }
+  return std::countr_one(now);
+}
+
+// piece(begin, end) over ranges of `step` lines, the last ones first: they are the longest.
+template <typename Piece>
+void ForkLines(int begin, int end, int step, const Piece& piece) {
+  const int count = (end - begin + step - 1) / step;
+  parallel::Fork(count, [&](int i) {
+    const int from = begin + (count - 1 - i) * step;
+    piece(from, std::min(from + step, end));
+  });
+}
+
+}  // namespace
+
+template <typename Number>
+void AlignedNumbers<Number>::Resize(size_t size) {
+  constexpr int kWhole = FrontOf<Number>::kVector;
+  if (numbers_.size() >= size + kWhole) return;
+  numbers_.assign(size + kWhole, 0.0);
+  const auto address = reinterpret_cast<std::uintptr_t>(numbers_.data()) / sizeof(Number);
+  offset_ = (kWhole - address % kWhole) % kWhole;
+}
+
+template <typename Number>
+size_t BlockCholeskyOf<Number>::SpacePlan::Take(size_t size) {
+  size_t at = 0;
+  auto place = taken_.begin();
+  for (; place != taken_.end() && place->at < at + size; ++place) at = place->at + place->size;
+  taken_.insert(place, {at, size});
+  total_ = std::max(total_, at + size);
+  return at;
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::SpacePlan::Free(size_t at) {
+  taken_.erase(std::find_if(taken_.begin(), taken_.end(), [at](const Interval& i) { return i.at == at; }));
+}
+
+template <typename Number>
+bool BlockCholeskyOf<Number>::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
+  if (num_nodes == num_nodes_ && block == block_ &&
+      std::equal(pairs.begin(), pairs.end(), pairs_.begin(), pairs_.end()))
+    return false;
+  num_nodes_ = num_nodes;
+  block_ = block;
+  pairs_.assign(pairs.begin(), pairs.end());
+  kernels_ = &BestFrontKernelsOf<Number>().For(block);
+  analysis_.Analyse(num_nodes, pairs, &elimination_, block);
+  PlaceFronts();
+  return true;
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::PlaceFronts() {
+  const Elimination& e = elimination_;
+  const int count = e.num_supernodes();
+  fronts_.clear();
+  update_at_.assign(count, 0);
+  size_t panels = 0, updates = 0;
+  int widest = 0;
+  lines_size_ = 0;
+  for (int s = 0; s < count; ++s) {
+    const Front front((e.columns(s) + e.below(s)) * block_, e.columns(s) * block_, block_);
+    panels += static_cast<size_t>(front.PanelSize());
+    widest = std::max(widest, front.k);
+    lines_size_ = std::max(lines_size_, static_cast<size_t>(front.EndLine()));
+    fronts_.push_back(front);
+  }
+  // What a task leaves for the top, and the top itself, have places of their own. All else of a task lies in a region
+  // that the next task uses again, while it is still in the cache.
+  region_size_ = scratch_size_ = 0;
+  for (int t = 0; t <= e.num_tasks(); ++t) {
+    const bool top = t == e.num_tasks();
+    const int begin = e.task_start[t], end = top ? count : e.task_start[t + 1];
+    plan_.Clear();
+    for (int s = begin; s < end; ++s) {
+      const size_t size = static_cast<size_t>(fronts_[s].UpdateSize());
+      scratch_size_ = std::max(scratch_size_, static_cast<size_t>(fronts_[s].ScratchSize()));
+      if (LeavesTask(s)) {
+        update_at_[s] = updates;
+        updates += size;
+      } else if (size > 0) {
+        update_at_[s] = plan_.Take(size);
+      }
+      for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c)
+        if (e.children[c] >= begin) plan_.Free(update_at_[e.children[c]]);
+    }
+    if (top) {
+      for (int s = begin; s < end; ++s) update_at_[s] += updates;
+      updates += plan_.total();
+    } else {
+      region_size_ = std::max(region_size_, plan_.total());
+    }
+  }
+  panels_.Resize(panels);
+  updates_.Resize(updates);
+  regions_.Resize(region_size_ * e.num_tasks());
+  scratch_.Resize(scratch_size_ * (e.num_tasks() + 1));
+  panels_size_ = panels;
+  top_nodes_ = num_nodes_ - e.first[e.top()];
+  carry_size_ = static_cast<size_t>(Front::RoundUp(top_nodes_ * block_));
+  lines_.Resize(lines_size_ * (e.num_tasks() + 1));
+  carries_.Resize(carry_size_ * e.num_tasks());
+  signs_.resize(std::max(widest, static_cast<int>(signs_.size())));
+  replaced_.resize(e.num_tasks());
+  permuted_.resize(static_cast<size_t>(num_nodes_) * block_);
+  Number* panel = panels_.data();
+  for (int s = 0; s < count; ++s) {
+    Front& front = fronts_[s];
+    front.fresh = e.child_start[s] == e.child_start[s + 1];
+    front.signs = signs_.data();
+    front.scratch = scratch_.data() + scratch_size_ * e.num_tasks();  // of the top; tasks choose their own
+    front.update = updates_.data() + update_at_[s];
+    front.panel = panel;
+    panel += front.PanelSize();
+  }
+}
+
+template <typename Number>
+int BlockCholeskyOf<Number>::SupernodeOf(int a, int b) const {
+  return elimination_.supernode_of[std::min(elimination_.position[a], elimination_.position[b])];
+}
+
+template <typename Number>
+BlockPlaceOf<Number> BlockCholeskyOf<Number>::BlockAt(int a, int b) {
+  const Elimination& e = elimination_;
+  const int pa = e.position[a], pb = e.position[b];
+  const int column = std::min(pa, pb), row = std::max(pa, pb);
+  const int s = e.supernode_of[column];
+  const Front& front = fronts_[s];
+  const int line = front.lead + FrontRow(e, s, row) * block_, at_column = (column - e.first[s]) * block_;
+  return {front.panel + line + at_column * front.panel_stride, front.panel_stride, pb > pa};
+}
+
+// Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A few columns at a time, so that
+// they are still in the nearest cache.
+template <typename Number>
+void BlockCholeskyOf<Number>::AddChildren(int s, int from, int end) {
+  const Elimination& e = elimination_;
+  const Front& front = fronts_[s];
+  const int step = std::max(1, kNearCache / (front.panel_stride * block_));
+  for (int begin = from; begin < end; begin += step) {
+    const int stop = std::min(begin + step, end);
+    for (int node = begin; node < stop; ++node) {
+      const bool in_panel = node < e.columns(s);
+      if (!in_panel && front.fresh) break;
+      const int stride = in_panel ? front.panel_stride : front.update_stride;
+      const int column = node * block_ - (in_panel ? 0 : front.k);
+      const int line = Front::RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
+      Number* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
+      for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(Number) * (stride - line));
+    }
+    for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
+      const int child = e.children[c];
+      const int* to = e.row_in_parent.data() + e.row_start[child];
+      const int m = e.below(child);
+      const int first = static_cast<int>(std::lower_bound(to, to + m, begin) - to);
+      const int last = static_cast<int>(std::lower_bound(to + first, to + m, stop) - to);
+      kernels_->extend_add(front, m, to, fronts_[child].update, first, last);
+    }
+  }
+}
+
+template <typename Number>
+int BlockCholeskyOf<Number>::FactoriseFront(int s, parallel::PieceRef fill) {
+  AddChildren(s, 0, elimination_.columns(s) + elimination_.below(s));
+  fill(s);
+  return kernels_->factorise(fronts_[s]);
+}
+
+// The same by several threads. The lines and columns of a piece do not depend on their number.
+template <typename Number>
+int BlockCholeskyOf<Number>::FactoriseShared(int s, parallel::PieceRef fill) {
+  const Front& front = fronts_[s];
+  const int nodes = elimination_.columns(s) + elimination_.below(s);
+  parallel::Fork(kPiecesOfAssembly, [&](int piece) {
+    AddChildren(s, nodes * piece / kPiecesOfAssembly, nodes * (piece + 1) / kPiecesOfAssembly);
+  });
+  fill(s);
+  int replaced = 0;
+  for (int j = 0; j < front.k; j += kPanelBlock) {
+    replaced += kernels_->eliminate(front, j);
+    ForkLines(front.SolveBegin(j), front.EndLine(), kLinesOfSolve,
+              [&](int from, int to) { kernels_->solve_lines(front, j, from, to); });
+    if (j + front.BlockColumns(j) == front.n) break;
+    ForkLines(front.UpdateBegin(j), front.EndLine(), kLinesOfUpdate,
+              [&](int from, int to) { kernels_->update_lines(front, j, from, to); });
+  }
+  return replaced;
+}
+
+template <typename Number>
+int BlockCholeskyOf<Number>::Factorise(std::span<const double> signs, parallel::PieceRef fill) {
+  assert(static_cast<int>(signs.size()) == block_);
+  const Elimination& e = elimination_;
+  for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = static_cast<Number>(signs[i % block_]);
+  std::atomic<std::uint64_t> taken{0};
+  static_assert(kMostTasks <= 64);
+  parallel::Fork(e.num_tasks(), [&](int task) {
+    const int region = TakeLowest(&taken);
+    int replaced = 0;
+    for (int s = e.task_start[task]; s < e.task_start[task + 1]; ++s) {
+      fronts_[s].scratch = scratch_.data() + scratch_size_ * region;
+      if (!LeavesTask(s)) fronts_[s].update = regions_.data() + region_size_ * region + update_at_[s];
+      replaced += FactoriseFront(s, fill);
+    }
+    replaced_[task] = replaced;
+    taken.fetch_and(~(std::uint64_t{1} << region));
+  });
+  int replaced = 0;
+  for (int task = 0; task < e.num_tasks(); ++task) replaced += replaced_[task];
+  for (int s = e.top(); s < e.num_supernodes(); ++s) {
+    const bool shared = FrontTime(e.columns(s), e.below(s)) > kSharedFront;
+    replaced += shared ? FactoriseShared(s, fill) : FactoriseFront(s, fill);
+  }
+  return replaced;
+}
+
+// Where the numbers of a node in elimination order are: those of the top in `carry` while a task runs.
+template <typename Number>
+inline Number* BlockCholeskyOf<Number>::RowsAt(int node, Number* carry) {
+  const int top = num_nodes_ - top_nodes_;
+  return carry != nullptr && node >= top ? carry + static_cast<size_t>(node - top) * block_
+                                         : permuted_.data() + static_cast<size_t>(node) * block_;
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::Gather(int s, Number* lines, Number* carry) {
+  const Elimination& e = elimination_;
+  const Front& front = fronts_[s];
+  std::memcpy(lines + front.lead, RowsAt(e.first[s], nullptr), sizeof(Number) * front.k);
+  Number* line = lines + front.lead + front.k;
+  for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
+    CopyBlock(line, RowsAt(e.rows[r], carry), block_);
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::Forward(int begin, int end, Number* lines, Number* carry) {
+  const Elimination& e = elimination_;
+  for (int s = begin; s < end; ++s) {
+    const Front& front = fronts_[s];
+    Gather(s, lines, carry);
+    if (carry == nullptr && front.PanelSize() > kSharedSolve) {
+      for (int j = 0; j < front.k; j += kPanelBlock) {
+        kernels_->forward_block(front, j, lines);
+        ForkLines(front.SolveBegin(j), front.EndLine(), kLinesOfForward,
+                  [&](int from, int to) { kernels_->forward_lines(front, j, from, to, lines); });
+      }
+    } else {
+      kernels_->forward(front, lines);
+    }
+    // The signs scale x1 after it was used for x2, as L S L^T x = b asks.
+    Number* own = RowsAt(e.first[s], nullptr);
+    const Number* line = lines + front.lead;
+    for (int i = 0; i < front.k; ++i) own[i] = signs_[i] * line[i];
+    line += front.k;
+    for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
+      CopyBlock(RowsAt(e.rows[r], carry), line, block_);
+  }
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::Backward(int begin, int end, Number* lines, bool shared) {
+  const Elimination& e = elimination_;
+  for (int s = end - 1; s >= begin; --s) {
+    const Front& front = fronts_[s];
+    Gather(s, lines, nullptr);
+    if (shared && front.PanelSize() > kSharedSolve) {
+      for (int j = (front.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
+        ForkLines(j, j + front.BlockColumns(j), kColumnsOfBackward,
+                  [&](int from, int to) { kernels_->backward_columns(front, j, from, to, lines); });
+        kernels_->backward_block(front, j, lines);
+      }
+    } else {
+      kernels_->backward(front, lines);
+    }
+    std::memcpy(RowsAt(e.first[s], nullptr), lines + front.lead, sizeof(Number) * front.k);
+  }
+}
+
+template <typename Number>
+void BlockCholeskyOf<Number>::Solve(double* x) {
+  const Elimination& e = elimination_;
+  const int tasks = e.num_tasks(), count = e.num_supernodes();
+  Number* lines = lines_.data() + lines_size_ * tasks;  // of the top
+  for (int k = 0; k < num_nodes_; ++k)
+    Convert(x + static_cast<size_t>(e.order[k]) * block_, block_, RowsAt(k, nullptr));
+  const auto carry_of = [&](int task) { return top_nodes_ > 0 ? carries_.data() + carry_size_ * task : nullptr; };
+  parallel::Fork(tasks, [&](int task) {
+    Number* carry = carry_of(task);
+    if (carry != nullptr) std::memset(carry, 0, sizeof(Number) * carry_size_);
+    Forward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, carry);
+  });
+  Number* top = RowsAt(num_nodes_ - top_nodes_, nullptr);
+  for (int task = 0; top_nodes_ > 0 && task < tasks; ++task) {
+    const Number* carry = carry_of(task);
+    for (int i = 0; i < top_nodes_ * block_; ++i) top[i] += carry[i];
+  }
+  Forward(e.top(), count, lines, nullptr);
+  Backward(e.top(), count, lines, true);
+  parallel::Fork(tasks, [&](int task) {
+    Backward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, false);
+  });
+  for (int k = 0; k < num_nodes_; ++k)
+    Convert(RowsAt(k, nullptr), block_, x + static_cast<size_t>(e.order[k]) * block_);
+}
+
+template class BlockCholeskyOf<double>;
+template class BlockCholeskyOf<float>;
+
+}  // namespace islet::qp

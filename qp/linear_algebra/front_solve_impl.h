@@ -1,0 +1,196 @@
+// The kernels of the triangular solves of a front. Part of front_kernels_impl.h.
+#pragma once
+
+#include "qp/linear_algebra/front_vectors_impl.h"
+
+namespace islet::qp {
+namespace {
+
+#if ISLET_BITS == 256
+// All bits of the first lanes, none of the others.
+ISLET_INLINE __m256i FirstLanes(int count) {
+  if constexpr (sizeof(Number) == 8)
+    return _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_setr_epi64x(0, 1, 2, 3));
+  return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+}
+#endif
+
+// x -= columns j .. j+N-1 times value, for the lines [from, to).
+template <int N>
+ISLET_INLINE void SubtractColumns(const Number* columns, int stride, const Number* value, int from, int to, Number* x) {
+  for (int line = from; line < to; line += kLanes) {
+    Vec sum = Load(x + line);
+    for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
+    Store(x + line, sum);
+  }
+}
+
+// Solves the triangle of columns j .. j+N-1 in place; then the lines up to `end` of the vector that it ends in.
+template <int N>
+void ForwardBlock(const ThisFront& f, int j, Number* x) {
+  const int stop = j + f.BlockColumns(j), end = f.SolveBegin(j);
+  for (int c = j; c < stop; c += N) {
+    const Number* l = f.panel + c * f.panel_stride;
+    Number* own = x + f.lead + c;
+    Number value[N];
+    for (int p = 0; p < N; ++p) value[p] = own[p];
+    for (int p = 0; p < N; ++p) {
+      const Number* column = l + f.lead + c + p * f.panel_stride;
+      value[p] *= column[p];
+      for (int q = p + 1; q < N; ++q) value[q] -= column[q] * value[p];
+    }
+    for (int p = 0; p < N; ++p) own[p] = value[p];
+    const int first = f.lead + c + N, line = ThisFront::RoundDown(first);
+    if (line >= end) continue;
+#if ISLET_BITS == 256
+    // Whole vectors: what lies before the first line stays as it is, without a detour through memory.
+    int whole = line;
+    for (; whole < first; whole += kLanes) {
+      const Vec before = Load(x + whole);
+      Vec sum = before;
+      for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(l + whole + p * f.panel_stride), -value[p], sum);
+      Store(x + whole, (decltype(sum < sum))FirstLanes(first - whole) ? before : sum);
+    }
+    SubtractColumns<N>(l, f.panel_stride, value, whole, end, x);
+#else
+    Number kept[ThisFront::kVector];  // whole vectors: what is overwritten before the first line is put back
+    for (int q = 0; q < first - line; ++q) kept[q] = x[line + q];
+    SubtractColumns<N>(l, f.panel_stride, value, line, end, x);
+    for (int q = 0; q < first - line; ++q) x[line + q] = kept[q];
+#endif
+  }
+}
+
+template <int N>
+void ForwardLines(const ThisFront& f, int j, int from, int to, Number* x) {
+  const int stop = j + f.BlockColumns(j);
+  for (int c = j; c < stop; c += N)
+    SubtractColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
+}
+
+// Lanes from .. to-1 of what is at p, zeros elsewhere; p may hold anything there.
+ISLET_INLINE Vec LoadSome(const Number* p, int from, int to) {
+#if ISLET_BITS == 512
+  const unsigned lanes = (1u << to) - (1u << from);
+  if constexpr (sizeof(Number) == 8) return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>(lanes), p);
+  return (Vec)_mm512_maskz_loadu_ps(static_cast<__mmask16>(lanes), p);
+#elif ISLET_BITS == 256
+  const __m256i mask = _mm256_and_si256(FirstLanes(to), ~FirstLanes(from));
+  if constexpr (sizeof(Number) == 8) return (Vec)_mm256_maskload_pd((const double*)p, mask);
+  return (Vec)_mm256_maskload_ps((const float*)p, mask);
+#else
+  Vec v = {};
+  for (int i = from; i < to; ++i) v[i] = p[i];
+  return v;
+#endif
+}
+
+// sum[p] = sum of column p times x over the lines [from, end).
+template <int N>
+ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x, int from, int end, Number* sum) {
+  Vec sums[8] = {};
+  const auto add_some = [&](int line, int first, int last) {
+    const Vec v = LoadSome(x + line, first, last);
+    for (int p = 0; p < N; ++p) sums[p] += LoadSome(columns + line + p * stride, first, last) * v;
+  };
+  int line = from;
+  if (from % kLanes != 0) {
+    line = from - from % kLanes;
+    add_some(line, from % kLanes, end - line < kLanes ? end - line : kLanes);
+    line += kLanes;
+  }
+  for (; line + kLanes <= end; line += kLanes) {
+    const Vec v = Load(x + line);
+    for (int p = 0; p < N; ++p) sums[p] += Load(columns + line + p * stride) * v;
+  }
+  if (line < end) add_some(line, 0, end - line);
+#if ISLET_LANES == 8
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+  Vec pairs[4], fours[2];
+  for (int i = 0; i < 4; ++i)
+    pairs[i] = ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14) +
+               ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  for (int i = 0; i < 2; ++i)
+    fours[i] = ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 0, 1, 8, 9, 4, 5, 12, 13) +
+               ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 2, 3, 10, 11, 6, 7, 14, 15);
+  const Vec all = ISLET_SHUFFLE(fours[0], fours[1], 0, 1, 2, 3, 8, 9, 10, 11) +
+                  ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
+  for (int p = 0; p < N; ++p) sum[p] = all[p];
+#undef ISLET_SHUFFLE
+#elif ISLET_LANES == 16
+#define ISLET_SHUFFLE(a, ...) __builtin_shufflevector(a, a, __VA_ARGS__)
+  for (int p = 0; p < N; ++p) {
+    Vec v = sums[p];
+    v += ISLET_SHUFFLE(v, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
+    v += ISLET_SHUFFLE(v, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11);
+    v += ISLET_SHUFFLE(v, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13);
+    sum[p] = v[0] + v[1];
+  }
+#undef ISLET_SHUFFLE
+#elif ISLET_LANES == 4
+#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+  for (int i = 0; i < N; i += 4) {
+    const Vec p = ISLET_SHUFFLE(sums[i], sums[i + 1], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i], sums[i + 1], 1, 5, 3, 7);
+    const Vec q =
+        ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 1, 5, 3, 7);
+    const Vec all = ISLET_SHUFFLE(p, q, 0, 1, 4, 5) + ISLET_SHUFFLE(p, q, 2, 3, 6, 7);
+    for (int k = i; k < N && k < i + 4; ++k) sum[k] = all[k - i];
+  }
+#undef ISLET_SHUFFLE
+#else
+  for (int p = 0; p < N; ++p) {
+    sum[p] = 0;
+    for (int t = 0; t < kLanes; ++t) sum[p] += sums[p][t];
+  }
+#endif
+}
+
+// x[c] -= (column c below the panel block at j) x.
+template <int N>
+void BackwardColumns(const ThisFront& f, int j, int from, int to, Number* x) {
+  const int first = f.lead + j + f.BlockColumns(j), end = f.lead + f.n;
+  if (first == end) return;
+  for (int c = from; c < to; c += N) {
+    Number sum[N];
+    DotColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
+    for (int p = 0; p < N; ++p) x[f.lead + c + p] -= sum[p];
+  }
+}
+
+template <int N>
+void BackwardBlock(const ThisFront& f, int j, Number* x) {
+  const int stop = j + f.BlockColumns(j);
+  for (int c = stop - N; c >= j; c -= N) {
+    const Number* l = f.panel + f.lead + c * f.panel_stride;
+    Number* own = x + f.lead;
+    Number sum[N] = {};
+    if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
+    Number value[N];
+    for (int p = 0; p < N; ++p) value[p] = own[c + p] - sum[p];
+    for (int p = N - 1; p >= 0; --p) {  // the one found last is taken off last: only it is waited for
+      const Number* column = l + p * f.panel_stride;
+      for (int q = N - 1; q > p; --q) value[p] -= column[c + q] * value[q];
+      value[p] *= column[c + p];
+    }
+    for (int p = 0; p < N; ++p) own[c + p] = value[p];
+  }
+}
+
+template <int N>
+void ForwardFront(const ThisFront& f, Number* x) {
+  for (int j = 0; j < f.k; j += kPanelBlock) {
+    ForwardBlock<N>(f, j, x);
+    ForwardLines<N>(f, j, f.SolveBegin(j), f.EndLine(), x);
+  }
+}
+
+template <int N>
+void BackwardFront(const ThisFront& f, Number* x) {
+  for (int j = (f.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
+    BackwardColumns<N>(f, j, j, j + f.BlockColumns(j), x);
+    BackwardBlock<N>(f, j, x);
+  }
+}
+
+}  // namespace
+}  // namespace islet::qp

@@ -1,0 +1,183 @@
+#include "qp/newton/coulomb_newton.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "qp/body_algebra.h"
+#include "qp/newton/proximal.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr int kRefiningSteps = 6;        // of Newton, in a proximal step near the end: with more a near-critical arch creeps (T17)
+constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
+constexpr int kHalvings = 8;
+constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
+constexpr int kKrylov = 20;              // of GMRES, steps
+constexpr double kForcing = 1e-2;        // of the residual, what GMRES may leave
+constexpr double kUseful = 0.3;          // of the residual, what it may leave at the end
+
+}  // namespace
+
+// Of forces, as by the inverse of the mass matrix.
+double CoulombNewton::Dot(const std::vector<double>& p, const std::vector<double>& q) const {
+  double sum = 0;
+  for (size_t i = 0; i < p.size(); ++i) sum += weights_[i] * p[i] * q[i];
+  return sum;
+}
+
+// Of the proximal step at v_: fills pulls_, impulses_ and residual_ = J^T j - M (v - v0); returns its size as a velocity.
+double CoulombNewton::Residual() {
+  const Problem& problem = *problem_;
+  for (int i = 0; i < problem.num_bodies(); ++i)
+    At(residual_, 6 * i) = MassTimes(problem.bodies[i], problem.bodies[i].velocity - At(v_, 6 * i));
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    const double stiffness = stiffness_ * (*rho_)[c];
+    Vector3 u = ContactVelocity(contact, v_.data());
+    u[0] -= contact.target;
+    pulls_[c] = (centre_[c] - stiffness * u) / (1 + stiffness * contact.compliance);
+    impulses_[c] = SpringLaw(pulls_[c], contact.friction);
+    AddForce(contact, 6, 0, 1, impulses_[c], &residual_);
+  }
+  return std::sqrt(Dot(residual_, residual_) / total_mass_);
+}
+
+// Newton's matrix times what the factor makes of b. It has beyond its factor just friction that grows with the normal velocity, where a
+// contact slides. Near the end springs are so stiff that what rounding leaves of the factor would show: there the matrix multiplies.
+void CoulombNewton::Multiply(const std::vector<double>& b, const std::vector<double>& x, std::vector<double>* out) const {
+  const Problem& problem = *problem_;
+  *out = b;
+  for (int i = 0; refines_ && i < problem.num_bodies(); ++i) At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
+  for (int c = 0; c < problem.num_contacts(); ++c) {
+    const Matrix3& slope = slopes_[c];
+    const auto coupling = slope.bottomLeftCorner<2, 1>();
+    if (slope(0, 0) == 0 || (!refines_ && coupling.isZero(0))) continue;
+    const Vector3 u = FieldVelocity(problem.contacts[c], 6, 0, x);
+    const Vector3 j = refines_ ? Vector3(slope * u) : Vector3(0, coupling[0] * u[0], coupling[1] * u[0]);
+    AddForce(problem.contacts[c], 6, 0, 1, j, out);
+  }
+}
+
+// direction_ from residual_ by GMRES, with the factor on the right. False if it leaves too much.
+bool CoulombNewton::FindDirection() {
+  std::array<std::array<double, kKrylov + 1>, kKrylov> hessenberg;
+  std::array<double, kKrylov> cosines, sines, y;
+  std::array<double, kKrylov + 1> rest{};
+  const double size = std::sqrt(Dot(residual_, residual_));
+  for (size_t i = 0; i < residual_.size(); ++i) basis_[0][i] = residual_[i] / size;
+  rest[0] = 1;
+  int k = 0;
+  while (k < kKrylov && std::abs(rest[k]) > kForcing) {
+    steps_[k] = basis_[k];
+    system_.Solve(steps_[k].data());
+    Multiply(basis_[k], steps_[k], &basis_[k + 1]);
+    auto& column = hessenberg[k];
+    for (int i = 0; i <= k; ++i) {
+      column[i] = Dot(basis_[k + 1], basis_[i]);
+      for (size_t n = 0; n < residual_.size(); ++n) basis_[k + 1][n] -= column[i] * basis_[i][n];
+    }
+    const double left = std::sqrt(Dot(basis_[k + 1], basis_[k + 1]));
+    if (left > 0)
+      for (double& value : basis_[k + 1]) value /= left;
+    for (int i = 0; i < k; ++i) {
+      const double above = column[i];
+      column[i] = cosines[i] * above + sines[i] * column[i + 1];
+      column[i + 1] = cosines[i] * column[i + 1] - sines[i] * above;
+    }
+    const double length = std::hypot(column[k], left);
+    if (!(length > 0)) break;
+    cosines[k] = column[k] / length, sines[k] = left / length;
+    column[k] = length;
+    rest[k + 1] = -sines[k] * rest[k];
+    rest[k] *= cosines[k];
+    ++k;
+  }
+  if (!(std::abs(rest[k]) < kUseful)) return false;
+  std::fill(direction_.begin(), direction_.end(), 0.0);
+  for (int i = k - 1; i >= 0; --i) {
+    y[i] = rest[i];
+    for (int n = i + 1; n < k; ++n) y[i] -= hessenberg[n][i] * y[n];
+    y[i] /= hessenberg[i][i];
+    for (size_t n = 0; n < direction_.size(); ++n) direction_[n] += y[i] * size * steps_[i][n];
+  }
+  return true;
+}
+
+// One proximal step from centre_ and v_, its velocities, to a residual of `aim` [velocity]. True if it was solved; either way
+// impulses_ is where it ended.
+bool CoulombNewton::Step(double aim, int most) {
+  double size = Residual();
+  for (int steps = 0; size > aim; ++steps) {
+    if (steps >= most) return false;
+    for (int c = 0; c < problem_->num_contacts(); ++c) {
+      const ContactTerm& contact = problem_->contacts[c];
+      const double stiffness = stiffness_ * (*rho_)[c];
+      slopes_[c] = stiffness / (1 + stiffness * contact.compliance) * SpringSlope(pulls_[c], contact.friction);
+      plain_slopes_[c] = slopes_[c];
+      plain_slopes_[c].bottomLeftCorner<2, 1>().setZero();
+    }
+    system_.Factorise(*problem_, plain_slopes_, {});
+    ++factorisations_;
+    if (!FindDirection()) return false;
+    from_ = v_;
+    double share = 1, next = 0;
+    for (int halving = 0; halving <= kHalvings; ++halving, share /= 2) {
+      for (size_t i = 0; i < v_.size(); ++i) v_[i] = from_[i] + share * direction_[i];
+      next = Residual();
+      if (next <= (1 - kLeastDescent * share) * size) break;
+    }
+    if (!(next < size)) return false;
+    size = next;
+  }
+  return true;
+}
+
+// Of one point of all the mass that has the kinetic energy of v_.
+double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
+
+NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim, int max_factorisations,
+                                std::vector<Vector3>* impulses) {
+  problem_ = &problem, rho_ = &rho;
+  factorisations_ = 0;
+  const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
+  centre_ = *impulses;
+  VelocitiesAfter(problem, centre_, &v_);
+  NaturalMap best = CoulombMap(problem, v_, centre_, rho);
+  const auto reached = [&] { return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data()))); };
+  if (reached()) return best;
+  for (std::vector<double>* values : {&residual_, &direction_, &weights_}) values->resize(unknowns);
+  total_mass_ = 0;
+  for (size_t i = 0; i < problem.bodies.size(); ++i) {
+    const BodyTerm& body = problem.bodies[i];
+    total_mass_ += body.mass;
+    At(weights_, static_cast<int>(6 * i)).head<3>().setConstant(1 / body.mass);
+    At(weights_, static_cast<int>(6 * i)).tail<3>().setConstant(body.inverse_inertia.trace() / 3);
+  }
+  pulls_.resize(contacts), impulses_.resize(contacts), slopes_.resize(contacts), plain_slopes_.resize(contacts);
+  basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
+  for (auto& vector : basis_) vector.resize(unknowns);
+  system_.Prepare(problem, 1);
+  ProximalPace pace(best);
+  for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
+    const int before = factorisations_;
+    refines_ = best.max <= aim.enough;
+    if (reached() || before >= max_factorisations || !pace.GoesOn(refines_)) break;
+    const double residual = kStepShare * best.rms;
+    stiffness_ = pace.Stiffness(residual, Speed());
+    const int most = refines_ ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
+    const bool solved = Step(residual, std::min(most, max_factorisations - before));
+    VelocitiesAfter(problem, impulses_, &v_);
+    const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
+    if (map.rms < best.rms) best = map, *impulses = impulses_;
+    if (pace.Takes(map.rms, solved, factorisations_ - before, refines_)) {
+      centre_ = impulses_;
+    } else {
+      VelocitiesAfter(problem, centre_, &v_);
+    }
+  }
+  return best;
+}
+
+}  // namespace islet::qp

@@ -1,0 +1,65 @@
+#include "qp/newton/proximal.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace islet::qp {
+namespace {
+
+constexpr double kStiffen = 10, kSoften = 0.1;
+constexpr double kStiffenAgain = 2;      // after a failure, for a while
+constexpr int kEasy = 4;                 // Newton steps of a proximal step that may become stiffer
+constexpr double kRounding = 4e-16;      // of the speed: error of a contact's velocity
+constexpr int kPatience = 20;            // steps without a better answer: on the way to it the map may rise for a while
+constexpr int kShortPatience = 5;        // steps without half of the map, where it is small enough
+
+double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
+
+}  // namespace
+
+Vector3 SpringLaw(const Vector3& pull, double friction) {
+  if (pull[0] <= 0) return Vector3::Zero();
+  const double tangent = Tangent(pull), share = tangent > friction * pull[0] ? friction * pull[0] / tangent : 1;
+  return {pull[0], share * pull[1], share * pull[2]};
+}
+
+Matrix3 SpringSlope(const Vector3& pull, double friction) {
+  const double tangent = Tangent(pull);
+  Matrix3 slope = Matrix3::Zero();
+  if (pull[0] <= 0) return slope;
+  if (tangent < friction * pull[0]) return Matrix3::Identity();
+  slope(0, 0) = 1;
+  if (tangent == 0) return slope;
+  const double cosine = pull[1] / tangent, sine = pull[2] / tangent, turn = friction * pull[0] / tangent;
+  slope.bottomLeftCorner<2, 1>() << friction * cosine, friction * sine;
+  slope.bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
+  return slope;
+}
+
+double ProximalPace::Stiffness(double residual, double speed) {
+  stiffness_ = std::min(stiffness_, limit_);
+  if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kRounding * speed)));
+  return stiffness_;
+}
+
+bool ProximalPace::Takes(double map, bool solved, int newton_steps, bool refines) {
+  const bool better = map < best_;
+  stalled_ = map < (refines ? 0.5 * halved_ : best_) ? 0 : stalled_ + 1;
+  if (stalled_ == 0) halved_ = map;
+  if (better) best_ = map;
+  const bool taken = solved || better;
+  if (taken) {
+    if (newton_steps <= kEasy) stiffness_ *= kStiffen;
+    limit_ = std::min(kMost, kStiffenAgain * limit_);
+  } else {
+    stiffness_ *= kSoften;
+    limit_ = stiffness_;
+  }
+  return taken;
+}
+
+bool ProximalPace::GoesOn(bool refines) const {
+  return stiffness_ > kLeast && stalled_ < (refines ? kShortPatience : kPatience);
+}
+
+}  // namespace islet::qp

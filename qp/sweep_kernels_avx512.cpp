@@ -1,5 +1,0 @@
-// Kernels for vectors of 8 doubles; see sweep_kernels_impl.h.
-#define ISLET_LANES 8
-#define ISLET_KERNEL_SET kAvx512SweepKernels
-#define ISLET_KERNEL_NAME "avx512"
-#include "qp/sweep_kernels_impl.h"

@@ -1,0 +1,109 @@
+#include "engine/freezing/stop_impulses.h"
+
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using Momentum = StopImpulses::Momentum;
+
+// A unit cube on the floor (body 0), held at some of its corners.
+struct HeldCube {
+  std::vector<Body> bodies;
+  std::vector<Contact> contacts;
+  std::vector<Matrix3> frames;
+  SuiteFrame frame;
+  std::vector<int> all;
+
+  explicit HeldCube(const std::vector<Vector3>& corners) : bodies(2) {
+    bodies[0].kind = BodyKind::kFixed;
+    bodies[1].radius = std::sqrt(0.75);
+    bodies[1].position_W = {0, 0, 0.5};
+    for (const Vector3& corner : corners) {
+      Contact contact;
+      contact.body_a = 0, contact.body_b = 1;
+      contact.point_W = corner;
+      contact.normal_W = Vector3::UnitZ();
+      contact.friction = 0.5;
+      all.push_back(static_cast<int>(contacts.size()));
+      contacts.push_back(contact);
+      frames.push_back(ContactFrame(contact.normal_W));
+      frame.holding.push_back({1, 0, 0});
+    }
+    frame.bodies = bodies;
+    frame.frames = frames;
+    frame.contacts = {contacts, frames};
+  }
+  Momentum GivenBy(const std::vector<Vector3>& impulses) const {
+    Momentum sum = Momentum::Zero();
+    for (size_t c = 0; c < contacts.size(); ++c) {
+      const Vector3 j = frames[c] * impulses[c];
+      sum.head<3>() += j;
+      sum.tail<3>() += (contacts[c].point_W - bodies[1].position_W).cross(j) / bodies[1].radius;
+    }
+    return sum;
+  }
+};
+
+TEST(StopImpulses, FourCornersGiveAnyMomentum) {
+  const HeldCube cube({{0.5, 0.5, 0}, {0.5, -0.5, 0}, {-0.5, 0.5, 0}, {-0.5, -0.5, 0}});
+  StopImpulses stop;
+  stop.Prepare(cube.frame, std::vector<int>{1}, cube.all);
+  Momentum wanted;
+  wanted << 1e-6, -2e-6, 3e-6, 1e-7, 2e-7, -3e-7;
+  std::vector<Vector3> impulses;
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, &impulses));
+  EXPECT_LE((cube.GivenBy(impulses) - wanted).norm(), 1e-15);
+}
+
+// Nothing turns it about the line through both: the rest of what is wanted it gets.
+TEST(StopImpulses, TwoCornersLackTheTurnAboutTheirLine) {
+  const HeldCube cube({{0.5, 0, 0}, {-0.5, 0, 0}});
+  StopImpulses stop;
+  stop.Prepare(cube.frame, std::vector<int>{1}, cube.all);
+  Momentum up = Momentum::Zero(), turn = Momentum::Zero();
+  up[2] = 1e-6;
+  turn[3] = 1e-6;
+  std::vector<Vector3> impulses;
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{up}, std::vector<double>{1e-15}, &impulses));
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{up + turn}, std::vector<double>{1e-15}, &impulses));
+  EXPECT_NEAR(cube.GivenBy(impulses)[2], 1e-6, 1e-15);
+}
+
+TEST(StopImpulses, WhatDoesNotPressGivesNothing) {
+  HeldCube cube({{0.5, 0.5, 0}, {-0.5, -0.5, 0}, {0.5, -0.5, 0}});
+  cube.frame.holding[1].setZero();
+  StopImpulses stop;
+  stop.Prepare(cube.frame, std::vector<int>{1}, cube.all);
+  std::vector<Vector3> impulses;
+  stop.Find(std::vector<Momentum>{Momentum::Constant(1e-6)}, std::vector<double>{1e-15}, &impulses);
+  EXPECT_EQ(impulses[1], Vector3(0, 0, 0));
+}
+
+// A crowd's pile comes to rest by impulses alone: the ledger finds all of its momentum in the step in which it freezes, too.
+TEST(StopImpulses, FreezingTakesNoMomentum) {
+  Settings settings;
+  settings.threads = 1;
+  settings.tolerance = 1e-3;  // leaves velocities that show
+  World world(testing::AsCrowd(settings));
+  world.Add(testing::Floor());
+  for (int layer = 5; layer > 0; --layer)
+    for (int i = 0; i < layer * layer; ++i)
+      world.Add(testing::Cube({1.3 * (i % layer - 0.5 * (layer - 1)), 1.2 * (i / layer - 0.5 * (layer - 1)), 1.1 * (5 - layer) + 0.55}));
+  int frozen = 0;
+  for (int frame = 0; frame < 300 && frozen < 55; ++frame) {
+    const StepReport report = world.Step(1.0 / 60);
+    EXPECT_LE(report.ledger.momentum_unexplained.value, 1e-9) << frame;
+    EXPECT_LE(report.ledger.angular_momentum_unexplained.value, 1e-9) << frame;
+    frozen = report.frozen;
+  }
+  EXPECT_EQ(frozen, 55);
+}
+
+}  // namespace
+}  // namespace islet

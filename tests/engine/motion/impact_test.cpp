@@ -1,0 +1,251 @@
+// Impacts at their moments, rebounds within a step, bounces at once, in whole steps.
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "engine/impact/bounce.h"
+#include "engine/world.h"
+#include "tests/support/no_alloc.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Awake;
+using testing::Ball;
+using testing::Cube;
+using testing::Energy;
+using testing::Floor;
+using testing::kGravity;
+
+// The n-th bounce is at sqrt(2 h / g) (1 + 2 (e + ... + e^(n-1))): seen in the phase of the flight after it.
+TEST(Impact, BouncesHappenAtTheirTimesWhateverTheStep) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    World world(Awake());
+    world.Add(Floor(0, 0.8));
+    world.Add(Ball({0, 0, 1.5}, 0.5, 0, 0.8));
+    double rise = std::sqrt(2 / kGravity), apex = 0, last = 0;
+    for (int bounces = 0; bounces < 6 && world.time() < 10;) {
+      testing::Step(&world, dt);
+      const double speed = world.body(1).linear_velocity_W.z();
+      if (last < 0 && speed > 0) {
+        ++bounces;
+        apex += 1.8 * rise;
+        rise *= 0.8;
+        EXPECT_NEAR(world.time() + speed / kGravity, apex, 1e-5) << dt << " " << bounces;
+      }
+      last = speed;
+    }
+  }
+}
+
+TEST(Impact, ZenosBallComesToRestOnTime) {
+  for (const double dt : {1.0 / 60, 1.0 / 240}) {
+    for (const double e : {0.3, 0.7, 0.95}) {
+      World world(Awake());
+      world.Add(Floor(0, e));
+      world.Add(Ball({0, 0, 0.6}, 0.5, 0, e));
+      const double end = std::sqrt(0.2 / kGravity) * (1 + e) / (1 - e);
+      double moved = 0;
+      while (world.time() < end + 0.5) {
+        testing::Step(&world, dt);
+        if (world.body(1).linear_velocity_W.norm() > 1e-6) moved = world.time();
+      }
+      EXPECT_NEAR(moved, end, 2 * dt) << dt << " " << e;
+      EXPECT_NEAR(world.body(1).position_W.z(), 0.5, 1e-5);
+    }
+  }
+}
+
+// Bounces shorter than a frame: no speed below which e = 1 would be forgotten.
+TEST(Impact, ElasticBallNeverStopsHoweverLowItBounces) {
+  World world(Awake());
+  world.Add(Floor(0, 1));
+  BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1), cube = Cube({3, 0, 0.5}, 0, 1);
+  ball.linear_velocity_W.z() = -std::sqrt(2e-5 * kGravity);
+  cube.linear_velocity_W.z() = -std::sqrt(2e-4 * kGravity);
+  world.Add(ball);
+  world.Add(cube);
+  const double start = Energy(world.bodies());
+  for (int i = 0; i < 600; ++i) testing::Step(&world, 1.0 / 60);
+  EXPECT_NEAR(Energy(world.bodies()), start, 1e-10);
+  EXPECT_NEAR(std::abs(world.body(1).linear_velocity_W.z()), std::sqrt(2e-5 * kGravity), 2e-4);
+}
+
+// A ball that left the floor at 0.01 m/s and is back: it began the step with that speed, and it takes no memory to know it.
+// As in the paper: no impact rules of ours.
+TEST(Impact, PaperHasNoReboundsWithinAStep) {
+  Settings settings = Settings::Paper();
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0, 1));
+  BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1);
+  ball.linear_velocity_W.z() = -0.01;
+  world.Add(ball);
+  testing::StepTimes(&world, 3);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.z(), 0, 1e-9);
+}
+
+// Both roll or lie on the floor. They used to be slowed down in the step before they met.
+TEST(Impact, SupportedBallsMeetAtFullSpeed) {
+  for (const double dt : {1.0 / 60, 1.0 / 240}) {
+    World world(Awake());
+    world.Add(Floor(0, 0));
+    BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1);
+    world.Add(Ball({1.513, 0, 0.5}, 0.5, 0, 1));
+    testing::StepTimes(&world, 10, dt);
+    ball.linear_velocity_W = {3, 0, 0};
+    ball.restitution = 1;
+    world.Add(ball);
+    testing::StepTimes(&world, static_cast<int>(0.5 / dt), dt);
+    EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 3, 1e-9) << dt;
+    EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 0, 1e-9) << dt;
+  }
+}
+
+// The second is at rest when the step begins, and its gap to the third is less than gravity closes in a step. The blow sets it
+// going, and its load must not brake it before it hits. (Half of the energy was lost.)
+TEST(Impact, BlowIsPassedOnOverAGapThatTheNextStepCloses) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    for (const double gap : {1.1e-3, 2e-3, 5e-3}) {
+      World world(Awake());
+      world.Add(Floor(0, 0));
+      world.Add(Ball({1.3, 0, 0.5}, 0.5, 0, 1));
+      world.Add(Ball({2.3 + gap, 0, 0.5}, 0.5, 0, 1));
+      testing::StepTimes(&world, 10, dt);
+      BodyDefinition ball = Ball({0, 0, 0.5}, 0.5, 0, 1);
+      ball.linear_velocity_W = {3, 0, 0};
+      world.Add(ball);
+      testing::StepTimes(&world, static_cast<int>(0.5 / dt), dt);
+      EXPECT_NEAR(world.body(3).linear_velocity_W.x(), 0, 1e-9) << dt << " " << gap;
+      EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 0, 1e-9) << dt << " " << gap;
+      EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 3, 1e-9) << dt << " " << gap;
+    }
+  }
+}
+
+// The same with a wall: a cube at rest in front of it is hit, rebounds from it with all four corners at once, and hits the ball
+// that stands where it was hit.
+TEST(Impact, CubeThatABlowSendsAgainstAWallRebounds) {
+  for (const double e : {0.3, 1.0}) {
+    constexpr double kDt = 1.0 / 60;
+    World world(Awake());
+    world.Add(Floor(0, 0));
+    world.Add(
+        {.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kFixed, .position_W = {2.002, 0, 2}, .restitution = e});
+    world.Add(Cube({1, 0, 0.5}, 0, 0));
+    testing::StepTimes(&world, 10, kDt);
+    BodyDefinition ball = Ball({-0.3, 0, 0.5}, 0.5, 0, 1);
+    ball.linear_velocity_W = {3, 0, 0};
+    world.Add(ball);
+    testing::StepTimes(&world, 10, kDt);
+    EXPECT_NEAR(world.body(3).linear_velocity_W.x(), -3 * e, 1e-9) << e;
+    EXPECT_NEAR(world.body(2).linear_velocity_W.norm(), 0, 1e-9) << e;
+    EXPECT_NEAR(world.body(2).angular_velocity_W.norm(), 0, 1e-9) << e;
+  }
+}
+
+// What gravity gives in the part of the step that an impact cuts off comes with the next flight: the floor feels m g t.
+TEST(Impact, NoTimeIsLost) {
+  World world(Awake());
+  world.Add(Floor(0, 0.5));
+  world.Add(Ball({0, 0, 1.5}, 0.5, 0, 0.5));
+  double impulse = 0;
+  while (world.time() < 3 - 1e-9) {
+    testing::Step(&world, 1.0 / 60);
+    impulse += testing::ImpulseOn(world, 1).z();
+  }
+  EXPECT_NEAR(impulse / (3 * kGravity), 1, 1e-6);
+}
+
+// A front of two through a row of eight takes 16 bounces, more than there are bodies.
+TEST(Impact, AutomaticLimitLetsTwoBallsThroughARow) {
+  Settings settings = Awake();
+  settings.gravity.setZero();
+  World world(settings);
+  for (int i = 0; i < 10; ++i) {
+    BodyDefinition ball = Ball({i + (i > 1 ? 0.3 : 0), 0, 0}, 0.5, 0, 1);
+    if (i < 2) ball.linear_velocity_W = {1, 0, 0};
+    world.Add(ball);
+  }
+  testing::StepTimes(&world, 60);
+  for (int i = 0; i < 10; ++i) EXPECT_NEAR(world.body(i).linear_velocity_W.x(), i < 8 ? 0 : 1, 1e-12) << i;
+}
+
+// The four corners hit at once; one after the other they would make it spin.
+TEST(Impact, FlatLandingDoesNotSpin) {
+  for (const double friction : {0.0, 0.5}) {
+    World world(Awake());
+    world.Add(Floor(friction, 0.7));
+    world.Add(Cube({0.3, 0.2, 1.5}, friction, 0.7));
+    for (int i = 0; i < 120; ++i) {
+      testing::Step(&world, 1.0 / 60);
+      ASSERT_LT(world.body(1).angular_velocity_W.norm(), 1e-9) << friction << " " << i;
+    }
+  }
+}
+
+// Kane's paradox: where friction would add energy the rebound is still Newton's. It used to be lowered.
+TEST(Impact, BouncesThatWouldGainEnergyKeepNewtonsLaw) {
+  std::mt19937 rng(11);
+  std::uniform_real_distribution<double> uniform(-1, 1), share(0.05, 1);
+  const Matrix3 frame = ContactFrame(Vector3::UnitZ());
+  for (int trial = 0; trial < 20000; ++trial) {
+    BounceBody body{.inverse_mass = share(rng)};
+    body.inverse_inertia_W = Vector3(share(rng), share(rng), share(rng)).asDiagonal();
+    body.inverse_inertia_W *= 10;
+    body.linear_velocity_W = 5 * Vector3(uniform(rng), uniform(rng), uniform(rng));
+    body.angular_velocity_W = 5 * Vector3(uniform(rng), uniform(rng), uniform(rng));
+    const Contact contact{.body_a = 0,
+                          .body_b = 1,
+                          .point_W = {uniform(rng), uniform(rng), uniform(rng)},
+                          .normal_W = Vector3::UnitZ(),
+                          .friction = 2 * share(rng),
+                          .restitution = 1};
+    const double approach = -body.VelocityAt(contact.point_W).z();
+    if (approach <= 0) continue;
+    const auto energy = [&] {
+      return 0.5 * body.linear_velocity_W.squaredNorm() / body.inverse_mass +
+             0.5 * body.angular_velocity_W.dot(body.inverse_inertia_W.inverse() * body.angular_velocity_W);
+    };
+    const double before = energy();
+    const Vector3 j = BounceImpulse({}, body, contact, frame, BounceLaw::kExact);
+    body.ApplyImpulse(frame * j, contact.point_W);
+    EXPECT_NEAR(body.VelocityAt(contact.point_W).z(), approach, 1e-9 * (1 + approach)) << trial;
+    EXPECT_LE(energy(), before * (1 + 1e-12)) << trial;
+    EXPECT_LE(j.tail<2>().norm(), contact.friction * j[0] * (1 + 1e-9)) << trial;
+  }
+}
+
+// Also where boxes hit in the middle of a step, stick together and are moved apart.
+TEST(Impact, FreeCloudKeepsAngularMomentum) {
+  for (const double restitution : {0.0, 0.5, 1.0}) {
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    std::mt19937 rng(4);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (int i = 0; i < 27; ++i) {
+      const Vector3 place(2.0 * (i % 3 - 1), 2.0 * (i / 3 % 3 - 1), 2.0 * (i / 9 - 1));
+      BodyDefinition body = Cube(place, 0.5, restitution);
+      body.shape = Shape::Box({0.4, 0.5, 0.6});
+      body.linear_velocity_W = -2 * place + Vector3(uniform(rng), uniform(rng), uniform(rng));
+      body.angular_velocity_W = 3 * Vector3(uniform(rng), uniform(rng), uniform(rng));
+      world.Add(body);
+    }
+    const Vector3 start = testing::AngularMomentum(world.bodies());
+    double energy = Energy(world.bodies(), 0);
+    for (int frame = 0; frame < 120; ++frame) {
+      testing::Step(&world, 1.0 / 60);
+      EXPECT_LE(Energy(world.bodies(), 0), energy * (1 + 1e-12)) << restitution << " " << frame;
+      energy = Energy(world.bodies(), 0);
+    }
+    EXPECT_LT((testing::AngularMomentum(world.bodies()) - start).norm(), 1e-10) << restitution;
+  }
+}
+
+}  // namespace
+}  // namespace islet

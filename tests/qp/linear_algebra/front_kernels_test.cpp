@@ -1,0 +1,366 @@
+#include "qp/linear_algebra/front_kernels.h"
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include "qp/problem.h"
+#include "tests/support/random_problems.h"
+
+namespace islet::testing {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// A symmetric quasi-definite matrix for the given signs: S_i A_ij positive definite among equal signs, the rest
+// arbitrary.
+MatrixXd RandomQuasiDefinite(Random* random, const VectorXd& signs) {
+  const int n = static_cast<int>(signs.size());
+  MatrixXd a(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) a(i, j) = a(j, i) = random->Uniform(-1, 1);
+  for (int i = 0; i < n; ++i) a(i, i) = signs[i] * (n + random->Uniform(0, 1));
+  return a;
+}
+
+// One front whose scratch parts hold NaN: nothing may leak out of them.
+template <typename Number>
+struct TestFrontOf {
+  using Lines1 = Eigen::Matrix<Number, Eigen::Dynamic, 1>;
+  static constexpr int kStep = qp::FrontOf<Number>::kVector;
+  TestFrontOf(const MatrixXd& a, int columns, int block) : front(static_cast<int>(a.rows()), columns, block) {
+    const int n = front.n, k = front.k, m = n - k;
+    panel.assign(front.PanelSize(), static_cast<Number>(kNaN));
+    update.assign(front.UpdateSize(), static_cast<Number>(kNaN));
+    scratch.assign(front.ScratchSize(), static_cast<Number>(kNaN));
+    front.panel = panel.data(), front.update = update.data(), front.scratch = scratch.data();
+    for (int j = 0; j < k; ++j)
+      for (int i = j; i < n; ++i) panel[front.lead + i + j * front.panel_stride] = static_cast<Number>(a(i, j));
+    for (int j = 0; j < m; ++j)
+      for (int i = j; i < m; ++i) update[i + j * front.update_stride] = static_cast<Number>(a(k + i, k + j));
+  }
+  TestFrontOf(const TestFrontOf&) = delete;
+  int Factorise(const qp::FrontKernelsOf<Number>& kernels, const VectorXd& signs, Number tiny = 0) {
+    SetSigns(signs);
+    front.tiny = tiny;
+    return kernels.factorise(front);
+  }
+  // Line by line from the end, as badly split as can be.
+  int FactoriseInParts(const qp::FrontKernelsOf<Number>& kernels, const VectorXd& signs) {
+    SetSigns(signs);
+    int replaced = 0;
+    for (int j = 0; j < front.k; j += qp::kPanelBlock) {
+      replaced += kernels.eliminate(front, j);
+      for (int end = front.EndLine(); end > front.SolveBegin(j); end -= kStep)
+        kernels.solve_lines(front, j, end - kStep, end);
+      for (int end = front.EndLine(); end > front.UpdateBegin(j); end -= kStep)
+        kernels.update_lines(front, j, end - kStep, end);
+    }
+    return replaced;
+  }
+  MatrixXd Lower() const {  // n x k
+    MatrixXd l = MatrixXd::Zero(front.n, front.k);
+    for (int j = 0; j < front.k; ++j) {
+      for (int i = j; i < front.n; ++i) l(i, j) = panel[front.lead + i + j * front.panel_stride];
+      l(j, j) = 1 / l(j, j);
+    }
+    return l;
+  }
+  MatrixXd Update() const {
+    const int m = front.n - front.k;
+    MatrixXd u(m, m);
+    for (int j = 0; j < m; ++j)
+      for (int i = j; i < m; ++i) u(i, j) = u(j, i) = update[i + j * front.update_stride];
+    return u;
+  }
+  // One number per line, NaN where there is no row.
+  Lines1 Lines(const VectorXd& x) const {
+    Lines1 lines = Lines1::Constant(front.EndLine(), static_cast<Number>(kNaN));
+    lines.segment(front.lead, front.n) = x.cast<Number>();
+    return lines;
+  }
+  VectorXd Rows(const Lines1& lines) const { return lines.segment(front.lead, front.n).template cast<double>(); }
+  void SetSigns(const VectorXd& signs) {
+    own_signs.clear();
+    for (const double sign : signs) own_signs.push_back(static_cast<Number>(sign));
+    front.signs = own_signs.data();
+  }
+  qp::FrontOf<Number> front;
+  std::vector<Number> panel, update, scratch, own_signs;
+};
+using TestFront = TestFrontOf<double>;
+
+// L (n x k) with A = L S L^T + [0 0; 0 U], and U, the plain way.
+void PlainCholesky(MatrixXd a, int k, const VectorXd& signs, MatrixXd* lower, MatrixXd* update) {
+  const int n = static_cast<int>(a.rows());
+  *lower = MatrixXd::Zero(n, k);
+  for (int j = 0; j < k; ++j) {
+    const double root = std::sqrt(signs[j] * a(j, j));
+    for (int i = j; i < n; ++i) (*lower)(i, j) = signs[j] * a(i, j) / root;
+    for (int p = j; p < n; ++p)
+      for (int q = j; q < n; ++q) a(p, q) -= signs[j] * (*lower)(p, j) * (*lower)(q, j);
+  }
+  *update = a.bottomRightCorner(n - k, n - k);
+}
+
+class FrontKernels : public ::testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    set_ = qp::FindFrontKernels(GetParam());
+    if (set_ == nullptr) GTEST_SKIP() << "this machine has no " << GetParam();
+  }
+  VectorXd RandomSigns(int n, bool mixed) {
+    VectorXd signs = VectorXd::Ones(n);
+    for (int i = 0; mixed && i < n; ++i) signs[i] = random_.Integer(0, 1) ? 1 : -1;
+    return signs;
+  }
+  const qp::FrontKernelSet* set_ = nullptr;
+  Random random_{21};
+};
+
+TEST_P(FrontKernels, OneByOne) {
+  TestFront front(MatrixXd::Constant(1, 1, 4), 1, 1);
+  EXPECT_EQ(front.Factorise(set_->For(1), VectorXd::Ones(1)), 0);
+  EXPECT_EQ(front.Lower()(0, 0), 2);
+  TestFront negative(MatrixXd::Constant(1, 1, -9), 1, 1);
+  EXPECT_EQ(negative.Factorise(set_->For(1), -VectorXd::Ones(1)), 0);
+  EXPECT_NEAR(std::abs(negative.Lower()(0, 0)), 3, 1e-15);
+}
+
+// Sizes with every remainder modulo the vector, every k, signs mixed and not.
+TEST_P(FrontKernels, FactoriseAgreesWithPlainCholesky) {
+  for (const int block : {1, 3, 6, 12}) {
+    const int largest = block == 1 ? 26 : block == 3 ? 39 : 72;
+    for (int n = block; n <= largest; n += block) {
+      for (int k = block; k <= n; k += block) {
+        const VectorXd signs = RandomSigns(n, (n + k) / block % 2 == 0);
+        const MatrixXd a = RandomQuasiDefinite(&random_, signs);
+        TestFront front(a, k, block);
+        MatrixXd lower, update;
+        PlainCholesky(a, k, signs, &lower, &update);
+        ASSERT_EQ(front.Factorise(set_->For(block), signs), 0) << "block " << block << " n " << n << " k " << k;
+        ASSERT_LT((front.Lower() - lower).cwiseAbs().maxCoeff(), 1e-13 * n)
+            << "block " << block << " n " << n << " k " << k;
+        if (n > k) {
+          ASSERT_LT((front.Update() - update).cwiseAbs().maxCoeff(), 1e-13 * n)
+              << "block " << block << " n " << n << " k " << k;
+        }
+      }
+    }
+  }
+}
+
+// Several panel blocks; in parts the same bits; an update matrix that is overwritten equals one of zeros.
+TEST_P(FrontKernels, LargeFrontsInPartsHaveTheSameBits) {
+  for (const int block : {1, 3, 6, 12}) {
+    for (const auto [n, k] : {std::array{96, 96}, {108, 96}, {204, 108}, {300, 300}, {312, 204}}) {
+      SCOPED_TRACE(n * 1000 + k);
+      const VectorXd signs = RandomSigns(n, true);
+      MatrixXd a = RandomQuasiDefinite(&random_, signs);
+      a.bottomRightCorner(n - k, n - k).setZero();
+      TestFront whole(a, k, block), parts(a, k, block);
+      MatrixXd lower, update;
+      PlainCholesky(a, k, signs, &lower, &update);
+      std::fill(parts.update.begin(), parts.update.end(), kNaN);
+      parts.front.fresh = true;
+      ASSERT_EQ(whole.Factorise(set_->For(block), signs), 0);
+      ASSERT_EQ(parts.FactoriseInParts(set_->For(block), signs), 0);
+      EXPECT_LT((whole.Lower() - lower).cwiseAbs().maxCoeff(), 1e-12);
+      EXPECT_TRUE((whole.Lower().array() == parts.Lower().array()).all());
+      if (n == k) continue;
+      EXPECT_LT((whole.Update() - update).cwiseAbs().maxCoeff(), 1e-12);
+      EXPECT_TRUE((whole.Update().array() == parts.Update().array()).all());
+    }
+  }
+}
+
+TEST_P(FrontKernels, ForwardAndBackward) {
+  const auto check = [&](int n, int k, int block) {
+    SCOPED_TRACE(::testing::Message() << "n " << n << " k " << k << " block " << block);
+    const qp::FrontKernels& kernels = set_->For(block);
+    const VectorXd signs = RandomSigns(n, true);
+    TestFront front(RandomQuasiDefinite(&random_, signs), k, block);
+    front.Factorise(kernels, signs);
+    const MatrixXd lower = front.Lower();
+    const auto top = lower.topRows(k).triangularView<Eigen::Lower>();
+    const VectorXd b = VectorXd::NullaryExpr(n, [&] { return random_.Uniform(-1, 1); });
+    VectorXd expected = b;
+    expected.head(k) = top.solve(b.head(k)).eval();
+    expected.tail(n - k) -= lower.bottomRows(n - k) * expected.head(k);
+    VectorXd x = front.Lines(b);
+    kernels.forward(front.front, x.data());
+    ASSERT_LT((front.Rows(x) - expected).norm(), 1e-13 * n);
+    VectorXd parts = front.Lines(b);
+    for (int j = 0; j < k; j += qp::kPanelBlock) {
+      kernels.forward_block(front.front, j, parts.data());
+      for (int end = front.front.EndLine(); end > front.front.SolveBegin(j); end -= qp::kVector)
+        kernels.forward_lines(front.front, j, end - qp::kVector, end, parts.data());
+    }
+    ASSERT_TRUE((front.Rows(parts).array() == front.Rows(x).array()).all());
+    expected = b;
+    expected.head(k) = top.transpose().solve(b.head(k) - lower.bottomRows(n - k).transpose() * b.tail(n - k)).eval();
+    x = front.Lines(b);
+    kernels.backward(front.front, x.data());
+    ASSERT_LT((front.Rows(x) - expected).norm(), 1e-13 * n);
+  };
+  for (int n = 1; n <= 30; ++n)
+    for (int k = 1; k <= n; ++k) check(n, k, 1);
+  for (int n = 6; n <= 60; n += 6)
+    for (int k = 6; k <= n; k += 6) check(n, k, 6);
+  check(207, 105, 3);
+  check(300, 204, 6);
+  check(300, 300, 12);
+}
+
+// A pivot of the wrong sign is counted, and its row drops out: the rest is solved as if it were not there.
+TEST_P(FrontKernels, WrongPivotIsReplacedAndCounted) {
+  for (const int block : {1, 3, 6, 12}) {
+    const int n = 24;
+    for (int bad = 0; bad < n; ++bad) {
+      const VectorXd signs = RandomSigns(n, true);
+      MatrixXd a = RandomQuasiDefinite(&random_, signs);
+      a(bad, bad) = -a(bad, bad) * 100;
+      TestFront front(a, n, block);
+      ASSERT_EQ(front.Factorise(set_->For(block), signs), 1) << "block " << block << " row " << bad;
+      const VectorXd b = VectorXd::NullaryExpr(n, [&] { return random_.Uniform(-1, 1); });
+      VectorXd lines = front.Lines(b);
+      set_->For(block).forward(front.front, lines.data());
+      lines = front.Lines(front.Rows(lines).cwiseProduct(signs));
+      set_->For(block).backward(front.front, lines.data());
+      const VectorXd x = front.Rows(lines);
+      EXPECT_NEAR(x[bad], 0, 1e-50);
+      a.row(bad).setZero(), a.col(bad).setZero(), a(bad, bad) = 1;
+      VectorXd rest = b;
+      rest[bad] = 0;
+      EXPECT_LT((x - a.lu().solve(rest)).norm(), 1e-12);
+    }
+  }
+}
+
+TEST_P(FrontKernels, ZeroNaNAndTinyPivotsAreReplaced) {
+  for (const double pivot : {0.0, kNaN, 1e-3}) {
+    MatrixXd a = MatrixXd::Identity(6, 6);
+    a(2, 2) = pivot;
+    TestFront front(a, 6, 6);
+    EXPECT_EQ(front.Factorise(set_->For(6), VectorXd::Ones(6), 1e-2), 1);
+    EXPECT_TRUE(front.Lower().allFinite());
+  }
+}
+
+// Rows of a child: some in the panel, some in the update matrix, in runs and alone; in one go and column by column.
+TEST_P(FrontKernels, ExtendAdd) {
+  for (const int block : {1, 3, 6, 12}) {
+    const std::vector<int> to = {0, 2, 3, 4, 6, 9, 10};
+    const int nodes = 11, columns = 4, m = static_cast<int>(to.size()), n = nodes * block;
+    const auto symmetric = [&](int size) {
+      const MatrixXd any = MatrixXd::NullaryExpr(size, size, [&] { return random_.Uniform(-1, 1); });
+      return MatrixXd(any + any.transpose());
+    };
+    const MatrixXd a = symmetric(n), added = symmetric(m * block);
+    TestFront parent(a, columns * block, block), by_column(a, columns * block, block);
+    const int stride = qp::Front::OddStride(m * block);
+    std::vector<double> child(stride * m * block, kNaN);
+    for (int j = 0; j < m * block; ++j)
+      for (int i = j; i < m * block; ++i) child[i + j * stride] = added(i, j);
+    set_->For(block).extend_add(parent.front, m, to.data(), child.data(), 0, m);
+    for (int c = 0; c < m; ++c) set_->For(block).extend_add(by_column.front, m, to.data(), child.data(), c, c + 1);
+    MatrixXd sum = a;
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j < m; ++j)
+        sum.block(to[i] * block, to[j] * block, block, block) += added.block(i * block, j * block, block, block);
+    for (const TestFront* front : {&parent, &by_column}) {
+      for (int j = 0; j < n; ++j) {
+        for (int i = j; i < n; ++i) {
+          const qp::Front& f = front->front;
+          ASSERT_EQ(j < f.k ? front->panel[f.lead + i + j * f.panel_stride]
+                            : front->update[i - f.k + (j - f.k) * f.update_stride],
+                    sum(i, j))
+              << i << " " << j;
+        }
+      }
+    }
+  }
+}
+
+TEST_P(FrontKernels, AddProducts) {
+  const int contacts = 3;
+  std::vector<double> rows(2 * contacts * 24, 0.0), d;
+  std::vector<qp::Jacobian> jacobians;
+  for (int s = 0; s < 2 * contacts; ++s) {
+    jacobians.push_back(qp::Jacobian::NullaryExpr([&] { return random_.Uniform(-1, 1); }));
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 6; ++c) rows[24 * s + 8 * r + c] = jacobians[s](r, c);
+  }
+  Eigen::Matrix<double, 6, 6> expected = Eigen::Matrix<double, 6, 6>::Ones();
+  std::vector<qp::ContactProduct> products;
+  for (int c = 0; c < contacts; ++c) {
+    const qp::Matrix3 inner = random_.PositiveDefinite(0.1, 10);
+    d.insert(d.end(), inner.data(), inner.data() + 9);
+    expected -= jacobians[2 * c].transpose() * inner * jacobians[2 * c + 1];
+    products.push_back({2 * c, 2 * c + 1, c});
+  }
+  MatrixXd out = MatrixXd::Constant(7, 7, kNaN);
+  out.topLeftCorner<6, 6>().setOnes();
+  set_->six->add_products(contacts, products.data(), rows.data(), d.data(), -1, out.data(), 7);
+  EXPECT_LT((out.topLeftCorner<6, 6>() - expected).norm(), 1e-13);
+  EXPECT_TRUE(std::isnan(out(6, 0)) && std::isnan(out(0, 6)));
+}
+
+// Single precision: the same code for other numbers, so sizes with every remainder modulo its vectors will do.
+TEST_P(FrontKernels, SinglePrecision) {
+  const auto* set = qp::FindFrontKernelsOf<float>(GetParam());
+  ASSERT_NE(set, nullptr);
+  const auto check = [&](int n, int k, int block) {
+    SCOPED_TRACE(::testing::Message() << "n " << n << " k " << k << " block " << block);
+    const qp::FrontKernelsOf<float>& kernels = set->For(block);
+    const VectorXd signs = RandomSigns(n, true);
+    const MatrixXd a = RandomQuasiDefinite(&random_, signs);
+    TestFrontOf<float> whole(a, k, block), parts(a, k, block);
+    MatrixXd lower, update;
+    PlainCholesky(a, k, signs, &lower, &update);
+    ASSERT_EQ(whole.Factorise(kernels, signs), 0);
+    ASSERT_EQ(parts.FactoriseInParts(kernels, signs), 0);
+    ASSERT_LT((whole.Lower() - lower).cwiseAbs().maxCoeff(), 1e-5 * n);
+    ASSERT_TRUE((whole.Lower().array() == parts.Lower().array()).all());
+    if (n > k) {
+      ASSERT_LT((whole.Update() - update).cwiseAbs().maxCoeff(), 1e-5 * n);
+      ASSERT_TRUE((whole.Update().array() == parts.Update().array()).all());
+    }
+    const auto top = lower.topRows(k).triangularView<Eigen::Lower>();
+    const VectorXd b = VectorXd::NullaryExpr(n, [&] { return random_.Uniform(-1, 1); });
+    VectorXd expected = b;
+    expected.head(k) = top.solve(b.head(k)).eval();
+    expected.tail(n - k) -= lower.bottomRows(n - k) * expected.head(k);
+    auto x = whole.Lines(b);
+    kernels.forward(whole.front, x.data());
+    ASSERT_LT((whole.Rows(x) - expected).norm(), 1e-5 * n);
+    expected = b;
+    expected.head(k) = top.transpose().solve(b.head(k) - lower.bottomRows(n - k).transpose() * b.tail(n - k)).eval();
+    x = whole.Lines(b);
+    kernels.backward(whole.front, x.data());
+    ASSERT_LT((whole.Rows(x) - expected).norm(), 1e-5 * n);
+  };
+  for (const int block : {1, 3, 6, 12})
+    for (int n = block; n <= (block == 1 ? 40 : 72); n += block)
+      for (int k = block; k <= n; k += 2 * block) check(n, k, block);
+  check(204, 108, 6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, FrontKernels, ::testing::Values("sse2", "avx2", "avx512"),
+                         [](const auto& set) { return std::string(set.param); });
+
+TEST(FrontKernelSets, TheBestIsOneOfThem) {
+  EXPECT_EQ(qp::FindFrontKernels(qp::BestFrontKernels().name), &qp::BestFrontKernels());
+  EXPECT_EQ(qp::FindFrontKernels("mmx"), nullptr);
+  EXPECT_NE(qp::FindFrontKernels("sse2"), nullptr);
+}
+
+}  // namespace
+}  // namespace islet::testing
