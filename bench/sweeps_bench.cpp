@@ -15,8 +15,8 @@
 
 #include "bench/problem_files.h"
 #include "parallel/worker_pool.h"
-#include "qp/gauss_seidel/gauss_seidel.h"
 #include "qp/cascade/island_solver.h"
+#include "qp/gauss_seidel/gauss_seidel.h"
 
 namespace islet::qp {
 namespace {

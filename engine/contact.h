@@ -22,15 +22,13 @@ struct Contact {
   // False: still open by `gap`, and known only so that two supported bodies do not close it within the step. Such a contact
   // never bounces; the static problem lets its bodies approach at gap / dt.
   bool touches = true;
-  double friction = 0;     // mu of the pair
-  double restitution = 0;  // epsilon of the pair
+  double friction = 0;        // mu of the pair
+  double restitution = 0;     // epsilon of the pair
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
 
 // [m/s] with which the contact separates after it was approached at the given speed: Newton's law.
-inline double ReboundSpeed(const Contact& contact, double approach) {
-  return contact.restitution * approach;
-}
+inline double ReboundSpeed(const Contact& contact, double approach) { return contact.restitution * approach; }
 
 // Whether the rebound from an approach [m/s], below 0 if it opens, lasts longer than the step in which gravity adds free_fall
 // [m/s]. Nothing may slow it down before the blow, then.

@@ -207,8 +207,9 @@ void ContactSuite::Impl::Finish(StepReport* report) {
   const size_t nc = frame.contacts.contacts.size();
   for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
-  pool->ForEachOf(nc, kPerTask,
-                  [&](size_t c) { impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]); });
+  pool->ForEachOf(nc, kPerTask, [&](size_t c) {
+    impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
+  });
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;

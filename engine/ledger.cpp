@@ -13,12 +13,12 @@
 namespace islet {
 namespace {
 
-constexpr int kPerTask = 64;          // bodies
-constexpr double kTurn = 0.04;        // [rad] of one step of the rotation's integration
-constexpr double kCore = 0.9;         // of a shape: what no other body's centre may pass
-constexpr double kSameTime = 1e-13;     // of a step
-constexpr double kLook = 0.2;         // [rad] by which the other body turns at most between two looks at what goes through it
-constexpr double kDeepSphere = 0.5;   // of a radius: the same for spheres
+constexpr int kPerTask = 64;         // bodies
+constexpr double kTurn = 0.04;       // [rad] of one step of the rotation's integration
+constexpr double kCore = 0.9;        // of a shape: what no other body's centre may pass
+constexpr double kSameTime = 1e-13;  // of a step
+constexpr double kLook = 0.2;  // [rad] by which the other body turns at most between two looks at what goes through it
+constexpr double kDeepSphere = 0.5;  // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
@@ -31,7 +31,8 @@ Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, con
 //   L^2 / 2B  +  (1/A - 1/B) La^2 / 2  +  (1/C - 1/B) Lc^2 / 2
 // Each part alone turns the body evenly, about L, about its axis of A, about that of C. They are composed to fourth order
 // [Yos90], none by more than `longest` [rad]. However thin, a body whose other two moments are alike turns exactly.
-Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time, double longest = kTurn) {
+Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time,
+                double longest = kTurn) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
   const double inertia = body.inertia_B(0, 0);
   if (body.inertia_B == Matrix3(Vector3::Constant(inertia).asDiagonal()))  // a ball or a cube turns evenly
@@ -143,11 +144,14 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     times.push_back(step.impulses[k].time + step.impulses[k].duration);
   }
   std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kSameTime * step.dt; }), times.end());
+  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kSameTime * step.dt; }),
+              times.end());
   // Every impulse between the moments that its own fall together with, so that none of it is lost where they do.
   thread_local std::vector<std::pair<size_t, size_t>> when;
   when.clear();
-  const auto moment_of = [&](double time) { return std::upper_bound(times.begin(), times.end(), time) - times.begin() - 1; };
+  const auto moment_of = [&](double time) {
+    return std::upper_bound(times.begin(), times.end(), time) - times.begin() - 1;
+  };
   for (const int k : own) {
     const LedgerImpulse& j = step.impulses[k];
     when.emplace_back(moment_of(j.time), moment_of(j.time + j.duration));
@@ -215,8 +219,9 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   kicks.clear();
   for (const int k : own) {
     const LedgerImpulse& j = step.impulses[k];
-    const Vector3 centre = j.duration == 0 ? PositionAt(*account, j.time)
-                                           : Vector3(0.5 * (PositionAt(*account, j.time) + PositionAt(*account, j.time + j.duration)));
+    const Vector3 centre =
+        j.duration == 0 ? PositionAt(*account, j.time)
+                        : Vector3(0.5 * (PositionAt(*account, j.time) + PositionAt(*account, j.time + j.duration)));
     kicks.push_back({j.time + 0.5 * j.duration, SignOn(j, number) * (j.contact.point_W - centre).cross(j.impulse_W)});
     pushed += j.impulse_W.norm();
     turned += kicks.back().moment.norm();
@@ -225,21 +230,24 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
       const Body& w = step.before[wall];
       if (w.kind != BodyKind::kKinematic) continue;
       const Vector3 at = w.position_W + (j.time + 0.5 * j.duration) * w.linear_velocity_W;
-      account->gain -= SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
+      account->gain -=
+          SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
     }
   }
   if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});
   for (size_t k = 1; k < kicks.size(); ++k)  // few, and nearly in order
     for (size_t i = k; i > 0 && kicks[i].time < kicks[i - 1].time; --i) std::swap(kicks[i], kicks[i - 1]);
   const Vector3 momentum_before = before.AngularMomentumW(), momentum_after = after.AngularMomentumW();
-  const double energy_before = KineticEnergy(before, momentum_before), energy_after = KineticEnergy(after, momentum_after);
+  const double energy_before = KineticEnergy(before, momentum_before),
+               energy_after = KineticEnergy(after, momentum_after);
   Vector3 momentum = momentum_before;
   Quaternion rotation = before.rotation_WB;
   double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
   account->spins.push_back({0, rotation, momentum});
   for (const Kick& kick : kicks) {
     rotation = Turn(before, rotation, momentum, kick.time - t);
-    if (kick.of_torque) worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
+    if (kick.of_torque)
+      worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
     momentum += kick.moment;
     if (kick.time <= t) account->spins.pop_back();  // with the one before, and no turn between
     t = std::max(t, kick.time);
@@ -248,9 +256,10 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   rotation = Turn(before, rotation, momentum, step.dt - t);
   const double fall = before.mass * step.gravity_W.norm() * step.dt;
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
-                      std::max({before.mass * before.linear_velocity_W.norm(), before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
-  account->angular = (momentum - momentum_after).norm() /
-                     std::max({momentum_before.norm(), momentum_after.norm(), turned, (pushed + fall) * before.radius, 1e-300});
+                      std::max({before.mass * before.linear_velocity_W.norm(),
+                                before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
+  account->angular = (momentum - momentum_after).norm() / std::max({momentum_before.norm(), momentum_after.norm(),
+                                                                    turned, (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
   const double angle = 2 * std::asin(std::min(1.0, off.vec().norm()));
   account->way = (end.position_W - after.position_W).norm() +
@@ -260,7 +269,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   if (!before.torque_W.isZero(0)) {
     const Quaternion turn = after.rotation_WB * before.rotation_WB.conjugate();
     const double sign = turn.w() < 0 ? -1 : 1, sine = turn.vec().norm();
-    const double work = sine > 0 ? 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec()) : 0;
+    const double work =
+        sine > 0 ? 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec()) : 0;
     account->gain -= work;
     account->allowed += std::abs(work - worked);  // a step knows no more of when the torque acted on what
   }
@@ -329,7 +339,9 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
     if (!IsOurs(step.before[way.body]) || (!plane && kCore * step.shapes[other].size() > length)) return;
-    if (!(plane ? Sinks(step, way.body, other) : GoesThrough(step, static_cast<int>(way.body), static_cast<int>(other)))) return;
+    if (!(plane ? Sinks(step, way.body, other)
+                : GoesThrough(step, static_cast<int>(way.body), static_cast<int>(other))))
+      return;
     ++ledger->sides_changed;
     ledger->side_changer = static_cast<int>(way.body);
   };
@@ -338,7 +350,8 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   if (kCore * thinnest > 2 * longest) return;
   order.resize(ways.size());
   std::iota(order.begin(), order.end(), size_t{0});
-  std::sort(order.begin(), order.end(), [&](size_t x, size_t y) { return std::pair(ways[x].low.x(), x) < std::pair(ways[y].low.x(), y); });
+  std::sort(order.begin(), order.end(),
+            [&](size_t x, size_t y) { return std::pair(ways[x].low.x(), x) < std::pair(ways[y].low.x(), y); });
   for (size_t i = 0; i < order.size(); ++i) {
     const Way& a = ways[order[i]];
     for (size_t k = i + 1; k < order.size() && ways[order[k]].low.x() <= a.high.x(); ++k) {
@@ -359,7 +372,8 @@ bool LedgerKeeper::Sinks(const LedgerStep& step, size_t body, size_t plane) {
 }
 
 // Whether a centre stays outside of the sphere around another body all that time, in which both go along parabolas.
-bool LedgerKeeper::Misses(const Account& account, const Account& partner, double begin, double end, double radius) const {
+bool LedgerKeeper::Misses(const Account& account, const Account& partner, double begin, double end,
+                          double radius) const {
   const auto apart = [&](double time) -> Vector3 { return PositionAt(account, time) - PositionAt(partner, time); };
   const Vector3 a = apart(begin), way = apart(end) - a, sag = apart(0.5 * (begin + end)) - a - 0.5 * way;
   const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
@@ -371,16 +385,20 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   const Shape& shape = step.shapes[other];
   const bool round = shape.kind() == ShapeKind::kSphere;
   Spin last = partner.spins.empty() ? Spin{} : partner.spins.front();
-  const auto inside = [&](double time, Spin* before) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
+  const auto inside =
+      [&](double time,
+          Spin* before) -> Vector3 {  // the centre as the other body sees it; a sphere's turn does not matter
     const Vector3 apart = PositionAt(account, time) - PositionAt(partner, time);
     return round ? apart : RotationAt(step, other, time, before).conjugate() * apart;
   };
-  const double allowed = 0.5 * (1 - kCore) * shape.size();  // [m] by which the way may bend off its chord: between core and surface
-  double rate = 0;  // [rad/s] fastest turn that matters
+  const double allowed =
+      0.5 * (1 - kCore) * shape.size();  // [m] by which the way may bend off its chord: between core and surface
+  double rate = 0;                       // [rad/s] fastest turn that matters
   if (!round) {
     rate = step.before[other].angular_velocity_W.norm();
     const Matrix3 inverse = step.before[other].inertia_B.inverse();
-    for (const Spin& spin : partner.spins) rate = std::max(rate, SpinOf(inverse, spin.rotation_WB, spin.momentum_W).norm());
+    for (const Spin& spin : partner.spins)
+      rate = std::max(rate, SpinOf(inverse, spin.rotation_WB, spin.momentum_W).norm());
   }
   thread_local std::vector<double> times;  // at which either changes its velocity
   times.clear();

@@ -29,11 +29,11 @@ class WorkerPool;
 
 // An impulse at one point of two bodies, spread evenly over a part of the step; duration 0: a blow.
 struct LedgerImpulse {
-  Contact contact;     // bodies, and the point where it acted: halfway
-  Vector3 impulse_W;   // [N s] on body_b
-  double time = 0;     // [s] from the start of the step
-  double duration = 0; // [s]
-  int corrects = -1;   // place of the spread impulse of the same contact that it takes something back of, -1: none
+  Contact contact;      // bodies, and the point where it acted: halfway
+  Vector3 impulse_W;    // [N s] on body_b
+  double time = 0;      // [s] from the start of the step
+  double duration = 0;  // [s]
+  int corrects = -1;    // place of the spread impulse of the same contact that it takes something back of, -1: none
 };
 
 struct LedgerStep {
@@ -53,16 +53,16 @@ class LedgerKeeper {
   double energy_gain() const { return energy_gain_; }  // [J] of the last step, all islands that gained some
 
  private:
-  struct Moment {              // of a body's centre on its way
-    double time;               // [s]
+  struct Moment {  // of a body's centre on its way
+    double time;   // [s]
     Vector3 position_W, velocity_W;
   };
-  struct Spin {                // from a kick on: turns freely
-    double time = 0;           // [s]
+  struct Spin {       // from a kick on: turns freely
+    double time = 0;  // [s]
     Quaternion rotation_WB;
-    Vector3 momentum_W;        // [N m s]
+    Vector3 momentum_W;  // [N m s]
   };
-  struct Account {             // of one body
+  struct Account {                              // of one body
     double gain = 0, at_hand = 0, allowed = 0;  // [J] beyond the work done on it; what it has; what solves may create
     double momentum = 0, angular = 0, way = 0;
     std::vector<Moment> course;

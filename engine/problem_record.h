@@ -17,7 +17,8 @@ enum class Stage { kCollision, kStatic };
 struct ProblemRecord {
   // Of a small group: which of its problems in this step. Of a crowd: 0.
   int round = 0;
-  int island = 0;  // of a small group: its smallest body; of a crowd: in the partition of this step, numbered by smallest body
+  int island =
+      0;  // of a small group: its smallest body; of a crowd: in the partition of this step, numbered by smallest body
   Stage stage = Stage::kCollision;
   QpStatus status = QpStatus::kNone;
   qp::Problem problem;  // with the bounces that were asked for in the end

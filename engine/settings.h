@@ -52,7 +52,8 @@ struct Settings {
   Effort effort = qp::kNormalEffort;  // kCoulomb: cap on the work for an island that does not get there
   Ladder ladder;                      // ways to answer a problem more cheaply that may be used
   double touch_gap = 1e-3;            // contacts closer than this touch; per shape size
-  double overlap_tolerance = 2.5e-4;  // contacts closer than this are closed, and what a crowd's gaps may miss their end by; per shape size
+  double overlap_tolerance =
+      2.5e-4;  // contacts closer than this are closed, and what a crowd's gaps may miss their end by; per shape size
 
   // Performance
   int threads = 0;  // 0: all cores

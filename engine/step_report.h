@@ -35,14 +35,14 @@ struct LedgerEntry {
   }
 };
 struct Ledger {
-  LedgerEntry energy_created;         // of an island, over its kinetic energy, beyond what its solves may create as reported
-  LedgerEntry momentum_unexplained;   // over the largest of momenta and impulses of the body
+  LedgerEntry energy_created;  // of an island, over its kinetic energy, beyond what its solves may create as reported
+  LedgerEntry momentum_unexplained;           // over the largest of momenta and impulses of the body
   LedgerEntry angular_momentum_unexplained;   // the same, about its centre
   LedgerEntry displacement_without_velocity;  // [m] of the body's farthest point
-  int sides_changed = 0;              // pairs of bodies of which one went through the other
+  int sides_changed = 0;                      // pairs of bodies of which one went through the other
   int side_changer = -1;
   void Include(const Ledger& other);
-  bool Clean() const;                 // within kMostEnergy, kMostMomentum, no side changed
+  bool Clean() const;  // within kMostEnergy, kMostMomentum, no side changed
   static constexpr double kMostEnergy = 1e-6, kMostMomentum = 1e-9;
 };
 
@@ -55,10 +55,10 @@ enum class QpStatus : std::uint8_t {
 };
 const char* ToString(QpStatus status);
 
-struct QpSummary {  // over the islands of one step
-  int solved = 0;   // problems handed to the solver
-  int failed = 0;   // of these, kInfeasible or kFailed
-  int missed = 0;   // of these, kInaccurate: the effort was spent before the tolerance was reached
+struct QpSummary {         // over the islands of one step
+  int solved = 0;          // problems handed to the solver
+  int failed = 0;          // of these, kInfeasible or kFailed
+  int missed = 0;          // of these, kInaccurate: the effort was spent before the tolerance was reached
   double worst_map = 0;    // natural map of the model, rms over the contacts, over v_ref: the worst problem
   int iterations = 0;      // factorisations, sum
   int iterations_max = 0;  // in one problem
@@ -121,10 +121,10 @@ struct StepReport {
   int motion_failures = 0;    // small groups that gave up a step, and pieces of a crowd that missed their end for good
   double kinetic_energy = 0;  // [J] after the step
   Ledger ledger;
-  double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
-  int pieces = 0;             // into which the steps of small groups were cut, together
-  double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
-  int overlapping = 0;        // pairs of bodies that are inside of each other at the end, by a fiftieth of a size
+  double energy_gain = 0;  // [J] of the whole step, potential energy and moving walls included; 0 if it lost some
+  int pieces = 0;          // into which the steps of small groups were cut, together
+  double unstepped = 0;    // [s] for which a group stood still since no way on was found, the longest
+  int overlapping = 0;     // pairs of bodies that are inside of each other at the end, by a fiftieth of a size
   // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
   // end of the step is the later one's.
   void Append(StepReport later);

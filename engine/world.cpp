@@ -12,9 +12,9 @@
 #include "engine/motion/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/motion/lever.h"
+#include "engine/response/suite_frame.h"
 #include "engine/state_hash.h"
 #include "engine/stopwatch.h"
-#include "engine/response/suite_frame.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
@@ -22,8 +22,8 @@ namespace islet {
 static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
 
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
-  throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) + ": " +
-                              field + " = " + std::to_string(value));
+  throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
+                              ": " + field + " = " + std::to_string(value));
 }
 
 // All that one step leaves for the next, but for what the suite remembers.
@@ -38,7 +38,8 @@ struct WorldState {
   std::vector<double> margins;         // [m] and how far it may stray from that
   motion::GroupMemory groups;
   motion::CrowdMemory crowd_memory;
-  std::vector<std::uint8_t> crowd;  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
+  std::vector<std::uint8_t>
+      crowd;                  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
   bool stale = true;          // near_contacts do not belong to the current poses
   size_t checked_bodies = 0;  // those before it were checked for initial overlap
   double time = 0;            // [s]
@@ -62,13 +63,13 @@ struct World::Impl : WorldState {
   motion::MixMaterial mix;
   LedgerKeeper ledger;
   ProblemObserver observer;
-  std::vector<Body> before;  // the step
-  std::vector<Vector3> planned;  // [m] per body: its way without contacts
+  std::vector<Body> before;                        // the step
+  std::vector<Vector3> planned;                    // [m] per body: its way without contacts
   std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart;
   std::vector<LedgerImpulse> ledger_impulses;
   std::vector<int> group_places;  // in impulses, of those of small groups
-  LadderReport spared;  // what detection was spared in this step
+  LadderReport spared;            // what detection was spared in this step
   // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
   std::optional<StepReport> rest;
   double rest_dt = 0;  // [s]
@@ -388,8 +389,9 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
   const double detected_at = Seconds();
   report->seconds.detect += detected_at - lap;
   const double others = report->seconds.Total();
-  crowd_motion.Step(dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer, bodies, shapes,
-                    &near_contacts, &crowd_memory, report);
+  crowd_motion.Step(
+      dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer,
+      bodies, shapes, &near_contacts, &crowd_memory, report);
   resolved.clear();
   impulses.clear();
   AddImpulses(crowd_motion.impulses());
@@ -405,7 +407,8 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
     if (j.corrects >= 0) j.corrects += own;
     ledger_impulses.push_back(j);
   }
-  report->ledger = ledger.Judge({dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
+  report->ledger = ledger.Judge(
+      {dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
   report->energy_gain = ledger.energy_gain();
 }
 
@@ -458,7 +461,8 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
 // A callback may change its mind without telling.
 void World::Impl::Remember(double dt, const StepReport& report) {
   rest.reset();
-  if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0) return;
+  if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0)
+    return;
   rest = report;
   rest->seconds = {};
   rest_dt = dt;
@@ -495,8 +499,8 @@ StepReport World::Step(double dt) {
 }
 
 WorldSnapshot World::Save() const {
-  return WorldSnapshot(std::make_shared<const WorldSnapshot::Data>(
-      WorldSnapshot::Data{*impl_, impl_->settings.gravity}));
+  return WorldSnapshot(
+      std::make_shared<const WorldSnapshot::Data>(WorldSnapshot::Data{*impl_, impl_->settings.gravity}));
 }
 
 void World::Restore(const WorldSnapshot& snapshot) {

@@ -17,12 +17,12 @@ enum class Rung : std::uint8_t {
   kNewton,         // exact friction by Newton's method
   kInteriorPoint,  // the interior point, or what began there
   // Of detection:
-  kKeptPairs,   // contacts of two bodies that have not moved since they were found
-  kReach,       // contacts found with room for the motion that was expected: not found again before it
+  kKeptPairs,  // contacts of two bodies that have not moved since they were found
+  kReach,      // contacts found with room for the motion that was expected: not found again before it
 };
 inline constexpr int kNumProblemRungs = 7, kNumRungs = 9;
-inline constexpr const char* kRungNames[kNumRungs] = {
-    "nothing", "closed_form", "column", "held", "sweeps", "newton", "interior_point", "kept_pairs", "reach"};
+inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form",    "column",     "held", "sweeps",
+                                                      "newton",  "interior_point", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];

@@ -22,8 +22,8 @@ Effort ParseEffort(const std::string& text) {
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, effort.sweeps);
   if (error != std::errc() || rest != end || effort.sweeps < 1) {
-    throw std::invalid_argument(
-        fmt::format("--effort must be one of quick, normal, thorough, or a number of sweeps of at least 1; got {}", text));
+    throw std::invalid_argument(fmt::format(
+        "--effort must be one of quick, normal, thorough, or a number of sweeps of at least 1; got {}", text));
   }
   return effort;
 }
@@ -35,7 +35,9 @@ std::string NameOf(const Effort& effort) {
 }
 
 void NoteTier(const std::string& value) {
-  fmt::print(stderr, "islet: --tier {} is without effect, use --effort: quick, normal (default), thorough, or so many sweeps\n", value);
+  fmt::print(stderr,
+             "islet: --tier {} is without effect, use --effort: quick, normal (default), thorough, or so many sweeps\n",
+             value);
 }
 
 }  // namespace islet

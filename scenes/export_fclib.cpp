@@ -98,8 +98,8 @@ void FclibExport::Write(int frame, const ProblemRecord& record) {
   int round = record.round;
   std::string name;
   do {  // a crowd's island and a small group may have the same number
-    name = "frame_" + Padded(frame, 6) + "_round_" + std::to_string(round++) + "_island_" + Padded(record.island, 5) + "_" +
-           NameOf(record.stage) + ".hdf5";
+    name = "frame_" + Padded(frame, 6) + "_round_" + std::to_string(round++) + "_island_" + Padded(record.island, 5) +
+           "_" + NameOf(record.stage) + ".hdf5";
   } while (!names_.insert(name).second);
   const std::string place = "frame " + std::to_string(frame) + ", round " + std::to_string(round - 1) + ", island " +
                             std::to_string(record.island) + ", stage " + NameOf(record.stage);

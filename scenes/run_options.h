@@ -27,7 +27,7 @@ struct RunOptions {
   std::optional<double> seconds;  // [s] or after so much simulated time; neither: at rest, or at the time limit
   double dt = 1.0 / 30;           // [s]
 
-  std::optional<int> threads;                                            // 0: all cores
+  std::optional<int> threads;                                                            // 0: all cores
   std::optional<std::string> model, cone, effort, ladder, bounce, bounce_limit, freeze;  // as on the command line
   std::optional<double> tolerance;
   std::optional<int> freeze_count, group_bodies;

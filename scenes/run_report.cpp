@@ -241,8 +241,8 @@ std::string RunReport::Summary() const {
   double sum = 0;
   for (const double seconds : step_seconds_) sum += seconds;
   const auto qp = [](const QpSummary& q) {
-    return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved, q.failed, q.missed,
-                       1e2 * q.missed / std::max(1, q.solved), q.worst_map);
+    return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved,
+                       q.failed, q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
   std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", scene_.name,
                                  info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
@@ -256,7 +256,8 @@ std::string RunReport::Summary() const {
       "  certificate   momentum {:.1e}, cone {:.1e}, dual {:.1e}, gap {:.1e}; exact Coulomb {:.1e} m/s rms\n",
       certificate_.momentum, certificate_.cone, certificate_.dual, certificate_.gap, certificate_.coulomb_map_rms);
   text += fmt::format(
-      "  ledger        energy created {:.1e} of that at hand, momentum {:.1e}, angular {:.1e}, way {:.1e} m, sides {}; {} steps failed\n",
+      "  ledger        energy created {:.1e} of that at hand, momentum {:.1e}, angular {:.1e}, way {:.1e} m, sides {}; "
+      "{} steps failed\n",
       ledger_.energy_created.value, ledger_.momentum_unexplained.value, ledger_.angular_momentum_unexplained.value,
       ledger_.displacement_without_velocity.value, ledger_.sides_changed, failed_steps_);
   text += fmt::format("  penetration   {:.2e} m at most\n", penetration_.max);

@@ -73,11 +73,8 @@ Engine TheEngine() {
   AddTimeSteps({.solver = "quick", .dt = 1.0 / 30}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "convex", .dt = 1.0 / 30}, kFewRates, {}, &engine.settings);
   for (const double tolerance : kTolerances) {
-    engine.settings.push_back({.solver = "normal",
-                               .sweep = "tolerance",
-                               .dt = 1.0 / 30,
-                               .tolerance = tolerance,
-                               .quick = tolerance == 1e-4});
+    engine.settings.push_back(
+        {.solver = "normal", .sweep = "tolerance", .dt = 1.0 / 30, .tolerance = tolerance, .quick = tolerance == 1e-4});
   }
   AddTimeSteps({.solver = "quick", .dt = 1.0 / 30, .sleeping = true}, kFewRates, {}, &engine.settings);
   AddTimeSteps({.solver = "normal", .dt = 1.0 / 30, .threads = 2}, kFewRates, {}, &engine.settings);

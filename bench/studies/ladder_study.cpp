@@ -76,8 +76,7 @@ Settings MakeSettings(const StudyScene& scene, const Kind& kind) {
   const std::string_view name = kind.name;
   if (!name.ends_with("auto")) settings.ladder = qp::Ladder::Off();
   if (name == "reference" || name == "nudged")
-    for (const qp::Rung rung :
-         {qp::Rung::kNothing, qp::Rung::kSweeps, qp::Rung::kKeptPairs, qp::Rung::kReach})
+    for (const qp::Rung rung : {qp::Rung::kNothing, qp::Rung::kSweeps, qp::Rung::kKeptPairs, qp::Rung::kReach})
       settings.ladder = settings.ladder.With(rung);
   return settings;
 }

@@ -162,7 +162,8 @@ void Threads(const Options& options, Output* out) {
 
 // Steps a world that rests: a few to warm up, then until there are enough. False if the budget does not allow another size.
 bool StepAtRest(World* world, double budget, Row* row, Output* out) {
-  constexpr int kWarmUp = 10, kLeast = 20, kMost = 60;  // the first steps are not like the later ones: so many for all sizes
+  constexpr int kWarmUp = 10, kLeast = 20,
+                kMost = 60;                      // the first steps are not like the later ones: so many for all sizes
   constexpr double kEnough = 0.5, kPlenty = 20;  // [s]
   Steps warm_up, steps;
   for (int i = 0; i < kWarmUp && warm_up.spent() < std::min(0.5 * budget, 0.5 * kPlenty); ++i) warm_up.Step(world);

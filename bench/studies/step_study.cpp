@@ -70,7 +70,8 @@ Course Run(const StudyScene& study, int division, int repeats) {
 
 double Farthest(const Course& x, const Course& y) {
   double farthest = 0;
-  for (size_t i = 0; i < x.centres_W.size(); ++i) farthest = std::max(farthest, (x.centres_W[i] - y.centres_W[i]).norm());
+  for (size_t i = 0; i < x.centres_W.size(); ++i)
+    farthest = std::max(farthest, (x.centres_W[i] - y.centres_W[i]).norm());
   return farthest;
 }
 
@@ -82,7 +83,8 @@ void Measure(const StudyScene& study, int finest, StudyCsv* csv) {
     const double error = Farthest(course, reference), order = before > 0 ? std::log2(before / error) : 0;
     csv->Row(study.name, 1.0 / (kRate * division), course.wall, error, order);
     char line[120];
-    std::snprintf(line, sizeof line, "%-12s 1/%-4d %8.2f ms %10.1e m %6.1f", study.name, kRate * division, 1e3 * course.wall, error, order);
+    std::snprintf(line, sizeof line, "%-12s 1/%-4d %8.2f ms %10.1e m %6.1f", study.name, kRate * division,
+                  1e3 * course.wall, error, order);
     Say(line);
     before = error;
   }
@@ -106,6 +108,7 @@ int main(int argc, char** argv) {
       if (std::none_of(std::begin(kScenes), std::end(kScenes), [&](const StudyScene& s) { return name == s.name; }))
         throw std::runtime_error("--scene " + name + " is not one of this study's");
     for (const StudyScene& study : kScenes)
-      if (scenes.empty() || std::find(scenes.begin(), scenes.end(), study.name) != scenes.end()) Measure(study, finest, &csv);
+      if (scenes.empty() || std::find(scenes.begin(), scenes.end(), study.name) != scenes.end())
+        Measure(study, finest, &csv);
   });
 }

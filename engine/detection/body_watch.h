@@ -25,7 +25,8 @@ struct Box {  // axis-parallel, W [m]
   bool Meets(const Box& other) const {
     unsigned meets = 1;
     for (int axis = 0; axis < 3; ++axis)
-      meets &= static_cast<unsigned>(lower[axis] <= other.upper[axis]) & static_cast<unsigned>(other.lower[axis] <= upper[axis]);
+      meets &= static_cast<unsigned>(lower[axis] <= other.upper[axis]) &
+               static_cast<unsigned>(other.lower[axis] <= upper[axis]);
     return meets != 0;
   }
   bool Contains(const Box& other) const {
@@ -34,15 +35,15 @@ struct Box {  // axis-parallel, W [m]
 };
 
 struct WatchedBody {
-  bool changed = true;    // anything that its contacts depend on but the three flags below
-  bool rebuilt = true;    // another shape, kind, or removed flag: its pairs are others now
+  bool changed = true;  // anything that its contacts depend on but the three flags below
+  bool rebuilt = true;  // another shape, kind, or removed flag: its pairs are others now
   bool removed = false;
   bool half_space = false;
   bool dynamic = false;
-  bool moves = false;            // Body::Moves()
+  bool moves = false;  // Body::Moves()
   bool moving_kinematic = false;
-  double radius = 0;             // [m] farthest point from the centre of mass
-  double margin = 0;             // [m]
+  double radius = 0;                 // [m] farthest point from the centre of mass
+  double margin = 0;                 // [m]
   Vector3 travel = Vector3::Zero();  // [m] W
   double friction = 0, restitution = 0;
   Placement pose;

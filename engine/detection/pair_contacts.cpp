@@ -31,7 +31,8 @@ void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Conta
   const double reach = a.margin + b.margin + travel_ba.norm();
   if (!Near(a, b, reach)) return;
   const size_t first = contacts->size();
-  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(), &pair->axis);
+  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(),
+                &pair->axis);
   if (contacts->size() == first) return;
   const double friction = MixFriction(a.friction, b.friction);
   const double restitution = MixRestitution(a.restitution, b.restitution);

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "engine/detection/body_watch.h"
 #include "engine/contact.h"
+#include "engine/detection/body_watch.h"
 
 namespace islet {
 

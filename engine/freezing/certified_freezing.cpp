@@ -8,12 +8,14 @@
 namespace islet {
 namespace {
 
-constexpr double kBalanced = 10;    // times the tolerance: imbalance that counts as none, of the impulses that act on the body
-constexpr double kWrong = 10;       // times what the answer is wrong by: velocity that may be its error
-constexpr double kAlike = 1e-2;     // of a force: a change that leaves it what it was
+constexpr double kBalanced =
+    10;  // times the tolerance: imbalance that counts as none, of the impulses that act on the body
+constexpr double kWrong = 10;    // times what the answer is wrong by: velocity that may be its error
+constexpr double kAlike = 1e-2;  // of a force: a change that leaves it what it was
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
-  return frame.bodies[contact.body_a].kind == BodyKind::kDynamic && frame.bodies[contact.body_b].kind == BodyKind::kDynamic;
+  return frame.bodies[contact.body_a].kind == BodyKind::kDynamic &&
+         frame.bodies[contact.body_b].kind == BodyKind::kDynamic;
 }
 
 }  // namespace
@@ -28,7 +30,8 @@ void CertifiedFreezing::FindIslands(const SuiteFrame& frame) {
   for (const Contact& contact : frame.contacts.contacts) {
     if (JoinsDynamic(frame, contact)) continue;
     const Body &a = frame.bodies[contact.body_a], &b = frame.bodies[contact.body_b];
-    const bool wall_moves = (a.kind != BodyKind::kDynamic && !StandsStill(a)) || (b.kind != BodyKind::kDynamic && !StandsStill(b));
+    const bool wall_moves =
+        (a.kind != BodyKind::kDynamic && !StandsStill(a)) || (b.kind != BodyKind::kDynamic && !StandsStill(b));
     if (wall_moves) moves_[roots_[contact.body_a]] = moves_[roots_[contact.body_b]] = 1;
   }
 }
@@ -73,8 +76,11 @@ bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Set
 
 void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
   const Vector3 force_W = body.mass * settings.gravity + body.force_W;
-  const auto size = [&](const Vector3& force, const Vector3& torque) { return force.norm() + torque.norm() / body.radius; };
-  const bool alike = size(force_W - still->force_W, body.torque_W - still->torque_W) <= kAlike * size(force_W, body.torque_W);
+  const auto size = [&](const Vector3& force, const Vector3& torque) {
+    return force.norm() + torque.norm() / body.radius;
+  };
+  const bool alike =
+      size(force_W - still->force_W, body.torque_W - still->torque_W) <= kAlike * size(force_W, body.torque_W);
   // Twice the chord between unit quaternions is the angle, where that is small; either sign is the same rotation.
   const double turned = 2 * std::min((body.rotation_WB.coeffs() - still->rotation_WB.coeffs()).norm(),
                                      (body.rotation_WB.coeffs() + still->rotation_WB.coeffs()).norm());
@@ -91,7 +97,8 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& sett
   still_.resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
-    if (i >= known) still_[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
+    if (i >= known)
+      still_[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
     if (body.Moves()) TrackStillness(body, settings, frame.dt, &still_[i]);
   }
   Wake(frame, settings);
@@ -113,7 +120,9 @@ void CertifiedFreezing::Wake(const SuiteFrame& frame, const Settings& settings) 
 // Of the islands that freeze now.
 void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& settings) {
   const int bodies = static_cast<int>(frame.bodies.size()), contacts = static_cast<int>(frame.contacts.contacts.size());
-  const auto rests = [&](int i) { return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]]; };
+  const auto rests = [&](int i) {
+    return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]];
+  };
   stops_.clear();
   freezing_.clear();
   holding_.clear();
@@ -167,7 +176,8 @@ void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& sett
 }
 
 // None where they would leave their cones. Returns whether they give what is wanted.
-bool CertifiedFreezing::FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses) {
+bool CertifiedFreezing::FindImpulses(const SuiteFrame& frame, const Settings& settings,
+                                     std::vector<Vector3>* impulses) {
   const bool found = stopping_.Find(wanted_, limits_, impulses);
   for (size_t k = 0; k < contacts_.size(); ++k) {
     const Vector3 all = frame.holding[contacts_[k]] + (*impulses)[k];
@@ -189,7 +199,8 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
     const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed || body.frozen) continue;
     const bool still = held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm && IsBalanced(body, loads_[i], settings);
+                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm &&
+                       IsBalanced(body, loads_[i], settings);
     if (!still) moves_[roots_[i]] = 1;
   }
   StopIslands(frame, settings);

@@ -17,16 +17,17 @@
 #include <utility>
 #include <vector>
 
-#include "engine/settings.h"
-#include "engine/step_report.h"
 #include "engine/freezing/stop_impulses.h"
 #include "engine/response/suite_frame.h"
+#include "engine/settings.h"
+#include "engine/step_report.h"
 
 namespace islet {
 
 class CertifiedFreezing {
  public:
-  static constexpr double kCalm = 0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that rest may take from it
+  static constexpr double kCalm =
+      0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that rest may take from it
 
   // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings);
@@ -58,7 +59,7 @@ class CertifiedFreezing {
   struct Load {
     Vector3 linear = Vector3::Zero(), angular = Vector3::Zero();  // [N s], [N m s] of everything
     double size = 0;                                              // [N s] sum of magnitudes
-    double outside = 0;                                           // farthest that an impulse lies outside its cone, of its size
+    double outside = 0;  // farthest that an impulse lies outside its cone, of its size
   };
   void FindIslands(const SuiteFrame& frame);
   void SumLoads(const SuiteFrame& frame);

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "engine/settings.h"
 #include "engine/response/suite_frame.h"
+#include "engine/settings.h"
 
 namespace islet {
 

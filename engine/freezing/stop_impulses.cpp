@@ -69,7 +69,8 @@ void StopImpulses::Multiply(std::span<const Momentum> x, std::vector<Momentum>* 
   }
 }
 
-bool StopImpulses::Find(std::span<const Momentum> wanted, std::span<const double> limits, std::vector<Vector3>* impulses) {
+bool StopImpulses::Find(std::span<const Momentum> wanted, std::span<const double> limits,
+                        std::vector<Vector3>* impulses) {
   const size_t n = wanted.size();
   w_.assign(n, Momentum::Zero());
   residual_.assign(wanted.begin(), wanted.end());

@@ -27,8 +27,8 @@ class StopImpulses {
  private:
   using Block = Eigen::Matrix<double, 6, 6>;
   struct Side {
-    int body = -1;                   // place in the island, -1: it does not move
-    Eigen::Matrix<double, 6, 3> g;   // momentum of an impulse in (n, t1, t2)
+    int body = -1;                  // place in the island, -1: it does not move
+    Eigen::Matrix<double, 6, 3> g;  // momentum of an impulse in (n, t1, t2)
   };
   struct Term {
     Side sides[2];

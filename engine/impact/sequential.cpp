@@ -16,9 +16,9 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
 // other for ever.
 constexpr int kPolish = 30;
-constexpr double kRounding = 1e-14;       // of the fastest approach
-constexpr double kTiedMap = 1e-9;         // of the fastest approach: natural map
-constexpr double kEnergySlack = 1e-13;    // of the work: rounding
+constexpr double kRounding = 1e-14;     // of the fastest approach
+constexpr double kTiedMap = 1e-9;       // of the fastest approach: natural map
+constexpr double kEnergySlack = 1e-13;  // of the work: rounding
 
 BounceBody MakeBounceBody(const Body& body) {
   BounceBody out;
@@ -216,7 +216,8 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c)
+    keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
   for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -rule.threshold;) {

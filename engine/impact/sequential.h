@@ -30,9 +30,9 @@ double BounceCost(double restitution, int num_bodies);
 
 // Which contacts of a group bounce, and how often.
 struct BounceRule {
-  double threshold;               // [m/s] > 0; a contact collides if it approaches faster
-  int limit = kAutoBounceLimit;   // c_b, or by BounceLimit
-  bool walls_answer = false;      // what rests on an immovable body takes a blow with it, not before it
+  double threshold;              // [m/s] > 0; a contact collides if it approaches faster
+  int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
+  bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
 };
 
 class SequentialResolver {

@@ -12,23 +12,23 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kPerTask = 256;        // bodies or contacts
-constexpr double kBatchCost = 64;    // contacts: smaller islands share a task
-constexpr int kPasses = 8;           // of the carrying problem
-constexpr int kFinePasses = 3;       // of these, that go on for the overlap tolerance
-constexpr int kLevels = 3;           // times that a piece is halved
-constexpr double kDeep = 2e-3;       // of a size: overlap that a piece may not make
-constexpr double kLate = 1e-3;       // of a size: overlap that later passes go on for
-constexpr int kOpenings = 2;         // of a pair that an old plane presses: then that plane is let go
-constexpr double kTouch = 1e-6;      // of a size: contacts so near are closed; others that do not press may close
-constexpr double kMoving = 0.1;      // of the tolerance: what of their speed answers may be wrong by where bodies move
-constexpr int kAttempts = 3;         // of blows, before none rebounds
-constexpr double kReach = 0.02;      // of a size: contacts nearer than that may carry in a pass
-constexpr double kGain = 1e-7;       // of the energy at hand: what a piece may make
-constexpr double kPushOut = 0.2;     // of an overlap: what a piece takes back
-constexpr double kAstray = 0.01;     // of a size: an overlap whose way out begins so far inside is not that of the way in
-constexpr double kFast = 20;         // times |g| dt: fastest that a way out of an overlap may ask for
-constexpr double kAlike = 0.999;     // cosine: normals that are the same
+constexpr int kPerTask = 256;      // bodies or contacts
+constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
+constexpr int kPasses = 8;         // of the carrying problem
+constexpr int kFinePasses = 3;     // of these, that go on for the overlap tolerance
+constexpr int kLevels = 3;         // times that a piece is halved
+constexpr double kDeep = 2e-3;     // of a size: overlap that a piece may not make
+constexpr double kLate = 1e-3;     // of a size: overlap that later passes go on for
+constexpr int kOpenings = 2;       // of a pair that an old plane presses: then that plane is let go
+constexpr double kTouch = 1e-6;    // of a size: contacts so near are closed; others that do not press may close
+constexpr double kMoving = 0.1;    // of the tolerance: what of their speed answers may be wrong by where bodies move
+constexpr int kAttempts = 3;       // of blows, before none rebounds
+constexpr double kReach = 0.02;    // of a size: contacts nearer than that may carry in a pass
+constexpr double kGain = 1e-7;     // of the energy at hand: what a piece may make
+constexpr double kPushOut = 0.2;   // of an overlap: what a piece takes back
+constexpr double kAstray = 0.01;   // of a size: an overlap whose way out begins so far inside is not that of the way in
+constexpr double kFast = 20;       // times |g| dt: fastest that a way out of an overlap may ask for
+constexpr double kAlike = 0.999;   // cosine: normals that are the same
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
 
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
@@ -55,7 +55,8 @@ void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F
 
 }  // namespace
 
-Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
+Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool)
+    : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
   for (Worker& worker : workers_) worker.responder.SetSpeedShare(kMoving * settings.tolerance);
 }
 
@@ -64,7 +65,8 @@ double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].s
 template <typename F>
 void Crowd::ForEachIsland(const F& f) {
   costs_.resize(partition_.num_islands());
-  for (int i = 0; i < partition_.num_islands(); ++i) costs_[i] = 1.0 + static_cast<double>(partition_.contacts_of(i).size());
+  for (int i = 0; i < partition_.num_islands(); ++i)
+    costs_[i] = 1.0 + static_cast<double>(partition_.contacts_of(i).size());
   pool_->ForEachByCost(costs_, kBatchCost, &schedule_, [&](int island, int worker) { f(island, &workers_[worker]); });
 }
 
@@ -96,7 +98,8 @@ void Crowd::Load(double dt) {
       mean_W_[i] = b.linear_velocity_W;
       travel_[i] = dt * b.linear_velocity_W;
       mean_spin_W_[i] = b.angular_velocity_W;
-      middle_[i] = {b.position_W + 0.5 * dt * b.linear_velocity_W, Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
+      middle_[i] = {b.position_W + 0.5 * dt * b.linear_velocity_W,
+                    Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
       return;
     }
     Free& free = free_[i];
@@ -130,13 +133,15 @@ void Crowd::AllowPushes(const CrowdMemory& memory) {
     const Contact& contact = start_[c];
     const double cost = PushOf(contact.gap) * contact.normal_W.dot(start_force_W_[c]);
     for (const int i : {contact.body_a, contact.body_b})
-      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory.lost[i]) pushes_[i] = 0;
+      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory.lost[i])
+        pushes_[i] = 0;
   }
 }
 
 // What may close within the step, on the course that the velocities of its start give.
 void Crowd::Select() {
-  const double near = settings_.model == Model::kCoulomb ? kTouch : INFINITY;  // by the convex models what comes near parts
+  const double near =
+      settings_.model == Model::kCoulomb ? kTouch : INFINITY;  // by the convex models what comes near parts
   held_.clear();
   held_of_.clear();
   impulse_W_.clear();
@@ -146,11 +151,13 @@ void Crowd::Select() {
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
     if (!a.Moves() && !b.Moves()) continue;
     const auto free = [&](const Body& body, int i) -> Vector3 {
-      return body.Moves() ? Vector3(free_[i].linear_W + free_[i].spin_W.cross(contact.point_W - body.position_W)) : body.VelocityAt(contact.point_W);
+      return body.Moves() ? Vector3(free_[i].linear_W + free_[i].spin_W.cross(contact.point_W - body.position_W))
+                          : body.VelocityAt(contact.point_W);
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
-    if (start_force_W_[c].isZero(0) && (contact.gap > near * size || contact.gap + dt_ * opening > kReach * size)) continue;
+    if (start_force_W_[c].isZero(0) && (contact.gap > near * size || contact.gap + dt_ * opening > kReach * size))
+      continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double tolerance = settings_.overlap_tolerance * size;
     const bool pushed = contact.gap < -tolerance && pushes_[contact.body_a] && pushes_[contact.body_b];
@@ -170,7 +177,8 @@ void Crowd::Select() {
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
       if (TurnsInItself(i) || body.angular_velocity_W.isZero(0)) return contact.point_W + ahead(body);
-      return contact.point_W + ahead(body) + 0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
+      return contact.point_W + ahead(body) +
+             0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
     };
     centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
     held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
@@ -186,7 +194,8 @@ double Crowd::GapAtStart(const Contact& pair) const {
 // Whether its normal turns as the bodies pass each other.
 bool Crowd::IsRound(const Contact& c) const {
   const ShapeKind a = shapes_[c.body_a].kind(), b = shapes_[c.body_b].kind();
-  return a != ShapeKind::kHalfSpace && b != ShapeKind::kHalfSpace && (a == ShapeKind::kSphere || b == ShapeKind::kSphere);
+  return a != ShapeKind::kHalfSpace && b != ShapeKind::kHalfSpace &&
+         (a == ShapeKind::kSphere || b == ShapeKind::kSphere);
 }
 
 double Crowd::Share(const Contact& c) const {
@@ -230,7 +239,8 @@ void Crowd::Carry(bool first, StepReport* report) {
     p.rotation_WB = free_[i].half_WB;
     p.linear_velocity_W = free_[i].linear_W;
     p.angular_velocity_W = free_[i].spin_W;
-    if (!bodies_[i].torque_W.isZero(0)) p.angular_velocity_W += 0.5 * dt_ * SpinOf(bodies_[i], p.rotation_WB, bodies_[i].torque_W);
+    if (!bodies_[i].torque_W.isZero(0))
+      p.angular_velocity_W += 0.5 * dt_ * SpinOf(bodies_[i], p.rotation_WB, bodies_[i].torque_W);
   });
   targets_.resize(held_.size());
   given_.assign(held_.size(), 0.0);
@@ -245,10 +255,12 @@ void Crowd::Carry(bool first, StepReport* report) {
     for (const int k : partition_.contacts_of(island)) worker->contacts.push_back(active_[k]);
     const IslandView view{partition_.bodies_of(island), worker->contacts};
     if (view.contacts.empty()) return;
-    outcomes_[island] = worker->responder.ResolveTargets(view, {held_, frames_}, targets_, settings_, floor_, posed_, local_);
+    outcomes_[island] =
+        worker->responder.ResolveTargets(view, {held_, frames_}, targets_, settings_, floor_, posed_, local_);
     for (const int c : view.contacts) {
       impulse_W_[c] = 2 * (frames_[c] * local_[c]);
-      if (impulse_W_[c].norm() <= settings_.tolerance * floor_ * LighterMass(held_[c])) impulse_W_[c].setZero();  // or what is open is held
+      if (impulse_W_[c].norm() <= settings_.tolerance * floor_ * LighterMass(held_[c]))
+        impulse_W_[c].setZero();  // or what is open is held
     }
     for (size_t k = 0; k < view.contacts.size() && outcomes_[island].status == QpStatus::kInfeasible; ++k)
       given_[view.contacts[k]] = worker->responder.given()[k];
@@ -263,9 +275,11 @@ void Crowd::Carry(bool first, StepReport* report) {
 // Pairs that moving walls press together faster than anything keeps them apart close at that speed for the rest of the step.
 void Crowd::GiveWay() {
   ForEachPair(held_, {}, [&](size_t h, size_t h_end, size_t, size_t) {
-    const double given = *std::max_element(given_.begin() + static_cast<std::ptrdiff_t>(h), given_.begin() + static_cast<std::ptrdiff_t>(h_end));
+    const double given = *std::max_element(given_.begin() + static_cast<std::ptrdiff_t>(h),
+                                           given_.begin() + static_cast<std::ptrdiff_t>(h_end));
     if (given <= threshold_) return;
-    const auto known = std::find_if(yields_.begin(), yields_.end(), [&](const Yield& y) { return SamePair(y.pair, held_[h]); });
+    const auto known =
+        std::find_if(yields_.begin(), yields_.end(), [&](const Yield& y) { return SamePair(y.pair, held_[h]); });
     if (known != yields_.end())
       known->speed += given;
     else
@@ -286,7 +300,8 @@ double Crowd::LighterMass(const Contact& contact) const {
   return std::min(mass(contact.body_a), mass(contact.body_b));
 }
 
-void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report) {
+void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage,
+                   StepReport* report) {
   *stage += seconds;
   for (const ResponseOutcome& outcome : outcomes) {
     outcome.AddTo(summary, &report->ladder);
@@ -297,7 +312,8 @@ void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary
 
 void Crowd::Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker) {
   if (!*observer_ || outcome.status == QpStatus::kNone) return;
-  records_[island].push_back({0, island, stage, outcome.status, worker.responder.problem(), worker.responder.solution()});
+  records_[island].push_back(
+      {0, island, stage, outcome.status, worker.responder.problem(), worker.responder.solution()});
 }
 
 void Crowd::TellObserver() {
@@ -329,7 +345,8 @@ void Crowd::Fly() {
   for (size_t c = 0; c < held_.size(); ++c) {
     const int a = held_[c].body_a, b = held_[c].body_b;
     const double share = Share(held_[c]);
-    acted_at_[c] = held_[c].point_W + (share * middle_[a].position_W + (1 - share) * middle_[b].position_W - centre_[c]);
+    acted_at_[c] =
+        held_[c].point_W + (share * middle_[a].position_W + (1 - share) * middle_[b].position_W - centre_[c]);
     if (impulse_W_[c].isZero(0)) continue;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
@@ -342,7 +359,8 @@ void Crowd::Fly() {
     }
     if (!b.Moves()) return;
     const Free& free = free_[i];
-    const Vector3 after = mean_spin_W_[i].isZero(0) ? free.spin_W : Vector3(free.spin_W + SpinOf(b, free.half_WB, mean_spin_W_[i]));
+    const Vector3 after =
+        mean_spin_W_[i].isZero(0) ? free.spin_W : Vector3(free.spin_W + SpinOf(b, free.half_WB, mean_spin_W_[i]));
     b.position_W = begin_[i].pose.position_W + dt_ * mean_W_[i];
     b.linear_velocity_W = 2 * mean_W_[i] - begin_[i].linear_W;
     b.rotation_WB = Turned(FreeRotation(b.inertia_B, free.half_WB, after, 0.5 * dt_), free.half_WB);
@@ -353,13 +371,16 @@ void Crowd::Fly() {
 }
 
 // [m/s] of a body's point halfway.
-Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const { return mean_W_[i] + mean_spin_W_[i].cross(point - middle_[i].position_W); }
+Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const {
+  return mean_W_[i] + mean_spin_W_[i].cross(point - middle_[i].position_W);
+}
 
 // Where held contacts are found again; what they carried; the overlap that each pair began with. Returns whether gaps meet their end,
 // and marks the islands in which they do not.
 bool Crowd::Judge(int pass) {
   const std::vector<Contact>& end = *near_;
-  const double tolerance = pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
+  const double tolerance =
+      pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
   follows_.assign(held_.size(), -1);
   carried_W_.assign(end.size(), Vector3::Zero());
   before_.assign(end.size(), 0.0);
@@ -367,8 +388,10 @@ bool Crowd::Judge(int pass) {
     if (e == e_end) return;
     for (size_t c = h; c < h_end; ++c) {
       const int a = held_[c].body_a, b = held_[c].body_b;
-      const Vector3 place = acted_at_[c] + 0.5 * (bodies_[a].position_W - middle_[a].position_W + bodies_[b].position_W - middle_[b].position_W);
-      const int found = FindAgain(std::span(end).subspan(e, e_end - e), held_[c].feature, place, kSamePlace * Size(held_[c]));
+      const Vector3 place = acted_at_[c] + 0.5 * (bodies_[a].position_W - middle_[a].position_W +
+                                                  bodies_[b].position_W - middle_[b].position_W);
+      const int found =
+          FindAgain(std::span(end).subspan(e, e_end - e), held_[c].feature, place, kSamePlace * Size(held_[c]));
       if (found < 0) continue;
       follows_[c] = static_cast<int>(e) + found;
       carried_W_[follows_[c]] += impulse_W_[c];
@@ -440,7 +463,8 @@ double Crowd::EnergyOf(size_t i, bool at_end) const {
   const Body& b = bodies_[i];
   const State& s = begin_[i];
   const Quaternion& rotation = at_end ? b.rotation_WB : s.pose.rotation_WB;
-  const Vector3 v = at_end ? b.linear_velocity_W : s.linear_W, w = rotation.conjugate() * (at_end ? b.angular_velocity_W : s.angular_W);
+  const Vector3 v = at_end ? b.linear_velocity_W : s.linear_W,
+                w = rotation.conjugate() * (at_end ? b.angular_velocity_W : s.angular_W);
   const double height = at_end ? (b.mass * settings_.gravity + b.force_W).dot(b.position_W - s.pose.position_W) : 0;
   return 0.5 * b.mass * v.squaredNorm() + 0.5 * w.dot(b.inertia_B * w) - height;
 }
@@ -527,14 +551,15 @@ Vector3 Crowd::Centre(const Contact& c) const {
 
 // [m/s] mean normal velocity with which a contact that ends at this gap would end at the one that is allowed.
 double Crowd::TargetOf(const Contact& contact, double gap, double allowed) const {
-  const double u = contact.normal_W.dot(MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W));
+  const double u = contact.normal_W.dot(MeanVelocity(contact.body_b, contact.point_W) -
+                                        MeanVelocity(contact.body_a, contact.point_W));
   return u - (gap - allowed) / dt_;
 }
 
 Path Crowd::PathOf(int i) const {
   const State& s = begin_[i];
-  return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, bodies_[i].rotation_WB, dt_,
-                     TurnsInItself(i) ? 0 : shapes_[i].radius());
+  return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, bodies_[i].rotation_WB,
+                     dt_, TurnsInItself(i) ? 0 : shapes_[i].radius());
 }
 
 // A contact that is not found again, or was not disturbed, as it is.
@@ -555,7 +580,9 @@ void Crowd::Keep(size_t c) {
 const Contact* Crowd::AtStart(const Contact& end) const {
   const auto [first, last] = std::equal_range(start_.begin(), start_.end(), end, EarlierPair);
   const int a = end.body_a, b = end.body_b;
-  const auto back = [&](int i) -> Vector3 { return Outside(i, begin_[i].pose, Inside(i, {bodies_[i].position_W, bodies_[i].rotation_WB}, end.point_W)); };
+  const auto back = [&](int i) -> Vector3 {
+    return Outside(i, begin_[i].pose, Inside(i, {bodies_[i].position_W, bodies_[i].rotation_WB}, end.point_W));
+  };
   const Vector3 place = 0.5 * (back(a) + back(b));
   const int found = FindAgain({first, last}, end.feature, place, kSamePlace * Size(end));
   return found >= 0 && first[found].normal_W.dot(end.normal_W) > 0 ? &first[found] : nullptr;
@@ -563,8 +590,8 @@ const Contact* Crowd::AtStart(const Contact& end) const {
 
 // Of a body, in the pass as it is now.
 Course Crowd::CourseOf(int i) const {
-  return {begin_[i].pose, middle_[i], {bodies_[i].position_W, bodies_[i].rotation_WB}, mean_W_[i], mean_spin_W_[i],
-          TurnsInItself(i), shapes_[i].kind() == ShapeKind::kSphere};
+  return {begin_[i].pose,  middle_[i],       {bodies_[i].position_W, bodies_[i].rotation_WB}, mean_W_[i],
+          mean_spin_W_[i], TurnsInItself(i), shapes_[i].kind() == ShapeKind::kSphere};
 }
 
 // A contact at the end, at the lever of halfway: on the chord of each body's point.
@@ -599,7 +626,8 @@ void Crowd::Aim(size_t e) {
     contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
   }
   held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
-  held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap) : before_[e] + held.push;
+  held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
+                                                                                     : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), kFast * floor_);
   next_.push_back(contact);
@@ -622,13 +650,15 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
-  const double t = meeting_.First({&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
+  const double t = meeting_.First(
+      {&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   // What closing walls squeeze may have no way out: it is sent back no faster than it came.
   const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm() : INFINITY;
   probe_.clear();
-  CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size, &probe_);
+  CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
+                &probe_);
   for (Contact c : probe_) {
     c.body_a = a;
     c.body_b = b;
@@ -640,7 +670,8 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     held.in_b = Inside(b, at_b, c.point_W + half);
     held.pressed = true;
     const double share = Share(c);
-    const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W), with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
+    const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W),
+                  with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
     c.point_W = share * with_a + (1 - share) * with_b;
     held.allowed = before_[e];
     held.target = std::min(TargetOf(c, GapAlong(c, held), held.allowed), most);
@@ -723,7 +754,8 @@ void Crowd::Settle(StepReport* report) {
       const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
       least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
     }
-    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_))) return;
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
+      return;
     hits_[c] = 1;
     targets_[c] = ReboundSpeed(contact, least);
   });
@@ -744,7 +776,8 @@ void Crowd::Settle(StepReport* report) {
   Report(struck_, &report->collision_qp, (1 - share) * took, &report->seconds.collision_qp, report);
   for (const int b : bounces_of_) report->bounces += b;
   for (int island = 0; island < partition_.num_islands(); ++island) {
-    const double error = std::max(outcomes_[island].certificate.natural_map_max, struck_[island].certificate.natural_map_max);
+    const double error =
+        std::max(outcomes_[island].certificate.natural_map_max, struck_[island].certificate.natural_map_max);
     for (const int i : partition_.bodies_of(island)) errors_[i] = std::max(errors_[i], error);
   }
   for (size_t i = 0; i < bodies_.size(); ++i)
@@ -755,8 +788,12 @@ void Crowd::Settle(StepReport* report) {
 // Returns whether there are any.
 bool Crowd::MarkGains(int island, Worker* worker) const {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
-  const auto place = [&](int i) { return static_cast<int>(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()); };
-  const auto first_of = [&](int c) { return place(cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a); };
+  const auto place = [&](int i) {
+    return static_cast<int>(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin());
+  };
+  const auto first_of = [&](int c) {
+    return place(cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a);
+  };
   worker->parents.resize(bodies.size());
   worker->gains.assign(bodies.size(), 0.0);
   worker->works.assign(bodies.size(), 0.0);
@@ -764,12 +801,14 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   for (const int c : contacts) {
     const Contact& contact = problem_[c];
     const bool acts = !carried_W_[closed_[c]].isZero(0) || !(local_[c] + blows_[c] + collisions_[c]).isZero(0);
-    if (acts && !cut_[contact.body_a] && !cut_[contact.body_b]) parts.Union(place(contact.body_a), place(contact.body_b));
+    if (acts && !cut_[contact.body_a] && !cut_[contact.body_b])
+      parts.Union(place(contact.body_a), place(contact.body_b));
   }
   for (size_t k = 0; k < bodies.size(); ++k) {
     const Body& left = bodies_[bodies[k]];
-    worker->gains[parts.Find(static_cast<int>(k))] +=
-        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * 0.5 * left.mass * floor_ * floor_;
+    worker->gains[parts.Find(static_cast<int>(k))] += posed_[bodies[k]].KineticEnergy() -
+                                                      (1 + kGain) * left.KineticEnergy() -
+                                                      kGain * 0.5 * left.mass * floor_ * floor_;
   }
   for (const int c : contacts) {
     const int part = parts.Find(first_of(c));
@@ -797,7 +836,9 @@ void Crowd::SettleIsland(int island, Worker* worker) {
   worker->guess.clear();
   for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
   for (const int c : contacts) worker->guess.push_back(local_[c]);
-  const auto gains = [&](int i) { return !cut_[i] && worker->gaining[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()]; };
+  const auto gains = [&](int i) {
+    return !cut_[i] && worker->gaining[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()];
+  };
   const auto take_back = [&](size_t k) {
     local_[contacts[k]] = worker->guess[k];
     blows_[contacts[k]].setZero();
@@ -824,7 +865,8 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
   }
   const bool held_only = struck_[island].status == QpStatus::kNone;
-  Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island], *worker);
+  Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island],
+         *worker);
 }
 
 // What does not hit is held, then blows follow.
@@ -836,11 +878,14 @@ void Crowd::Strike(int island, Worker* worker) {
     if (!hits_[c]) worker->contacts.push_back(c);
     if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
   }
-  outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  outcomes_[island] =
+      worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
   struck_[island] = {};
   if (worker->contacts.size() == contacts.size()) return;
-  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law, {threshold_, settings_.bounce_limit, true}, posed_, blows_);
-  struck_[island] = worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
+  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
+                                                   {threshold_, settings_.bounce_limit, true}, posed_, blows_);
+  struck_[island] =
+      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)
     if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
 }
@@ -857,7 +902,8 @@ double Crowd::FreshOverlap() const {
 
 // One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit
 // the step begins anew.
-Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
+Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
+                            StepReport* report) {
   start_ = *near_;
   Recall(*memory);
   Load(h);
@@ -965,12 +1011,16 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
     const bool known = c < forces_W.size() && !forces_W[c].isZero(0);
     const double way = dt * (std::max(0.0, -NormalVelocity(contact, a, b)) + frame_.rest_speed);
-    if (!known && contact.gap > settings_.overlap_tolerance * Size(contact) && (a.frozen == b.frozen || contact.gap > way)) continue;
+    if (!known && contact.gap > settings_.overlap_tolerance * Size(contact) &&
+        (a.frozen == b.frozen || contact.gap > way))
+      continue;
     joined_.push_back(contact);
     joined_at_.push_back(static_cast<int>(c));
     frame_.frames.push_back(ContactFrame(contact.normal_W));
-    frame_.holding.push_back(known ? Vector3(dt * (frame_.frames.back().transpose() * forces_W[c])) : Vector3(Vector3::Zero()));
-    frame_.collisions.push_back(c < blow_W_.size() ? Vector3(frame_.frames.back().transpose() * blow_W_[c]) : Vector3(Vector3::Zero()));
+    frame_.holding.push_back(known ? Vector3(dt * (frame_.frames.back().transpose() * forces_W[c]))
+                                   : Vector3(Vector3::Zero()));
+    frame_.collisions.push_back(c < blow_W_.size() ? Vector3(frame_.frames.back().transpose() * blow_W_[c])
+                                                   : Vector3(Vector3::Zero()));
   }
   frame_.bounces.assign(joined_.size(), Vector3::Zero());
   frame_.contacts = {joined_, frame_.frames};
@@ -1011,7 +1061,8 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
       memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
     }
   }
-  for (size_t i = 0; i < bodies_.size(); ++i) bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
+  for (size_t i = 0; i < bodies_.size(); ++i)
+    bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
   if (settings_.freezing == Freezing::kPaper) FreezeLikePaper(frame_, settings_, &memory->freeze_counters);
   for (size_t i = 0; i < bodies_.size(); ++i) {
     const Body& body = bodies_[i];
@@ -1051,7 +1102,8 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
   impulses_.clear();
   for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies
     const Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];
-    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0)) impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
+    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0))
+      impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
   }
   if (AllStandStill(bodies_)) {
     memory->contacts = *near_;
@@ -1074,16 +1126,15 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
   return true;
 }
 
-void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies, std::span<const Shape> shapes,
-                 std::vector<Contact>* near, CrowdMemory* memory, StepReport* report) {
+void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies,
+                 std::span<const Shape> shapes, std::vector<Contact>* near, CrowdMemory* memory, StepReport* report) {
   bodies_ = bodies;
   shapes_ = shapes;
   near_ = near;
   observer_ = &observer;
   errors_.assign(bodies.size(), 0.0);
   first_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i)
-    first_[i] = StateOf(bodies[i]);
+  for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);
   first_near_ = *near;
   yields_.clear();
   Wake(dt, memory);

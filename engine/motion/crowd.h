@@ -17,19 +17,19 @@
 #include <vector>
 
 #include "engine/body.h"
-#include "engine/freezing/certified_freezing.h"
 #include "engine/contact.h"
+#include "engine/freezing/certified_freezing.h"
+#include "engine/impact/sequential.h"
 #include "engine/ledger.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
-#include "engine/impact/sequential.h"
+#include "engine/response/suite_frame.h"
 #include "engine/settings.h"
 #include "engine/shape.h"
 #include "engine/step_report.h"
-#include "engine/response/suite_frame.h"
 #include "islands/partition.h"
 #include "parallel/schedule.h"
 #include "parallel/worker_pool.h"
@@ -53,34 +53,36 @@ class Crowd {
   Crowd(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
-  void Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies, std::span<const Shape> shapes,
-            std::vector<Contact>* near, CrowdMemory* memory, StepReport* report);
+  void Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies,
+            std::span<const Shape> shapes, std::vector<Contact>* near, CrowdMemory* memory, StepReport* report);
 
-  void Rest() { impulses_.clear(); }  // no step of a crowd
+  void Rest() { impulses_.clear(); }                                     // no step of a crowd
   std::span<const LedgerImpulse> impulses() const { return impulses_; }  // of the last step
 
  private:
-  struct Held {          // a contact that carries
-    double target = 0;   // [m/s] least normal mean velocity
-    double allowed = 0;  // [m] <= 0: gap at which it may end
-    double push = 0;     // [m] of that: what the step takes back of an overlap
-    bool pressed = false;  // in some pass
-    int opened = 0;        // passes after which its pair was open, though it pressed
+  struct Held {                                              // a contact that carries
+    double target = 0;                                       // [m/s] least normal mean velocity
+    double allowed = 0;                                      // [m] <= 0: gap at which it may end
+    double push = 0;                                         // [m] of that: what the step takes back of an overlap
+    bool pressed = false;                                    // in some pass
+    int opened = 0;                                          // passes after which its pair was open, though it pressed
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
   };
   struct State {
     Pose pose;
     Vector3 linear_W, angular_W;
   };
-  static State StateOf(const Body& b) { return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W}; }
+  static State StateOf(const Body& b) {
+    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+  }
   struct Free {          // of one body, under forces alone
     Vector3 linear_W;    // [m/s] on average
     Quaternion half_WB;  // turned for half of the step
     Vector3 spin_W;      // [rad/s] there
   };
-  struct Yield {         // of a pair between walls that close
+  struct Yield {  // of a pair between walls that close
     Contact pair;
-    double speed;        // [m/s] at which nothing keeps it apart
+    double speed;  // [m/s] at which nothing keeps it apart
   };
   struct Worker {
     IslandResponder responder;
@@ -124,7 +126,9 @@ class Crowd {
   void Aim(size_t end);
   bool Guard(size_t e, size_t e_end);
   Path PathOf(int i) const;
-  bool TurnsInItself(int i) const { return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace; }
+  bool TurnsInItself(int i) const {
+    return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace;
+  }
   Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
   Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
   double GapAlong(const Contact& contact, const Held& held) const;
@@ -141,7 +145,8 @@ class Crowd {
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
   bool MarkGains(int island, Worker* worker) const;
-  void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage, StepReport* report);
+  void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage,
+              StepReport* report);
   void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
   void TellObserver();
   void LookAtStart(double dt, const CrowdMemory& memory);
@@ -168,56 +173,57 @@ class Crowd {
   std::vector<Contact> first_near_, first_contacts_;
   std::vector<Vector3> first_forces_W_;
   std::vector<double> first_lost_;
-  std::vector<Yield> yields_;                      // few
+  std::vector<Yield> yields_;  // few
   // Of the piece, where it begins.
-  double dt_ = 0;                        // [s]
-  double floor_ = 0, threshold_ = 0;     // [m/s] least v_ref; approaches below it are none
-  bool driven_ = false;                  // walls move
-  std::vector<Contact> start_;           // near ones
-  std::vector<Vector3> start_force_W_;   // [N] that held there
-  std::vector<State> begin_;             // per body
+  double dt_ = 0;                       // [s]
+  double floor_ = 0, threshold_ = 0;    // [m/s] least v_ref; approaches below it are none
+  bool driven_ = false;                 // walls move
+  std::vector<Contact> start_;          // near ones
+  std::vector<Vector3> start_force_W_;  // [N] that held there
+  std::vector<State> begin_;            // per body
   std::vector<Free> free_;
-  std::vector<std::uint8_t> cut_;        // per body: contacts do not move it
-  std::vector<std::uint8_t> pushes_;     // per body: its overlaps are pushed out
+  std::vector<std::uint8_t> cut_;     // per body: contacts do not move it
+  std::vector<std::uint8_t> pushes_;  // per body: its overlaps are pushed out
   // Of a pass.
-  std::vector<Pose> middle_;                         // per body, halfway on the chord
-  std::vector<Vector3> mean_W_, mean_spin_W_;        // [m/s], [rad/s]
-  std::vector<Vector3> travel_;                      // [m] that the next piece may take it
-  std::vector<std::uint8_t> disturbed_;              // per body: it is solved again
+  std::vector<Pose> middle_;                   // per body, halfway on the chord
+  std::vector<Vector3> mean_W_, mean_spin_W_;  // [m/s], [rad/s]
+  std::vector<Vector3> travel_;                // [m] that the next piece may take it
+  std::vector<std::uint8_t> disturbed_;        // per body: it is solved again
   std::vector<Contact> held_, next_;
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_;  // [N s] per held contact
   std::vector<Vector3> acted_at_;                    // [m]
-  std::vector<Vector3> centre_, next_centre_;        // [m] of the bodies that its point moves along with, where that was found
-  std::vector<int> follows_;                         // per held contact: place in near_, or -1
-  std::vector<double> before_;                       // [m] <= 0 per near contact: overlap of its pair where the piece began
-  std::vector<Vector3> carried_W_;                   // [N s] per near contact; at the end: what of that its cone allows there
-  std::vector<double> gain_, at_hand_, lost_;        // [J] per body
+  std::vector<Vector3> centre_,
+      next_centre_;                 // [m] of the bodies that its point moves along with, where that was found
+  std::vector<int> follows_;        // per held contact: place in near_, or -1
+  std::vector<double> before_;      // [m] <= 0 per near contact: overlap of its pair where the piece began
+  std::vector<Vector3> carried_W_;  // [N s] per near contact; at the end: what of that its cone allows there
+  std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.
-  std::vector<int> closed_;               // places in near_ of the contacts of the problem
-  std::vector<int> carried_at_;           // per near contact: place in impulses_ of what it carried, or -1
-  std::vector<Vector3> beyond_W_;         // [N s] per contact of the problem: what it carried beyond its cone
-  std::vector<std::uint8_t> hits_;        // per contact of the problem: a blow
-  std::vector<double> rebounds_;          // [m/s] the same: targets of blows while the others are solved
+  std::vector<int> closed_;                  // places in near_ of the contacts of the problem
+  std::vector<int> carried_at_;              // per near contact: place in impulses_ of what it carried, or -1
+  std::vector<Vector3> beyond_W_;            // [N s] per contact of the problem: what it carried beyond its cone
+  std::vector<std::uint8_t> hits_;           // per contact of the problem: a blow
+  std::vector<double> rebounds_;             // [m/s] the same: targets of blows while the others are solved
   std::vector<Vector3> blows_, collisions_;  // [N s] the same, (n, t1, t2)
-  std::vector<Vector3> blow_W_;           // [N s] per near contact
-  std::vector<double> work_;              // [J] the same: of what it carried
-  std::vector<double> errors_;            // [m/s] per body: the worst natural map of what was solved with it
-  std::vector<Contact> joined_;           // of freezing's frame
-  std::vector<int> joined_at_;            // places in near_
+  std::vector<Vector3> blow_W_;              // [N s] per near contact
+  std::vector<double> work_;                 // [J] the same: of what it carried
+  std::vector<double> errors_;               // [m/s] per body: the worst natural map of what was solved with it
+  std::vector<Contact> joined_;              // of freezing's frame
+  std::vector<int> joined_at_;               // places in near_
   SuiteFrame frame_;
   // Scratch of contact problems.
   std::vector<Body> posed_;
   std::vector<Contact> problem_;
   std::vector<Matrix3> frames_;
-  std::vector<Vector3> local_;            // [N s] per contact of the problem, (n, t1, t2)
-  std::vector<double> targets_, given_;   // [m/s]; what it gave way by
+  std::vector<Vector3> local_;           // [N s] per contact of the problem, (n, t1, t2)
+  std::vector<double> targets_, given_;  // [m/s]; what it gave way by
   std::vector<std::pair<int, int>> edges_;
-  std::vector<int> active_, pressing_;    // places in held_ of the contacts of a partition
+  std::vector<int> active_, pressing_;  // places in held_ of the contacts of a partition
   islands::Partition partition_, gaining_;
   std::vector<double> costs_;
   parallel::Schedule schedule_;
-  std::vector<ResponseOutcome> outcomes_, struck_;   // per island
+  std::vector<ResponseOutcome> outcomes_, struck_;  // per island
   std::vector<int> bounces_of_;
   std::vector<std::vector<ProblemRecord>> records_;  // for the observer
   Meeting meeting_;

@@ -11,12 +11,12 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kRounds = 12;        // of rooms and parts
-constexpr int kPerTask = 16;       // groups
-constexpr double kWider = 1.5;     // times what a body strayed out of its room
-constexpr double kMet = 5e-6;      // of a size: overlap that is none
-constexpr double kCrowdRoom = 1.3; // of the way of a crowd's fastest body: what the others may make
-constexpr double kBalanced = 1e-4; // of the forces on a body: what they may leave of it
+constexpr int kRounds = 12;         // of rooms and parts
+constexpr int kPerTask = 16;        // groups
+constexpr double kWider = 1.5;      // times what a body strayed out of its room
+constexpr double kMet = 5e-6;       // of a size: overlap that is none
+constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
+constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
@@ -34,7 +34,8 @@ std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(M
 double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y) {
   const bool x_is_small = x.radius < y.radius;
   const Body &small = x_is_small ? x : y, &large = x_is_small ? y : x;
-  const Vector3 turn = (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
+  const Vector3 turn =
+      (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
   const double radius = (x_is_small ? of_x : of_y).kind() == ShapeKind::kSphere ? 0 : small.radius;
   return (small.linear_velocity_W - large.linear_velocity_W - turn.cross(small.position_W - large.position_W)).norm() +
          radius * (small.angular_velocity_W - turn).norm();
@@ -95,7 +96,8 @@ void GroupMotion::FillGroup(int g, std::span<const Body> bodies, std::span<const
   std::sort(group.numbers.begin(), group.numbers.end());
   group.numbers.erase(std::unique(group.numbers.begin(), group.numbers.end()), group.numbers.end());
   const auto place = [&](int number) {
-    return static_cast<int>(std::lower_bound(group.numbers.begin(), group.numbers.end(), number) - group.numbers.begin());
+    return static_cast<int>(std::lower_bound(group.numbers.begin(), group.numbers.end(), number) -
+                            group.numbers.begin());
   };
   group.bodies.clear();
   group.shapes.clear();
@@ -138,17 +140,18 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
 }
 
 // A group as it is now, and whether it rests.
-void GroupMotion::FillJob(int g, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const {
+void GroupMotion::FillJob(int g, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
+                          Job* job) const {
   FillGroup(g, bodies, shapes, memory, job);
   job->mark = MarkOf(job->group);
-  job->rests = settings_.freezing == Freezing::kCertified && std::all_of(job->members.begin(), job->members.end(), [&](int i) {
-    return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
-  });
+  job->rests =
+      settings_.freezing == Freezing::kCertified && std::all_of(job->members.begin(), job->members.end(), [&](int i) {
+        return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
+      });
   job->done = job->rests;
 }
 
-void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes,
-                           const GroupMemory& memory) {
+void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory) {
   std::swap(jobs_, before_);
   num_before_ = num_jobs_;
   crowd_.assign(bodies.size(), 0);
@@ -171,14 +174,17 @@ void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> 
   Job* const end = old + num_before_;
   for (Job& job : std::span(jobs_).first(num_jobs_)) {
     while (old != end && old->members[0] < job.members[0]) ++old;
-    if (job.done || old == end || !old->done || (!groups_.parted().empty() && !old->outcome.record_paths && !old->rests)) continue;
-    if (old->members == job.members && old->group.numbers == job.group.numbers && old->group.pairs.size() == job.group.pairs.size() &&
-        old->mark == job.mark)
+    if (job.done || old == end || !old->done ||
+        (!groups_.parted().empty() && !old->outcome.record_paths && !old->rests))
+      continue;
+    if (old->members == job.members && old->group.numbers == job.group.numbers &&
+        old->group.pairs.size() == job.group.pairs.size() && old->mark == job.mark)
       std::swap(job, *old);
   }
 }
 
-void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies, std::span<const Shape> shapes) {
+void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies,
+                          std::span<const Shape> shapes) {
   pool_->ForEach(static_cast<int>(num_jobs_), [&](int k, int worker) {
     Job& job = jobs_[k];
     if (!job.done) {
@@ -213,13 +219,21 @@ bool GroupMotion::Met(double dt, int i, int k) {
     size_t place, piece = 0;
     double begin = 0;
     Way(const Job& of, int number)
-        : job(of), place(std::lower_bound(of.group.numbers.begin(), of.group.numbers.end(), number) - of.group.numbers.begin()) {}
+        : job(of),
+          place(std::lower_bound(of.group.numbers.begin(), of.group.numbers.end(), number) - of.group.numbers.begin()) {
+    }
     const Body& body() const { return job.group.bodies[place]; }
     const Shape* shape() const { return job.group.shapes[place]; }
     bool Ended() const { return job.rests || piece >= job.outcome.ends.size(); }  // it stays where it is
     double End(double dt) const { return Ended() ? dt : job.outcome.ends[piece]; }
     Path From(double t) const {
-      if (Ended()) return {{body().position_W, body().rotation_WB}, Vector3::Zero(), Vector3::Zero(), Vector3::Zero(), Vector3::Zero(), 0};
+      if (Ended())
+        return {{body().position_W, body().rotation_WB},
+                Vector3::Zero(),
+                Vector3::Zero(),
+                Vector3::Zero(),
+                Vector3::Zero(),
+                0};
       return job.outcome.paths[piece * job.group.bodies.size() + place].From(t - begin);
     }
     void MoveOn(double t) {
@@ -248,7 +262,8 @@ bool GroupMotion::JoinStrays(double dt) {
     for (const int i : jobs_[k].members) job_of_[i] = static_cast<int>(k);
   const size_t before = joined_.size();
   for (const auto& [i, k] : parted)
-    if (job_of_[i] < 0 || job_of_[k] < 0 || Met(dt, i, k)) joined_.emplace_back(i, k);  // where a crowd goes is not known yet
+    if (job_of_[i] < 0 || job_of_[k] < 0 || Met(dt, i, k))
+      joined_.emplace_back(i, k);  // where a crowd goes is not known yet
   std::sort(joined_.begin(), joined_.end());
   return joined_.size() > before;
 }
@@ -264,8 +279,9 @@ bool GroupMotion::LeaveToCrowd() {
   return any;
 }
 
-bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-                       const ProblemObserver& observer, GroupMemory* memory, StepReport* report) {
+bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes,
+                       const MixMaterial& mix, const ProblemObserver& observer, GroupMemory* memory,
+                       StepReport* report) {
   memory->Resize(bodies.size());
   rooms_.assign(bodies.size(), 0.0);
   was_frozen_.resize(bodies.size());
@@ -284,10 +300,12 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     if (any_crowd_) {
       WidenCrowds(dt, bodies);
       find();
-      if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes))) return false;
+      if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes)))
+        return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
-    kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_), [](const Job& job) { return job.kept; });
+    kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_),
+                       [](const Job& job) { return job.kept; });
     kept = !JoinStrays(dt) && kept;
     if (round + 1 < kRounds && LeaveToCrowd()) kept = false;
   }
@@ -334,14 +352,14 @@ bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<con
     for (int k = 0; k < groups_.num_pairs(g); ++k) {
       const auto [a, b] = groups_.pair(g, k);
       if (shapes[a].kind() == ShapeKind::kHalfSpace || shapes[b].kind() == ShapeKind::kHalfSpace) continue;
-      if (SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt > 0.5 * (shapes[a].size() + shapes[b].size())) return true;
+      if (SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt > 0.5 * (shapes[a].size() + shapes[b].size()))
+        return true;
     }
   }
   return false;
 }
 
-void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory,
-                         StepReport* report) {
+void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report) {
   const Group& group = job->group;
   const auto world = [&](Contact c) {
     c.body_a = group.numbers[c.body_a];
@@ -355,8 +373,9 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
         impulses_.push_back({world(group.remembered[c]), dt * group.remembered_force_W[c], 0, dt});
     report->frozen += static_cast<int>(job->members.size());
     for (const Contact& c : group.remembered) report->penetration_max = std::max(report->penetration_max, -c.gap);
-    report->overlapping += CountOverlapping(
-        group.remembered, [&](const Contact& c) { return std::min(group.shapes[c.body_a]->size(), group.shapes[c.body_b]->size()); });
+    report->overlapping += CountOverlapping(group.remembered, [&](const Contact& c) {
+      return std::min(group.shapes[c.body_a]->size(), group.shapes[c.body_b]->size());
+    });
     return;
   }
   GroupOutcome& outcome = job->outcome;
@@ -431,14 +450,17 @@ bool GroupMotion::IsBalanced(double dt, const Job& job) const {
     }
     if (force.norm() > kBalanced * loads || torque.norm() > kBalanced * loads * b.radius) return false;
     const Vector3 spin_W = b.InertiaW() * b.angular_velocity_W;
-    if (b.mass * b.linear_velocity_W.norm() > CertifiedFreezing::kCalm * loads * dt || spin_W.norm() > CertifiedFreezing::kCalm * loads * dt * b.radius) return false;
+    if (b.mass * b.linear_velocity_W.norm() > CertifiedFreezing::kCalm * loads * dt ||
+        spin_W.norm() > CertifiedFreezing::kCalm * loads * dt * b.radius)
+      return false;
   }
   return true;
 }
 
 // A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
 void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
-  bool rests = settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
+  bool rests =
+      settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
   for (const int i : job.members) {
     Body& body = bodies[i];
     memory->mark[i] = GroupMemory::kAwake;

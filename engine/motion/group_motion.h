@@ -27,12 +27,13 @@ namespace islet::motion {
 
 // What one step leaves for the next, per body where nothing else is said.
 struct GroupMemory {
-  std::vector<double> still;              // [s] for which it has stood still
-  std::vector<Pose> anchor;               // where
-  std::vector<std::uint64_t> load;        // under which force
-  std::vector<std::uint64_t> mark;        // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
-  std::vector<Contact> contacts;          // near ones of small groups, by pair
-  std::vector<Vector3> forces_W;          // [N] on body_b, that held there
+  std::vector<double> still;        // [s] for which it has stood still
+  std::vector<Pose> anchor;         // where
+  std::vector<std::uint64_t> load;  // under which force
+  std::vector<std::uint64_t>
+      mark;  // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
+  std::vector<Contact> contacts;  // near ones of small groups, by pair
+  std::vector<Vector3> forces_W;  // [N] on body_b, that held there
   void Resize(size_t bodies);
   void Disturb();  // something was changed from outside
   static constexpr std::uint64_t kAwake = 0, kFresh = 2;
@@ -56,7 +57,7 @@ class GroupMotion {
 
  private:
   struct Job {
-    std::vector<int> members;      // that contacts can move
+    std::vector<int> members;  // that contacts can move
     Group group;
     GroupOutcome outcome;
     bool done = false, rests = false, kept = false;  // kept: its bodies stayed in their rooms
@@ -69,9 +70,12 @@ class GroupMotion {
   bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
   void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
-  void FillJob(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
-  void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory, Job* job) const;
-  void RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies, std::span<const Shape> shapes);
+  void FillJob(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
+               Job* job) const;
+  void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
+                 Job* job) const;
+  void RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies,
+               std::span<const Shape> shapes);
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   bool Met(double dt, int i, int k);
   bool JoinStrays(double dt);
@@ -87,9 +91,9 @@ class GroupMotion {
   std::vector<Worker> workers_;
   std::vector<Job> jobs_, before_;  // of this round and the one before: the first so many of each
   size_t num_jobs_ = 0, num_before_ = 0;
-  std::vector<Contact> contacts_;   // near ones of all groups
+  std::vector<Contact> contacts_;  // near ones of all groups
   std::vector<Vector3> forces_W_;
-  std::vector<int> order_, small_;  // small: groups that are no crowd
+  std::vector<int> order_, small_;           // small: groups that are no crowd
   std::vector<std::pair<int, int>> joined_;  // pairs of several parts that met in this step
   std::vector<int> job_of_;                  // per body that moves
   Meeting meeting_;

@@ -118,7 +118,9 @@ void Groups::JoinNear(size_t most, double dt, std::span<const Body> bodies, std:
   for (const auto& pair : pairs_) {
     const int group = GroupOf(pair), first = parts.Find(pair.first), second = parts.Find(pair.second);
     if (whole_[group] || IsCut(pair) || first == second) continue;
-    if (!std::binary_search(joined.begin(), joined.end(), pair) && !ComeNear(dt, pair.first, pair.second, bodies, shapes)) continue;
+    if (!std::binary_search(joined.begin(), joined.end(), pair) &&
+        !ComeNear(dt, pair.first, pair.second, bodies, shapes))
+      continue;
     parts.Union(first, second);
     const size_t count = members_[std::min(first, second)] += members_[std::max(first, second)];
     whole_[group] = count > most;
@@ -154,7 +156,8 @@ bool Groups::ComeNear(double dt, int i, int k, std::span<const Body> bodies, std
   const auto path = [&](int n) -> Path {
     const Body& b = bodies[n];
     const double radius = shapes[n].kind() == ShapeKind::kSphere ? 0 : shapes[n].radius();
-    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), radius};
+    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(),
+            b.angular_velocity_W,          Vector3::Zero(),     radius};
   };
   const double margin = kMargin * (shapes[i].size() + shapes[k].size());
   return motion::ComeNear({&shapes[i], &shapes[k], path(i), path(k), dt, margin, 0.5 * margin}, &meeting_);

@@ -30,7 +30,8 @@ class Groups {
 
   // Parts the groups of more than `most` bodies by the pairs that come near on their free ways and by those `joined` (ascending). A group
   // of which a part is still larger stays whole.
-  void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const std::pair<int, int>> joined);
+  void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+            std::span<const std::pair<int, int>> joined);
   // Whether a group of more than `most` would part in half the step.
   bool PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes);
   // The pairs that may meet and are of two groups.
@@ -40,21 +41,26 @@ class Groups {
   std::span<const int> bodies_of(int group) const { return partition_.bodies_of(group); }
   // The k-th pair of a group: two bodies, ascending.
   int num_pairs(int group) const { return partition_.contact_start[group + 1] - partition_.contact_start[group]; }
-  std::pair<int, int> pair(int group, int k) const { return pairs_[partition_.contacts[partition_.contact_start[group] + k]]; }
+  std::pair<int, int> pair(int group, int k) const {
+    return pairs_[partition_.contacts[partition_.contact_start[group] + k]];
+  }
 
   // Whether the body, where it is now, is within the room that it had.
   bool StaysInRoom(const Body& body, const Shape& shape, int number) const;
 
  private:
   bool IsCut(const std::pair<int, int>& pair) const { return cut_[pair.first] || cut_[pair.second]; }
-  int GroupOf(const std::pair<int, int>& pair) const { return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first]; }
-  void JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const std::pair<int, int>> joined);
+  int GroupOf(const std::pair<int, int>& pair) const {
+    return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first];
+  }
+  void JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                std::span<const std::pair<int, int>> joined);
   bool AnyParted() const;
   void SortPairs(size_t num_bodies);
   bool ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes);
 
-  std::vector<Box> rooms_;                     // per body; of half-spaces and removed bodies unused
-  std::vector<Box> sorted_;                    // in order of the sweep
+  std::vector<Box> rooms_;   // per body; of half-spaces and removed bodies unused
+  std::vector<Box> sorted_;  // in order of the sweep
   std::vector<int> order_, planes_, met_, starts_;
   std::vector<std::pair<int, int>> pairs_, unsorted_;
   std::vector<std::uint8_t> cut_;

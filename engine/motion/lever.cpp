@@ -6,9 +6,9 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kTurns = 1e-7;         // sine of half a turn: less is none
-constexpr double kTilts = 1e-3;         // of a spin: less across the normal is none
-constexpr double kFarthestLever = 1e-2; // of a size: what a lever may be moved by for the sake of energy
+constexpr double kTurns = 1e-7;          // sine of half a turn: less is none
+constexpr double kTilts = 1e-3;          // of a spin: less across the normal is none
+constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
 void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
   const Vector3 &centre = sphere.middle.position_W, &n = contact->normal_W;
@@ -56,7 +56,8 @@ double ShareOfA(bool moves_a, bool turns_in_itself_a, bool moves_b, bool turns_i
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {
-  const Vector3 before = start_W - body.begin.position_W, after = end_W - body.end.position_W, mean = 0.5 * (before + after);
+  const Vector3 before = start_W - body.begin.position_W, after = end_W - body.end.position_W,
+                mean = 0.5 * (before + after);
   const Vector3 turn = (body.end.rotation_WB * body.begin.rotation_WB.conjugate()).vec();
   if (body.turns_in_itself || turn.norm() < kTurns) return body.middle.position_W + mean;
   const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;

@@ -16,9 +16,9 @@ namespace islet::motion {
 
 // A body in a piece.
 struct Course {
-  Pose begin, middle, end;        // middle: halfway on the chord
-  Vector3 mean_W, mean_spin_W;    // [m/s], [rad/s]
-  bool turns_in_itself;           // sphere, half-space
+  Pose begin, middle, end;      // middle: halfway on the chord
+  Vector3 mean_W, mean_spin_W;  // [m/s], [rad/s]
+  bool turns_in_itself;         // sphere, half-space
   bool sphere;
   Vector3 MeanVelocity(const Vector3& point_W) const { return mean_W + mean_spin_W.cross(point_W - middle.position_W); }
 };

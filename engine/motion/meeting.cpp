@@ -6,11 +6,12 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kAdvances = 200;   // of one pair
-constexpr int kTouches = 12;     // of them in a row without leaving: they touch
+constexpr int kAdvances = 200;  // of one pair
+constexpr int kTouches = 12;    // of them in a row without leaving: they touch
 constexpr int kHalvings = 40;
-constexpr double kInside = 0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
-constexpr double kFar = 1e300;   // [m] gap of what is out of reach
+constexpr double kInside =
+    0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
+constexpr double kFar = 1e300;  // [m] gap of what is out of reach
 
 // [m/s] fastest closing of the gap along the normal (from a to b) from t on: a relative velocity that changes linearly is
 // fastest at an end; a turn moves no point along the normal faster than |rate x normal| radius.
@@ -75,9 +76,12 @@ int CountOverlapping(std::span<const Contact> contacts, const std::function<doub
 }
 
 bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
-  const double h = query.duration, bend = 0.25 * h * h * (query.path_b.half_acceleration_W - query.path_a.half_acceleration_W).norm();
+  const double h = query.duration,
+               bend = 0.25 * h * h * (query.path_b.half_acceleration_W - query.path_a.half_acceleration_W).norm();
   const auto apart = [&](double t) -> Vector3 {
-    const auto centre = [t](const Path& p) -> Vector3 { return p.start.position_W + t * p.velocity_W + t * t * p.half_acceleration_W; };
+    const auto centre = [t](const Path& p) -> Vector3 {
+      return p.start.position_W + t * p.velocity_W + t * t * p.half_acceleration_W;
+    };
     return centre(query.path_b) - centre(query.path_a);
   };
   const Vector3 from = apart(0), way = apart(h) - from;

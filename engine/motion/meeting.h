@@ -26,8 +26,8 @@ struct MeetingQuery {
   // [m] that no two points of the bodies move by more than against each other.
   double Farthest() const {
     return duration * ((path_b.velocity_W - path_a.velocity_W).norm() +
-                       duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm() + path_a.TurnSpeed(0, duration) +
-                       path_b.TurnSpeed(0, duration));
+                       duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm() +
+                       path_a.TurnSpeed(0, duration) + path_b.TurnSpeed(0, duration));
   }
 };
 

@@ -7,8 +7,8 @@
 
 #include <algorithm>
 
-#include "engine/linear_algebra.h"
 #include "engine/geometry/narrow_phase.h"
+#include "engine/linear_algebra.h"
 #include "engine/rotation.h"
 
 namespace islet::motion {
@@ -42,8 +42,8 @@ struct Path {
 };
 
 // The path from a pose with these velocities to where the body has turned after h [s].
-inline Path PathThrough(const Pose& start, const Vector3& velocity_W, const Vector3& half_acceleration_W, const Vector3& rate_W,
-                        const Quaternion& end_WB, double h, double radius) {
+inline Path PathThrough(const Pose& start, const Vector3& velocity_W, const Vector3& half_acceleration_W,
+                        const Vector3& rate_W, const Quaternion& end_WB, double h, double radius) {
   const Vector3 turn = Log(end_WB * start.rotation_WB.conjugate());
   return {start, velocity_W, half_acceleration_W, rate_W, (1 / (h * h)) * (turn - h * rate_W), radius};
 }

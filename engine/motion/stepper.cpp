@@ -9,43 +9,48 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kFar = 1e300;      // [m] gap of a pair that is out of reach
-constexpr double kNear = 5e-5;      // of a size: overlap by which what rests on each other has met anew
-constexpr double kOverlap = 5e-6;   // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
-constexpr double kPushOut = 0.2;    // of an overlap: what a piece takes back, where friction and blows pay for it
-constexpr double kDeep = 2.5e-4;    // of a size: an overlap that is never left
-constexpr double kThrough = 0.25;   // of a size: the same on the way through a piece, at the end of which there is none
-constexpr int kPasses = 8;          // of the carrying problem in a piece
-constexpr double kNearer = 0.5;     // of the overlap that a pass leaves: more is no progress
-constexpr int kAges = 2;            // passes for which a contact that pressed, and is not found again, stays
-constexpr double kGain = 1e-11;     // of the energy at hand: a piece that gains more is done again, shorter
-constexpr double kRounding = 1e-15; // of a position
-constexpr double kLeft = 0.02;      // of the tolerance: velocities that solves leave, in what they may gain
-constexpr int kLevels = 10;         // times that a piece is halved
-constexpr int kMostWork = 200000;   // of a step: looks at a pair, and contacts solved, which are so much dearer
+constexpr double kFar = 1e300;  // [m] gap of a pair that is out of reach
+constexpr double kNear = 5e-5;  // of a size: overlap by which what rests on each other has met anew
+constexpr double kOverlap =
+    5e-6;  // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
+constexpr double kPushOut = 0.2;   // of an overlap: what a piece takes back, where friction and blows pay for it
+constexpr double kDeep = 2.5e-4;   // of a size: an overlap that is never left
+constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
+constexpr int kPasses = 8;         // of the carrying problem in a piece
+constexpr double kNearer = 0.5;    // of the overlap that a pass leaves: more is no progress
+constexpr int kAges = 2;           // passes for which a contact that pressed, and is not found again, stays
+constexpr double kGain = 1e-11;    // of the energy at hand: a piece that gains more is done again, shorter
+constexpr double kRounding = 1e-15;  // of a position
+constexpr double kLeft = 0.02;       // of the tolerance: velocities that solves leave, in what they may gain
+constexpr int kLevels = 10;          // times that a piece is halved
+constexpr int kMostWork = 200000;    // of a step: looks at a pair, and contacts solved, which are so much dearer
 constexpr int kSolveWork = 32;
-constexpr double kTurn = 0.5;       // [rad] of a piece, where something is near
-constexpr double kPush = 20;        // times |g| dt: fastest that a turn may ask for
-constexpr double kNearby = 0.1;     // of a size: how far what presses is looked for
-constexpr double kSamePlace = 1e-2; // of a size: how far from where a contact is looked for it is found again
-constexpr double kPolished = 1e-13; // of a size: gap at the moment of a blow
-constexpr int kGuardRounds = 4;     // of looking for pairs that meet slowly within a piece
-constexpr double kJam = 1;          // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
-constexpr double kInstant = 1e-4;   // of a piece: one in which a jam stops what slides
-constexpr double kStopped = 1e-6;   // of the energy at hand: what a jam takes at least
+constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
+constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
+constexpr double kNearby = 0.1;      // of a size: how far what presses is looked for
+constexpr double kSamePlace = 1e-2;  // of a size: how far from where a contact is looked for it is found again
+constexpr double kPolished = 1e-13;  // of a size: gap at the moment of a blow
+constexpr int kGuardRounds = 4;      // of looking for pairs that meet slowly within a piece
+constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
+constexpr double kInstant = 1e-4;    // of a piece: one in which a jam stops what slides
+constexpr double kStopped = 1e-6;    // of the energy at hand: what a jam takes at least
 constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
-constexpr double kMet = 1e-8;       // of a size: gap below which a contact is closed beside one that presses, or about to hit
-constexpr double kTogether = 1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
-constexpr double kClosed = 1e-12;   // of a size: gap below which one that did not press is closed
-constexpr double kLeverMoves = 1e-9;  // of its length: what a lever may change by in a piece that one pass describes
-constexpr double kNormalMoves = 1e-7; // [rad] what a normal may turn by in such a piece
-constexpr double kOffLine = 1e-14;    // [rad] normals of spheres against the line of their centres
-constexpr int kLineRounds = 20;       // each takes some ten times off the angle
-constexpr int kBackRounds = 40;       // each takes at least half of the way back to where a pair met
-constexpr int kBlowWork = 256;      // bodies times blows in a step; beyond it they have to be faster and faster
+constexpr double kMet =
+    1e-8;  // of a size: gap below which a contact is closed beside one that presses, or about to hit
+constexpr double kTogether =
+    1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
+constexpr double kClosed = 1e-12;      // of a size: gap below which one that did not press is closed
+constexpr double kLeverMoves = 1e-9;   // of its length: what a lever may change by in a piece that one pass describes
+constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in such a piece
+constexpr double kOffLine = 1e-14;     // [rad] normals of spheres against the line of their centres
+constexpr int kLineRounds = 20;        // each takes some ten times off the angle
+constexpr int kBackRounds = 40;        // each takes at least half of the way back to where a pair met
+constexpr int kBlowWork = 256;         // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
-constexpr double kRocks = 0.25;     // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
-constexpr double kBrief = 4;        // times the step over the number of blows it may have: a rebound that is over sooner is none
+constexpr double kRocks =
+    0.25;  // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
+constexpr double kBrief =
+    4;  // times the step over the number of blows it may have: a rebound that is over sooner is none
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -74,7 +79,8 @@ Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector
   const Vector3& n = contact.normal_W;
   const double press = n.dot(impulse);
   const Vector3 friction = impulse - press * n, slip = velocity - n.dot(velocity) * n;
-  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press) return impulse;
+  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press)
+    return impulse;
   return press * n - contact.friction * press / slip.norm() * slip;
 }
 
@@ -149,7 +155,8 @@ void Stepper::LoadState() {
 }
 
 // Walls are where their velocity takes them: poses at time t of the step, in `states` of those that do not move by contacts.
-static void PlaceWallsAt(double t, const std::vector<Body>& bodies, const std::function<void(size_t, const Pose&)>& set) {
+static void PlaceWallsAt(double t, const std::vector<Body>& bodies,
+                         const std::function<void(size_t, const Pose&)>& set) {
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& b = bodies[i];
     if (b.Moves()) continue;
@@ -160,7 +167,8 @@ static void PlaceWallsAt(double t, const std::vector<Body>& bodies, const std::f
 // [m] at least between the bodies of a pair, by the spheres around them.
 double Stepper::Apart(const GroupPair& pair, std::span<const State> at) const {
   const Vector3 way = at[pair.b].pose.position_W - at[pair.a].pose.position_W;
-  const bool plane_a = group_->shapes[pair.a]->kind() == ShapeKind::kHalfSpace, plane_b = group_->shapes[pair.b]->kind() == ShapeKind::kHalfSpace;
+  const bool plane_a = group_->shapes[pair.a]->kind() == ShapeKind::kHalfSpace,
+             plane_b = group_->shapes[pair.b]->kind() == ShapeKind::kHalfSpace;
   const auto up = [&](int i) -> Vector3 { return at[i].pose.rotation_WB * Vector3::UnitZ(); };
   if (plane_a) return up(pair.a).dot(way) - group_->bodies[pair.b].radius;
   if (plane_b) return -up(pair.b).dot(way) - group_->bodies[pair.a].radius;
@@ -194,7 +202,8 @@ void Stepper::FindTouching() {
   now_.clear();
   now_pair_.clear();
   for (size_t p = 0; p < group_->pairs.size(); ++p)
-    DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_, &now_pair_);
+    DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_,
+               &now_pair_);
 }
 
 // The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
@@ -211,7 +220,8 @@ void Stepper::Recall() {
 
 // [m/s] fastest that the turn moves a point of the box around a body.
 double Stepper::WhirlOf(int i) const {
-  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W).cwiseAbs(), e = group_->shapes[i]->half_extents();
+  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W).cwiseAbs(),
+                e = group_->shapes[i]->half_extents();
   return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
 }
 
@@ -220,7 +230,8 @@ double Stepper::WhirlOf(int i) const {
 double Stepper::ChooseLength(double rest) {
   double most = rest;
   for (const GroupPair& pair : group_->pairs) {
-    const double apart = std::max(0.0, Apart(pair, state_)), speed = (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
+    const double apart = std::max(0.0, Apart(pair, state_)),
+                 speed = (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
     const double near_at = apart > 0 ? 2 * apart / (speed + std::sqrt(speed * speed + 8 * pull_ * apart)) : 0;  // [s]
     for (const int i : {pair.a, pair.b}) {
       if (near_at >= most) break;
@@ -246,7 +257,8 @@ void Stepper::SelectHeld(double h) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
     if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
-    const double opening = contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
+    const double opening =
+        contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
     if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
@@ -260,7 +272,8 @@ void Stepper::SelectHeld(double h) {
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
-    const double gap = contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+    const double gap =
+        contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
     const double target = yields > 0 ? -yields : -gap / h;
     held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), target, target});
     impulse_W_.push_back(WithinCone(contact, guess));
@@ -284,15 +297,16 @@ void Stepper::SolveParts(std::span<const double> targets, double floor, std::vec
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
     if (view.contacts.empty()) continue;
-    outcomes->push_back(responder_.ResolveTargets(view, {problem_, frames_}, targets, settings_, floor, posed_,
-                                                  local_impulses_));
+    outcomes->push_back(
+        responder_.ResolveTargets(view, {problem_, frames_}, targets, settings_, floor, posed_, local_impulses_));
     Record(Stage::kStatic, outcomes->back().status);
   }
 }
 
 void Stepper::Record(Stage stage, QpStatus status) {
   if (!out_->record || status == QpStatus::kNone) return;
-  out_->records.push_back({static_cast<int>(out_->records.size()), group_->numbers[0], stage, status, responder_.problem(), responder_.solution()});
+  out_->records.push_back({static_cast<int>(out_->records.size()), group_->numbers[0], stage, status,
+                           responder_.problem(), responder_.solution()});
 }
 
 // Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
@@ -304,7 +318,8 @@ void Stepper::Carry(double h, bool first) {
     const Body& b = bodies[i];
     if (!b.Moves()) continue;
     const State& s = state_[i];
-    turned_[i] = {s.pose.position_W, Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
+    turned_[i] = {s.pose.position_W,
+                  Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
     spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
     Body& p = posed_[i];
     p.position_W = first ? s.pose.position_W : middle_[i].position_W;
@@ -328,7 +343,8 @@ void Stepper::Carry(double h, bool first) {
   SolveParts(targets_, floor_, &out_->carried);
   for (size_t c = 0; c < held_.size(); ++c) {
     impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
-    if (impulse_W_[c].norm() < settings_.tolerance * floor_ * LighterMass(held_[c])) impulse_W_[c].setZero();  // it does not press
+    if (impulse_W_[c].norm() < settings_.tolerance * floor_ * LighterMass(held_[c]))
+      impulse_W_[c].setZero();  // it does not press
   }
 }
 
@@ -345,7 +361,8 @@ bool Stepper::StillCarries(double h) {
   for (size_t c = 0; c < held_.size(); ++c) ApplyTo(held_[c], 0.5 * impulse_W_[c], &trial_);
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t c = 0; c < held_.size(); ++c) {
-    const Vector3 u = RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
+    const Vector3 u =
+        RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
     if (held_[c].normal_W.dot(u) < -kClosed * Size({held_[c].body_a, held_[c].body_b}) / h) return false;
     if (!impulse_W_[c].isZero(0) && !Agrees(held_[c], impulse_W_[c], u, still)) return false;
   }
@@ -375,7 +392,8 @@ bool Stepper::Jams(double h) const {
 void Stepper::MoveCentres(double h) {
   const std::vector<Body>& bodies = group_->bodies;
   for (size_t i = 0; i < bodies.size(); ++i)
-    if (bodies[i].Moves()) end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
+    if (bodies[i].Moves())
+      end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
   for (size_t c = 0; c < held_.size(); ++c) {
     const int a = held_[c].body_a, b = held_[c].body_b;
     if (bodies[a].Moves()) end_state_[a].linear_W -= impulse_W_[c] / bodies[a].mass;
@@ -418,7 +436,8 @@ void Stepper::Fly(double h) {
     const Body& b = bodies[i];
     const State& s = state_[i];
     if (!b.Moves()) continue;
-    turned_[i].rotation_WB = Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
+    turned_[i].rotation_WB =
+        Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
     spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
     spin_gain_[i] = h * b.torque_W;
   }
@@ -448,8 +467,10 @@ void Stepper::Fly(double h) {
 Path Stepper::PathOf(int i, double h) const {
   const Body& b = group_->bodies[i];
   const State &s = state_[i], &e = end_state_[i];
-  if (!b.Moves()) return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
-  return PathThrough(s.pose, s.linear_W, (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W, e.pose.rotation_WB, h, BodyRadius(i));
+  if (!b.Moves())
+    return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
+  return PathThrough(s.pose, s.linear_W, (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W, e.pose.rotation_WB, h,
+                     BodyRadius(i));
 }
 
 // [s] of the first blow within the piece, h if there is none.
@@ -458,19 +479,24 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = guarded_ = met_ = false;
   const std::vector<Body>& bodies = group_->bodies;
-  const bool driven = std::any_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.kind == BodyKind::kKinematic && !StandsStill(b); });
+  const bool driven = std::any_of(bodies.begin(), bodies.end(),
+                                  [](const Body& b) { return b.kind == BodyKind::kKinematic && !StandsStill(b); });
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     // An overlap by what was not met gets no deeper, or bounces of fine steps sink. Where walls move it may be that of pairs that gave way.
     const bool sunk = !driven && GapBefore(static_cast<int>(p)) < -0.5 * kOverlap * Size(pair);
-    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)), stays ? kNear : sunk ? kClosed : 0.5 * kOverlap);
+    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
+                                     stays  ? kNear
+                                     : sunk ? kClosed
+                                            : 0.5 * kOverlap);
     const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
     double t = First(query);
     if (t >= first) continue;
-    if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {  // too slow: it carries when it is there
+    if (!MetInABlow(query, static_cast<int>(p), &t) ||
+        static_cast<int>(p) == grazing_) {  // too slow: it carries when it is there
       met_ = true;
       if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
       Guard(static_cast<int>(p), t, a, b);
@@ -504,7 +530,8 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
       fastest = approach;
       back = std::max(0.0, query.gap - c.gap) / approach;
     }
-    if (fastest * back <= closed || *t == 0) return fastest > 0 && (freed_[number] == kHits || 0.25 * fastest * *t > closed);
+    if (fastest * back <= closed || *t == 0)
+      return fastest > 0 && (freed_[number] == kHits || 0.25 * fastest * *t > closed);
     *t = std::max(0.0, *t - back);
   }
   return true;
@@ -520,7 +547,8 @@ double Stepper::First(const MeetingQuery& query) {
 // The query of a pair's way in the piece.
 MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, double deep) const {
   const GroupPair& pair = group_->pairs[number];
-  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap, deep * Size(pair)};
+  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap,
+          deep * Size(pair)};
 }
 
 // Whether some pair is so deep in each other on its way that it may come out on another side. What hits slowly is stopped over the
@@ -547,7 +575,8 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
     };
     const Vector3 half = 0.5 * c.gap * c.normal_W;
     const double gap = c.normal_W.dot(at_start(c.point_W + half, at_b, b) - at_start(c.point_W - half, at_a, a));
-    const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W), with_b = c.point_W - (at_b.position_W - b.start.position_W);
+    const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W),
+                  with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = group_->pairs[number].a;
     c.body_b = group_->pairs[number].b;
     c.point_W = Shared(number, with_a, with_b);
@@ -578,7 +607,8 @@ double Stepper::Shorten(double h, double moment) {
     double gap = kFar, approach = 0;
     for (Contact& c : probe_) {  // of what hits; other corners of the pair may rest
       Mix(pair, &c);
-      const double speed = -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
+      const double speed =
+          -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
       if (c.gap < gap && speed > CutSpeed(c)) gap = c.gap, approach = speed;
     }
     gap -= before;
@@ -671,7 +701,8 @@ bool Stepper::NormalsMove() const {
     if (impulse_W_[c].isZero(0)) continue;
     bool alike = false;
     for (size_t e = 0; e < end_.size() && !alike; ++e)
-      alike = end_pair_[e] == held_of_[c].pair && (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
+      alike = end_pair_[e] == held_of_[c].pair &&
+              (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
     if (!alike) return true;
   }
   return false;
@@ -772,14 +803,20 @@ bool Stepper::TurnInThemselves(int pair) const {
 // Of a body, in the piece as it is now.
 Course Stepper::CourseOf(int i) const {
   const Body& b = group_->bodies[i];
-  return {state_[i].pose, middle_[i], end_state_[i].pose, b.Moves() ? mean_W_[i] : b.linear_velocity_W, MeanSpin(i),
-          BodyRadius(i) == 0, group_->shapes[i]->kind() == ShapeKind::kSphere};
+  return {state_[i].pose,
+          middle_[i],
+          end_state_[i].pose,
+          b.Moves() ? mean_W_[i] : b.linear_velocity_W,
+          MeanSpin(i),
+          BodyRadius(i) == 0,
+          group_->shapes[i]->kind() == ShapeKind::kSphere};
 }
 
 // Of what the two bodies of a contact do, what the contact does.
 Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
   const auto [a, b] = group_->pairs[pair];
-  const double share = ShareOfA(group_->bodies[a].Moves(), BodyRadius(a) == 0, group_->bodies[b].Moves(), BodyRadius(b) == 0);
+  const double share =
+      ShareOfA(group_->bodies[a].Moves(), BodyRadius(a) == 0, group_->bodies[b].Moves(), BodyRadius(b) == 0);
   return share * of_a + (1 - share) * of_b;
 }
 
@@ -793,7 +830,8 @@ Vector3 Stepper::CentreHalfway(int pair) const {
 
 // Between these points of start and end, on the arc about each body's axis.
 Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
-  return Shared(pair, OnArc(CourseOf(group_->pairs[pair].a), start, end), OnArc(CourseOf(group_->pairs[pair].b), start, end));
+  return Shared(pair, OnArc(CourseOf(group_->pairs[pair].a), start, end),
+                OnArc(CourseOf(group_->pairs[pair].b), start, end));
 }
 
 // The contact as the piece began, if it was closed.
@@ -841,7 +879,8 @@ void Stepper::NextTargets(double h) {
       TurnLever((contact.gap - start->gap) / h, turn, CourseOf(a), CourseOf(b), Size(group_->pairs[pair]), &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
-      CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar, &probe_);
+      CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar,
+                    &probe_);
       contact.point_W = probe_[0].point_W;
       contact.normal_W = probe_[0].normal_W;
     } else {
@@ -868,7 +907,8 @@ void Stepper::NextTargets(double h) {
       return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
     };
     const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
-    TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]), &contact);
+    TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]),
+              &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
     old.target = old.opens + contact.normal_W.dot(u) - parted / h;
     old.at_start = false;
@@ -943,7 +983,8 @@ void Stepper::Settle() {
   targets_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
   SolveParts(targets_, floor_, &out_->settled);
-  for (size_t c = 0; c < problem_.size(); ++c) settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
+  for (size_t c = 0; c < problem_.size(); ++c)
+    settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
   ApplyAtEnd(settle_W_);
 }
 
@@ -960,13 +1001,16 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
 }
 
 // Near enough to a blow to take part in it.
-bool Stepper::IsThere(size_t at_end) const { return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]); }
+bool Stepper::IsThere(size_t at_end) const {
+  return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]);
+}
 
 // Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing. What a push
 // of the piece threw against it does not strike: Settle stops that.
 bool Stepper::Hits(size_t at_end) const {
   const Contact& c = end_[at_end];
-  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end))) return false;
+  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end)))
+    return false;
   const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
   const Vector3 on_the_way = MeanVelocity(c.body_a, c.point_W) - MeanVelocity(c.body_b, c.point_W);
   return std::min(c.normal_W.dot(now), c.normal_W.dot(on_the_way)) > CutSpeed(c);
@@ -1013,7 +1057,8 @@ void Stepper::Strike() {
     const ContactFrames contacts{problem_, frames_};
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
                                          {threshold_, settings_.bounce_limit, true}, posed_, bounces_);
-    out_->struck.push_back(responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
+    out_->struck.push_back(
+        responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }
@@ -1030,7 +1075,8 @@ void Stepper::Strike() {
 // [J] of a body, its height counted from where the step began.
 double Stepper::EnergyOf(int i, const State& s) const {
   const Body& b = group_->bodies[i];
-  return 0.5 * b.mass * s.linear_W.squaredNorm() + 0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W)) -
+  return 0.5 * b.mass * s.linear_W.squaredNorm() +
+         0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W)) -
          (b.mass * settings_.gravity + b.force_W).dot(s.pose.position_W - b.position_W);
 }
 
@@ -1069,7 +1115,8 @@ void Stepper::KeepAccounts(double h) {
   for (size_t p = 0; p < work_of_.size(); ++p) {  // what pushes an overlap out was paid before
     const GroupPair& pair = group_->pairs[p];
     if (PushOut(static_cast<int>(p)) > 0)
-      accounts_[bodies[pair.a].Moves() ? pair.a : pair.b].allowed += std::clamp(work_of_[p], 0.0, std::max(0.0, purse_[p]));
+      accounts_[bodies[pair.a].Moves() ? pair.a : pair.b].allowed +=
+          std::clamp(work_of_[p], 0.0, std::max(0.0, purse_[p]));
   }
   for (size_t e = 0; e < end_.size(); ++e) {
     act(end_[e], end_[e].point_W, settle_W_[e], true);
@@ -1093,7 +1140,8 @@ void Stepper::KeepAccounts(double h) {
 void Stepper::FindWork() {
   work_of_.assign(group_->pairs.size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c)
-    work_of_[held_of_[c].pair] += impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
+    work_of_[held_of_[c].pair] +=
+        impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
 }
 
 // Which pairs took more in the step, by friction and where they sank, than a piece of this length would give them for their overlap.
@@ -1179,7 +1227,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   pull_ = settings.gravity.norm();
   for (const Body& b : group->bodies) {
     if (!b.Moves() || (b.force_W.isZero(0) && b.torque_W.isZero(0))) continue;
-    pull_ = std::max(pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+    pull_ = std::max(
+        pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
   }
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
@@ -1244,7 +1293,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
     bool deep = false;
     int blows = out_->blows, pass = 1;
-    for (double enough = kOverlap;; enough = kClosed) {  // what gaps miss is work: where that is too much, they miss less
+    for (double enough = kOverlap;;
+         enough = kClosed) {  // what gaps miss is work: where that is too much, they miss less
       while (pass < kPasses && (missed > enough || (pass == 1 && moves))) {
         ++out_->passes;
         redone = true;
@@ -1258,7 +1308,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
           DetectEnd();
         }
         const double before = std::exchange(missed, Missed());
-        const bool stalls = pass > 1 && missed > kDeep && missed > kNearer * before;  // a shorter piece gets there sooner
+        const bool stalls =
+            pass > 1 && missed > kDeep && missed > kNearer * before;  // a shorter piece gets there sooner
         pass = stalls ? kPasses : pass + 1;
       }
       deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(h));
@@ -1309,7 +1360,9 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     outcome->touching_force_W.push_back(force_W_[c]);
     outcome->overlap = std::max(outcome->overlap, -now_[c].gap);
   }
-  outcome->overlapping = CountOverlapping(outcome->touching, [&](const Contact& c) { return Size({c.body_a, c.body_b}); });
+  outcome->overlapping = CountOverlapping(outcome->touching, [&](const Contact& c) {
+    return Size({c.body_a, c.body_b});
+  });
   for (size_t i = 0; i < group->bodies.size(); ++i) {
     Body& b = group->bodies[i];
     if (!b.Moves()) continue;

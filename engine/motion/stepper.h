@@ -20,12 +20,12 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/impact/sequential.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
-#include "engine/impact/sequential.h"
 #include "engine/settings.h"
 #include "engine/shape.h"
 #include "engine/step_report.h"
@@ -35,11 +35,11 @@ namespace islet::motion {
 
 // An impulse that acted for a time: `duration` 0 is a blow. The force is constant while it acts.
 struct TimedImpulse {
-  Contact contact;     // bodies and point where it acted; of a spread one: halfway
-  Vector3 impulse_W;   // [N s] on body_b
-  double time;         // [s] from the start of the step
-  double duration;     // [s]
-  int corrects = -1;   // place of the spread impulse that it takes something back of, -1: none
+  Contact contact;    // bodies and point where it acted; of a spread one: halfway
+  Vector3 impulse_W;  // [N s] on body_b
+  double time;        // [s] from the start of the step
+  double duration;    // [s]
+  int corrects = -1;  // place of the spread impulse that it takes something back of, -1: none
 };
 
 struct GroupPair {
@@ -50,28 +50,28 @@ struct GroupPair {
 using MixMaterial = std::function<void(Contact* contact, const Body& a, const Body& b)>;
 
 struct Group {
-  std::vector<Body> bodies;           // ascending by their number in the world
-  std::vector<int> numbers;           // in the world
+  std::vector<Body> bodies;  // ascending by their number in the world
+  std::vector<int> numbers;  // in the world
   std::vector<const Shape*> shapes;
-  std::vector<GroupPair> pairs;       // ascending
-  std::vector<Contact> remembered;    // of the step before, with the forces [N] that held: where solves start
+  std::vector<GroupPair> pairs;     // ascending
+  std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
 };
 
 struct GroupOutcome {
   int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
-  double unstepped = 0;        // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
-  double overlap = 0;          // [m] deepest at the end
-  int overlapping = 0;         // pairs that are inside of each other at the end
+  double unstepped = 0;  // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
+  double overlap = 0;    // [m] deepest at the end
+  int overlapping = 0;   // pairs that are inside of each other at the end
   bool restitution_lowered = false;
   std::vector<TimedImpulse> impulses;
-  std::vector<Contact> touching;        // near contacts at the end pose, and the forces [N] that held there
+  std::vector<Contact> touching;  // near contacts at the end pose, and the forces [N] that held there
   std::vector<Vector3> touching_force_W;
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
-  bool record = false;                  // in: whether records are wanted
-  bool record_paths = false;            // in: the same of paths
-  std::vector<double> ends;             // [s] of the pieces that were done
-  std::vector<Path> paths;              // of all bodies in the first of them, then in the next
+  bool record = false;                                    // in: whether records are wanted
+  bool record_paths = false;                              // in: the same of paths
+  std::vector<double> ends;                               // [s] of the pieces that were done
+  std::vector<Path> paths;                                // of all bodies in the first of them, then in the next
   std::vector<ProblemRecord> records;
   void Clear();  // keeps the memory of its vectors
 };
@@ -81,24 +81,24 @@ class Stepper {
   void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
 
  private:
-  struct Held {              // a contact that carries in this piece
+  struct Held {  // a contact that carries in this piece
     int pair;
-    Vector3 centre;          // [m] of the bodies that its point moves along with, where that was found
-    double target;           // [m/s] least normal mean velocity
-    double opens;            // [m/s] by which its gap changes then, negative: closes
-    int age = 0;             // passes since it was last seen
-    bool at_start = true;    // its point is that of the start of the piece, not halfway
+    Vector3 centre;        // [m] of the bodies that its point moves along with, where that was found
+    double target;         // [m/s] least normal mean velocity
+    double opens;          // [m/s] by which its gap changes then, negative: closes
+    int age = 0;           // passes since it was last seen
+    bool at_start = true;  // its point is that of the start of the piece, not halfway
   };
-  struct Guarded {           // a pair that meets within the piece
+  struct Guarded {  // a pair that meets within the piece
     int pair;
-    double gap;              // [m] where the piece begins
+    double gap;  // [m] where the piece begins
   };
-  struct State {             // of one body while the step is under way
+  struct State {  // of one body while the step is under way
     Pose pose;
     Vector3 linear_W, angular_W;
     Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
   };
-  struct Account {           // of a body, or of all that did something to each other in the piece
+  struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
   void LoadState();
@@ -181,33 +181,35 @@ class Stepper {
   bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.
-  double dt_ = 0;         // [s]
-  double pull_ = 0;       // [m/s^2] fastest that gravity and forces make a body
-  double floor_ = 0;      // [m/s] least v_ref
-  int blow_budget_ = 0;   // blows in this step at which they have to be faster
-  int movers_ = 0;        // bodies that contacts can move
-  int cuts_ = 0;          // pieces that ended at one
-  int work_ = 0;          // so far
+  double dt_ = 0;             // [s]
+  double pull_ = 0;           // [m/s^2] fastest that gravity and forces make a body
+  double floor_ = 0;          // [m/s] least v_ref
+  int blow_budget_ = 0;       // blows in this step at which they have to be faster
+  int movers_ = 0;            // bodies that contacts can move
+  int cuts_ = 0;              // pieces that ended at one
+  int work_ = 0;              // so far
   double least_rebound_ = 0;  // [m/s] a slower one is none
-  double threshold_ = 0;  // [m/s] approaches below it are none
+  double threshold_ = 0;      // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
-  std::vector<double> yields_;    // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
+  std::vector<double>
+      yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false, loses_ = false;  // some of them more than allowed; what a jam takes
-  std::vector<double> work_of_, taken_, costs_, purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
-  std::vector<std::uint8_t> pays_;               // per pair: whether that is enough
-  std::vector<double> step_gap_;  // [m] <= 0 per pair: overlap as the step began
+  std::vector<double> work_of_, taken_, costs_,
+      purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
+  std::vector<std::uint8_t> pays_;  // per pair: whether that is enough
+  std::vector<double> step_gap_;    // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
-  double time_of_piece_ = 0;                 // [s] at which it begins
-  int cut_pair_ = -1;                        // whose blow ends it
-  int grazing_ = -1;                         // whose blow ended the piece before, and was none
-  std::vector<State> state_, end_state_, foreseen_;     // per body: where it begins and ends
-  std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
-  std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
-  std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
+  double time_of_piece_ = 0;                         // [s] at which it begins
+  int cut_pair_ = -1;                                // whose blow ends it
+  int grazing_ = -1;                                 // whose blow ended the piece before, and was none
+  std::vector<State> state_, end_state_, foreseen_;  // per body: where it begins and ends
+  std::vector<Pose> middle_, turned_;                // halfway on the chord; turned freely for half of its time
+  std::vector<Vector3> spun_, spun_after_;           // [rad/s] there, before and after the impulses
+  std::vector<Vector3> mean_W_, spin_gain_;          // [m/s] mean velocity; [N m s] what impulses and torque give
   std::vector<Contact> now_, end_, held_, next_, last_, probe_;
   std::vector<int> now_pair_, end_pair_;
   std::vector<Held> held_of_, next_of_;

@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kLoweringAttempts = 3;  // of restitution, before it vanishes
 constexpr double kBlameShare = 0.02;  // of the largest multiplier times bounce: contacts above it lose their bounce
-constexpr double kCompliances[] = {1e-4, 0.1};  // of the contact's own W_nn: of what gives way, and where that squirts out what is beside
+constexpr double kCompliances[] = {
+    1e-4, 0.1};  // of the contact's own W_nn: of what gives way, and where that squirts out what is beside
 constexpr double kMostDriven = 5;  // times the speeds that drive an island: what walls may give it
 
 // [m/s] normal velocities before the impulses; returns the fastest approach (>= 0).
@@ -127,7 +128,9 @@ void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* o
 }
 
 // Without moving walls, bounces and pushes all bodies could stand still: where a problem has no solution, these are to blame.
-bool IslandResponder::IsDriven(const qp::ContactTerm& contact) { return contact.target > 0 || !contact.drift.isZero(0); }
+bool IslandResponder::IsDriven(const qp::ContactTerm& contact) {
+  return contact.target > 0 || !contact.drift.isZero(0);
+}
 
 // What is squirted out between closing walls obeys the law, but for walls of no strength that there is: they would give the island more
 // energy than all of it has at a few times the speeds that drive it.

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "engine/contact_suite.h"
-#include "engine/response/response.h"
 #include "engine/impact/sequential.h"
-#include "engine/stopwatch.h"
+#include "engine/response/response.h"
 #include "engine/response/suite_frame.h"
+#include "engine/stopwatch.h"
 #include "engine/suite/suite_memory.h"
 #include "islands/partition.h"
 #include "parallel/schedule.h"

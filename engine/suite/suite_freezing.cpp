@@ -1,5 +1,5 @@
-#include "engine/suite/contact_suite_impl.h"
 #include "engine/freezing/paper_freezing.h"
+#include "engine/suite/contact_suite_impl.h"
 
 namespace islet {
 

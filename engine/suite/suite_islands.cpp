@@ -31,8 +31,9 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
   ForEachIsland([this](int island, Worker* worker) {
     const IslandView view = View(island);
     if (!Approaches(view)) return;
-    bounce_counts[island] = worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings.bounce_law,
-                                                       {frame.threshold, settings.bounce_limit}, frame.bodies, frame.bounces);
+    bounce_counts[island] =
+        worker->sequential.Resolve(view.bodies, view.contacts, frame.contacts, settings.bounce_law,
+                                   {frame.threshold, settings.bounce_limit}, frame.bodies, frame.bounces);
   });
   for (const int count : bounce_counts) report->bounces += count;
 }
@@ -77,8 +78,8 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   const IslandView view = View(island);
   Outcome& outcome = outcomes[island];
   for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
-  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor, frame.threshold, frame.bodies,
-                                                          frame.collisions);
+  outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
+                                                          frame.threshold, frame.bodies, frame.collisions);
   if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
   const IslandView held = HeldView(view, worker);
   for (const int i : view.bodies) {
@@ -90,7 +91,8 @@ void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   outcome.resting = worker->responder.ResolveStatic(held, frame.contacts, settings, frame.speed_floor, frame.dt,
                                                     frame.bodies, frame.holding);
   if (observer) Record(island, Stage::kStatic, outcome.resting.status, worker->responder);
-  const double error = std::max(outcome.collision.certificate.natural_map_max, outcome.resting.certificate.natural_map_max);
+  const double error =
+      std::max(outcome.collision.certificate.natural_map_max, outcome.resting.certificate.natural_map_max);
   for (const int i : view.bodies) errors[i] = error;
 }
 

@@ -6,8 +6,8 @@
 
 #include <vector>
 
-#include "engine/freezing/certified_freezing.h"
 #include "engine/contact.h"
+#include "engine/freezing/certified_freezing.h"
 
 namespace islet {
 

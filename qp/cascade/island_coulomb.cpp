@@ -42,7 +42,8 @@ double MassRatio(const Problem& problem) {
 void IslandSolver::SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start,
                               Solution* solution) {
   const double goal = settings.tolerance * settings.velocity_scale;
-  const bool exact = !MayBeRough(problem, settings), climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
+  const bool exact = !MayBeRough(problem, settings),
+             climbs = settings.ladder.Has(Rung::kSweeps) || settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
   prepared_ = false;
   NaturalMap map{INFINITY, INFINITY};
@@ -69,14 +70,16 @@ NaturalMap IslandSolver::TryAgain(const Problem& problem, const Settings& settin
 
 // Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
 bool IslandSolver::IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const {
-  if (!MayBeRough(problem, settings)) return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
+  if (!MayBeRough(problem, settings))
+    return !map.Meets(settings.tolerance * settings.velocity_scale) || !IsUseful(problem, settings);
   return settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * settings.velocity_scale;
 }
 
 // Sweeps carry loads slowly: from a heavy body through light ones, or down a tower of hundreds, they do not get to the ground. What
 // the convex problem without slips says is nearer then. Where it has no solution, and nothing sensible was found before, that is the
 // answer of small islands: it tells which bounces are to blame. Returns whether it is.
-bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution) {
+bool IslandSolver::SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map,
+                                   Solution* solution) {
   RunInteriorPoint(problem, settings, {}, &trial_);
   const bool useful = std::isfinite(map->rms) && IsUseful(problem, settings);
   if (trial_.status == Status::kInfeasible || trial_.status == Status::kFailed) {

@@ -15,9 +15,11 @@ namespace {
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
 constexpr int kMendingSweeps = 20;
-constexpr int kLeastSweeps = 10, kSmallSweeps = 60;  // which spare a small island half of its factorisations, and a quarter of the time
-constexpr double kExactShare = 1e-3;  // of the tolerance: what a column must meet, and the gap of what is taken as it is
-constexpr double kHeldShare = 1e-4;   // the same: what held before must meet, frame after frame
+constexpr int kLeastSweeps = 10,
+              kSmallSweeps = 60;  // which spare a small island half of its factorisations, and a quarter of the time
+constexpr double kExactShare =
+    1e-3;                            // of the tolerance: what a column must meet, and the gap of what is taken as it is
+constexpr double kHeldShare = 1e-4;  // the same: what held before must meet, frame after frame
 
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -247,7 +249,8 @@ void IslandSolver::PrepareSweeps(const Problem& problem) {
 // A few sweeps; most of the way, on a small island.
 NaturalMap IslandSolver::SweepOn(const Problem& problem) {
   PrepareSweeps(problem);
-  const int sweeps = IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kMendingSweeps;
+  const int sweeps =
+      IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kMendingSweeps;
   gauss_seidel_.Sweep(problem, sweeps, 0, &swept_.impulses, &swept_.velocities, Pace::kMomentum);
   return MapOfSwept(problem);
 }

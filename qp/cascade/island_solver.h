@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "qp/direct/column.h"
-#include "qp/newton/coulomb_newton.h"
 #include "qp/gauss_seidel/gauss_seidel.h"
 #include "qp/interior_point/interior_point.h"
 #include "qp/natural_map.h"
+#include "qp/newton/coulomb_newton.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
@@ -33,10 +33,11 @@ class IslandSolver {
  private:
   // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
   static constexpr double kSmallAim = 1e-13;
-  static constexpr int kSmallIsland = 32;         // bodies: up to them an answer is as good as iterations get
-  static constexpr int kFewLoops = 4;             // of pairs of bodies that touch: a factor of such an island is no larger than a tower's
-  static constexpr double kSmallShare = 0.7e-5;   // of the tolerance: what is sought there
-  static constexpr int kNewtonSteps = 300;        // factorisations of a search; 26 bodies from no impulses take 100 to 200
+  static constexpr int kSmallIsland = 32;  // bodies: up to them an answer is as good as iterations get
+  static constexpr int kFewLoops =
+      4;  // of pairs of bodies that touch: a factor of such an island is no larger than a tower's
+  static constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought there
+  static constexpr int kNewtonSteps = 300;  // factorisations of a search; 26 bodies from no impulses take 100 to 200
 
   static bool AllZero(std::span<const Vector3> impulses);
   static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }

@@ -154,7 +154,9 @@ void DenseSolver::SolveCoulomb(const ScaledDenseProblem& problem, const Settings
     if (best.Meets(goal)) break;
     UpdateOffset(problem, Cone::kCircular, start, &offset);
   }
-  solution->status = best.Meets(settings.tolerance) ? Status::kSolved : infeasible ? Status::kInfeasible : Status::kInaccurate;
+  solution->status = best.Meets(settings.tolerance) ? Status::kSolved
+                     : infeasible                   ? Status::kInfeasible
+                                                    : Status::kInaccurate;
 }
 
 // The octagon has no Newton's finish and no sweeps: the round whose slips are closest to those of its answer is kept.

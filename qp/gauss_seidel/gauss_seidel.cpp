@@ -17,7 +17,8 @@ constexpr int kPrepareBatches = 32, kLoadBatches = 64, kLoadBodies = 128;  // in
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
 constexpr double kFlat = 1e-14;   // of W_nn: a tangent that moves nothing
-constexpr double kTrace = 1e-30;  // of the largest impulse: one that has faded so far is none, before its square is no number
+constexpr double kTrace =
+    1e-30;  // of the largest impulse: one that has faded so far is none, before its square is no number
 
 // Lower G with G G^T = a; a column of zeros where a has no more rank.
 Matrix3 Root(const Matrix3& a) {

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "qp/direct/one_contact.h"
-#include "qp/linear_algebra/precision.h"
-#include "qp/problem.h"
 #include "qp/gauss_seidel/sweep_kernels.h"
 #include "qp/gauss_seidel/sweep_order.h"
+#include "qp/linear_algebra/precision.h"
+#include "qp/problem.h"
 
 namespace islet::qp {
 

@@ -1,8 +1,8 @@
 // Body of the sweep kernels for one vector width. Included by sweep_kernels_<isa>.cpp and sweep_kernels_<isa>_single.cpp, which
 // define ISLET_LANES (numbers in a vector), ISLET_SINGLE for floats, ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared
 // header, compiled with wider vectors, could be chosen by the linker for everyone.
-#include "qp/linear_algebra/lanes_impl.h"
 #include "qp/gauss_seidel/sweep_kernels.h"
+#include "qp/linear_algebra/lanes_impl.h"
 
 namespace islet::qp {
 namespace {

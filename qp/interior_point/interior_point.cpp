@@ -99,8 +99,8 @@ void InteriorPoint::Load(const Problem& problem, const Settings& settings, std::
 
 void InteriorPoint::AddRows(const Rows& rows) {
   rows_.push_back(rows);
-  rows_.back().place = batches_.Add({scaled_.contacts[rows.contact], rows.contact, rows.cone, rows.offset,
-                                     rows.compliance, rows.field});
+  rows_.back().place =
+      batches_.Add({scaled_.contacts[rows.contact], rows.contact, rows.cone, rows.offset, rows.compliance, rows.field});
   degree_ += Degree(rows.cone.kind);
 }
 
@@ -154,7 +154,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   bool solved = false;
   int stalled = 0;
   double look_below = HasNaturalMap() ? kMapAim / kMapPerGap : 0;  // merit
-  const double tolerance = settings.gap_tolerance(), aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
+  const double tolerance = settings.gap_tolerance(),
+               aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
   const double least_sigma = aim < tolerance ? kLeastSigma : 0;
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
   bool single = scaled_.num_bodies() >= kSingleBodies && kkt_.CanBeSingle();
@@ -190,8 +191,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
       break;
     if (!UpdateScalings()) break;
-    single = single && gap > kSingleAbove &&
-             AffineInSingle(kSingleError * std::max(now.dual, kResidualShare * tolerance));
+    single =
+        single && gap > kSingleAbove && AffineInSingle(kSingleError * std::max(now.dual, kResidualShare * tolerance));
     if (!single) {
       kkt_.Factorise(scaled_, blocks_, normal_blocks_);
       ComputeDirection(1, false, &direction_);
@@ -271,7 +272,8 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
   return true;
 }
 
-void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips, Solution* solution) {
+void InteriorPoint::Extract(const Problem& problem, double velocity_scale, std::span<const double> slips,
+                            Solution* solution) {
   const int nb = problem.num_bodies(), nc = problem.num_contacts();
   solution->velocities.resize(static_cast<size_t>(6) * nb);
   for (int i = 0; i < nb; ++i) At(solution->velocities, 6 * i) = problem.bodies[i].velocity;

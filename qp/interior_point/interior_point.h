@@ -13,9 +13,9 @@
 
 #include "parallel/fork.h"
 #include "qp/cone.h"
+#include "qp/interior_point/row_batches.h"
 #include "qp/linear_algebra/kkt.h"
 #include "qp/problem.h"
-#include "qp/interior_point/row_batches.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
 

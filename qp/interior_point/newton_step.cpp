@@ -64,9 +64,8 @@ double InteriorPoint::MassNorm(const std::vector<double>& momentum) const {
 }
 
 bool InteriorPoint::HasNaturalMap() const {
-  return kkt_.num_fields() == 1 && std::all_of(rows_.begin(), rows_.end(), [](const Rows& rows) {
-           return rows.cone.kind != ConeKind::kOctagon;
-         });
+  return kkt_.num_fields() == 1 &&
+         std::all_of(rows_.begin(), rows_.end(), [](const Rows& rows) { return rows.cone.kind != ConeKind::kOctagon; });
 }
 
 // Of the convex law with the velocities at hand, rms over the contacts.

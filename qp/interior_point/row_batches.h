@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "qp/cone.h"
-#include "qp/problem.h"
 #include "qp/interior_point/row_kernels.h"
+#include "qp/problem.h"
 
 namespace islet::qp {
 

@@ -2,8 +2,8 @@
 // Part of row_kernels_impl.h.
 #pragma once
 
-#include "qp/linear_algebra/lanes_impl.h"
 #include "qp/interior_point/row_kernels.h"
+#include "qp/linear_algebra/lanes_impl.h"
 
 namespace islet::qp {
 namespace {

@@ -21,8 +21,8 @@ struct alignas(64) RowBatch {
   double offset[3][kRowLanes];  // the constant part of the contact velocity
   double friction[kRowLanes];
   double compliance[kRowLanes];  // R: the contact velocity gives way by R j
-  double used[kRowLanes];      // 1 or 0
-  int velocity[2][kRowLanes];  // first of the six numbers in y that it constrains
+  double used[kRowLanes];        // 1 or 0
+  int velocity[2][kRowLanes];    // first of the six numbers in y that it constrains
   int contact[kRowLanes];
   int rows;     // of the cone: 1 a ray, 3 a second-order cone, 8 the octagon
   int first;    // of its `rows` Lanes in each array of rows

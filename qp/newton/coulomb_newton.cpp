@@ -10,13 +10,14 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRefiningSteps = 6;        // of Newton, in a proximal step near the end: with more a near-critical arch creeps (T17)
-constexpr double kStepShare = 0.03;      // of the natural map: residual of a proximal step that is as good as none
+constexpr int kRefiningSteps =
+    6;  // of Newton, in a proximal step near the end: with more a near-critical arch creeps (T17)
+constexpr double kStepShare = 0.03;  // of the natural map: residual of a proximal step that is as good as none
 constexpr int kHalvings = 8;
-constexpr double kLeastDescent = 1e-4;   // of the residual, times the share of the step
-constexpr int kKrylov = 20;              // of GMRES, steps
-constexpr double kForcing = 1e-2;        // of the residual, what GMRES may leave
-constexpr double kUseful = 0.3;          // of the residual, what it may leave at the end
+constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
+constexpr int kKrylov = 20;             // of GMRES, steps
+constexpr double kForcing = 1e-2;       // of the residual, what GMRES may leave
+constexpr double kUseful = 0.3;         // of the residual, what it may leave at the end
 
 }  // namespace
 
@@ -46,10 +47,12 @@ double CoulombNewton::Residual() {
 
 // Newton's matrix times what the factor makes of b. It has beyond its factor just friction that grows with the normal velocity, where a
 // contact slides. Near the end springs are so stiff that what rounding leaves of the factor would show: there the matrix multiplies.
-void CoulombNewton::Multiply(const std::vector<double>& b, const std::vector<double>& x, std::vector<double>* out) const {
+void CoulombNewton::Multiply(const std::vector<double>& b, const std::vector<double>& x,
+                             std::vector<double>* out) const {
   const Problem& problem = *problem_;
   *out = b;
-  for (int i = 0; refines_ && i < problem.num_bodies(); ++i) At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
+  for (int i = 0; refines_ && i < problem.num_bodies(); ++i)
+    At(*out, 6 * i) = MassTimes(problem.bodies[i], At(x, 6 * i));
   for (int c = 0; c < problem.num_contacts(); ++c) {
     const Matrix3& slope = slopes_[c];
     const auto coupling = slope.bottomLeftCorner<2, 1>();
@@ -137,15 +140,17 @@ bool CoulombNewton::Step(double aim, int most) {
 // Of one point of all the mass that has the kinetic energy of v_.
 double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
 
-NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim, int max_factorisations,
-                                std::vector<Vector3>* impulses) {
+NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim,
+                                int max_factorisations, std::vector<Vector3>* impulses) {
   problem_ = &problem, rho_ = &rho;
   factorisations_ = 0;
   const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
   centre_ = *impulses;
   VelocitiesAfter(problem, centre_, &v_);
   NaturalMap best = CoulombMap(problem, v_, centre_, rho);
-  const auto reached = [&] { return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data()))); };
+  const auto reached = [&] {
+    return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data())));
+  };
   if (reached()) return best;
   for (std::vector<double>* values : {&residual_, &direction_, &weights_}) values->resize(unknowns);
   total_mass_ = 0;

@@ -7,11 +7,11 @@ namespace islet::qp {
 namespace {
 
 constexpr double kStiffen = 10, kSoften = 0.1;
-constexpr double kStiffenAgain = 2;      // after a failure, for a while
-constexpr int kEasy = 4;                 // Newton steps of a proximal step that may become stiffer
-constexpr double kRounding = 4e-16;      // of the speed: error of a contact's velocity
-constexpr int kPatience = 20;            // steps without a better answer: on the way to it the map may rise for a while
-constexpr int kShortPatience = 5;        // steps without half of the map, where it is small enough
+constexpr double kStiffenAgain = 2;  // after a failure, for a while
+constexpr int kEasy = 4;             // Newton steps of a proximal step that may become stiffer
+constexpr double kRounding = 4e-16;  // of the speed: error of a contact's velocity
+constexpr int kPatience = 20;        // steps without a better answer: on the way to it the map may rise for a while
+constexpr int kShortPatience = 5;    // steps without half of the map, where it is small enough
 
 double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
 
@@ -32,7 +32,8 @@ Matrix3 SpringSlope(const Vector3& pull, double friction) {
   if (tangent == 0) return slope;
   const double cosine = pull[1] / tangent, sine = pull[2] / tangent, turn = friction * pull[0] / tangent;
   slope.bottomLeftCorner<2, 1>() << friction * cosine, friction * sine;
-  slope.bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine, turn * cosine * cosine;
+  slope.bottomRightCorner<2, 2>() << turn * sine * sine, -turn * sine * cosine, -turn * sine * cosine,
+      turn * cosine * cosine;
   return slope;
 }
 

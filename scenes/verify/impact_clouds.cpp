@@ -69,7 +69,8 @@ void RunCloud(const CheckSettings& settings, bool boxes, double friction, double
                             (friction > 0 ? ", mu = 0.5" : ", mu = 0");
   out->AtMost("momentum" + which, "", momentum_error, 1e-12);
   out->AtMost("angular momentum" + which, "", angular_error, 1e-12);
-  out->AtMost("rise of energy in a frame" + which, "", rise, boxes ? Ledger::kMostEnergy : 1e-12);  // at the end 27 boxes jam: a crowd
+  out->AtMost("rise of energy in a frame" + which, "", rise,
+              boxes ? Ledger::kMostEnergy : 1e-12);  // at the end 27 boxes jam: a crowd
   if (restitution == 1 && friction == 0) out->Relative("energy" + which, "J", start, energy, 1e-10);
   out->Verdict("bodies met" + which, true, met > 20);
 }
@@ -106,7 +107,8 @@ void MeasureSphereLattice(const CheckSettings& settings, Measurements* out) {
     const std::string which = restitution == 1 ? ", e = 1" : ", e = 0";
     double squares = 0;  // [m^2] of overlap, over all pairs
     for (const Contact& c : world.contacts()) squares += c.gap < 0 ? c.gap * c.gap : 0;
-    out->AtMost("deepest overlap" + which, "m", deepest, 2e-3 * 0.2, "2e-3 of a diameter: what a crowd's step may leave");
+    out->AtMost("deepest overlap" + which, "m", deepest, 2e-3 * 0.2,
+                "2e-3 of a diameter: what a crowd's step may leave");
     out->AtMost("mean squared overlap at the end" + which, "m^2", squares / 216, 1e-9);
     const std::string note =
         "a correction that lifts what something supports is for nothing, and in the paper every one";

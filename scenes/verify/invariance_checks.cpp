@@ -196,9 +196,9 @@ void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
     for (BodyDefinition& d : balls) d.friction = 0;
     for (BodyDefinition& d : boxes) d.friction = 0;
     const int frames = Frames(seconds, s.dt);
-    out->AtMost(
-        std::string("renumbered heap of balls, no friction, after ") + name, "",
-        ChangeByOrder(DefinitionsAt(balls, frames, s), s), kGapSlack, "gaps of a crowd may miss their end by 2.5e-4 of a size");
+    out->AtMost(std::string("renumbered heap of balls, no friction, after ") + name, "",
+                ChangeByOrder(DefinitionsAt(balls, frames, s), s), kGapSlack,
+                "gaps of a crowd may miss their end by 2.5e-4 of a size");
     out->AtMost(
         std::string("renumbered heap of boxes, no friction, after ") + name, "",
         ChangeByOrder(DefinitionsAt(boxes, frames, s), s), kFeatureSlack,

@@ -22,7 +22,10 @@ struct Bouncer {
 Bouncer BuildBouncer(const Settings& engine, Slab kind, double restitution, double dt) {
   Bouncer b{World(engine), 0};
   b.world.Add(Floor(0.5, 0));
-  BodyDefinition slab{.shape = Shape::Box({1, 1, 0.5 * kThickness}), .position_W = {0, 0, 0.5 * kThickness}, .friction = 0.5, .restitution = 0};
+  BodyDefinition slab{.shape = Shape::Box({1, 1, 0.5 * kThickness}),
+                      .position_W = {0, 0, 0.5 * kThickness},
+                      .friction = 0.5,
+                      .restitution = 0};
   slab.mass = kind == Slab::kHeavy ? 1000 : 5;
   if (kind == Slab::kFixed) slab.kind = BodyKind::kFixed;
   if (kind == Slab::kKinematic || kind == Slab::kMoving) slab.kind = BodyKind::kKinematic;
@@ -30,7 +33,8 @@ Bouncer BuildBouncer(const Settings& engine, Slab kind, double restitution, doub
   if (slab.kind != BodyKind::kDynamic) slab.mass.reset();
   b.world.Add(slab);
   if (kind == Slab::kFrozen) StepTimes(&b.world, Frames(1, dt), dt);
-  BodyDefinition ball = Ball({0.3, 0.1, b.world.body(1).position_W.z() + 0.5 * kThickness + kBallRadius + kDrop}, kBallRadius, 0, restitution);
+  BodyDefinition ball = Ball({0.3, 0.1, b.world.body(1).position_W.z() + 0.5 * kThickness + kBallRadius + kDrop},
+                             kBallRadius, 0, restitution);
   ball.linear_velocity_W.z() = b.lift;
   b.ball = b.world.Add(ball);
   return b;
@@ -59,13 +63,18 @@ World BuildScene(const Settings& engine, const Quaternion& turn, const Vector3& 
     d.angular_velocity_W = turn * d.angular_velocity_W;
     world.Add(d);
   };
-  BodyDefinition slab{.shape = Shape::Box({10, 10, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5, .restitution = 0.5};
+  BodyDefinition slab{.shape = Shape::Box({10, 10, 0.5}),
+                      .kind = BodyKind::kKinematic,
+                      .position_W = {0, 0, -0.5},
+                      .friction = 0.5,
+                      .restitution = 0.5};
   add(slab);
   BodyDefinition box = Cube({-3, 0, 0.5}, 0.5, 0);
   box.linear_velocity_W = {3, 1, 0};
   add(box);
   add(Ball({3, 0, 1.5}, 0.5, 0.5, 0.6));
-  BodyDefinition rod{.shape = Shape::Box({0.5, 0.05, 0.05}), .position_W = {0, 4, 1}, .friction = 0.5, .restitution = 0.3};
+  BodyDefinition rod{
+      .shape = Shape::Box({0.5, 0.05, 0.05}), .position_W = {0, 4, 1}, .friction = 0.5, .restitution = 0.3};
   rod.rotation_WB = Turn(0.4, Vector3(1, 2, 0));
   rod.angular_velocity_W = {1, 4, 2};
   add(rod);
@@ -115,23 +124,29 @@ void MeasureElastic(const CheckSettings& s, Measurements* out) {
 // A bat of 2 m that the user turns hits a ball at rest, weightless and without friction: along the bat's normal the ball leaves at
 // (1 + e) times the speed that the bat has there.
 void MeasureBat(const CheckSettings& s, Measurements* out) {
-  constexpr double kHalfThick = 0.03, kBall = 0.04;  // [m]
+  constexpr double kHalfThick = 0.03, kBall = 0.04;   // [m]
   for (const double restitution : {0.3, 0.6, 1.0}) {  // less, and it catches up with the ball in the same step
     double off = 0;
     int failed = 0;
     for (const double turn_of_step : {0.03, 0.3, 0.6}) {  // [rad]
-      const double turn = turn_of_step / s.dt;           // [rad/s]
+      const double turn = turn_of_step / s.dt;            // [rad/s]
       for (int phase = 0; phase < 6; ++phase) {
         Settings engine = s.engine;
         engine.gravity.setZero();
         World world(engine);
-        BodyDefinition bat{.shape = Shape::Box({1, kHalfThick, kHalfThick}), .kind = BodyKind::kKinematic, .friction = 0, .restitution = restitution};
+        BodyDefinition bat{.shape = Shape::Box({1, kHalfThick, kHalfThick}),
+                           .kind = BodyKind::kKinematic,
+                           .friction = 0,
+                           .restitution = restitution};
         bat.angular_velocity_W.z() = turn;
         world.Add(bat);
         const double along = 0.3 + 0.1 * phase, start = 0.2 + 0.13 * phase;  // [m], [rad] that it turns before it hits
-        const int ball = world.Add(Ball(Turn(start, Vector3::UnitZ()) * Vector3(along, kHalfThick + kBall, 0), kBall, 0, restitution));
-        for (int i = 0; i < 40 && world.body(ball).linear_velocity_W.isZero(0); ++i) failed += world.Step(s.dt).Failed();
-        off = std::max(off, std::abs(world.body(ball).linear_velocity_W.norm() / ((1 + restitution) * turn * along) - 1));
+        const int ball = world.Add(
+            Ball(Turn(start, Vector3::UnitZ()) * Vector3(along, kHalfThick + kBall, 0), kBall, 0, restitution));
+        for (int i = 0; i < 40 && world.body(ball).linear_velocity_W.isZero(0); ++i)
+          failed += world.Step(s.dt).Failed();
+        off =
+            std::max(off, std::abs(world.body(ball).linear_velocity_W.norm() / ((1 + restitution) * turn * along) - 1));
       }
     }
     const std::string of = "e = " + std::to_string(restitution).substr(0, 3);

@@ -38,7 +38,10 @@ void MeasureThinWalls(const CheckSettings& s, Measurements* out) {
   for (const double speed : {10.0, 30.0}) {
     for (int k = 0; k < throws; ++k) {  // hits at another part of the step each time
       World world(engine);
-      world.Add({.shape = Shape::Box({0.5 * kThin, 2, 2}), .kind = BodyKind::kFixed, .friction = 0.5, .restitution = kRestitution});
+      world.Add({.shape = Shape::Box({0.5 * kThin, 2, 2}),
+                 .kind = BodyKind::kFixed,
+                 .friction = 0.5,
+                 .restitution = kRestitution});
       BodyDefinition ball = Ball({-1 - k * speed * s.dt / throws, 0, 0}, 0.1, 0.5, kRestitution);
       ball.linear_velocity_W = {speed, 0, 0};
       ball.angular_velocity_W = {0, 0, 60};
@@ -53,8 +56,11 @@ void MeasureThinWalls(const CheckSettings& s, Measurements* out) {
     for (int k = 0; k < throws; ++k) {  // rolls on the floor at the middle of a post as thick as a finger
       World world(s.engine);
       world.Add(Floor(0.5, kRestitution));
-      world.Add({.shape = Shape::Box({0.5 * kThin, 0.5 * kThin, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, 0.5},
-                 .friction = 0.5, .restitution = kRestitution});
+      world.Add({.shape = Shape::Box({0.5 * kThin, 0.5 * kThin, 0.5}),
+                 .kind = BodyKind::kFixed,
+                 .position_W = {0, 0, 0.5},
+                 .friction = 0.5,
+                 .restitution = kRestitution});
       BodyDefinition ball = Ball({-1 - k * speed * s.dt / throws, 0, 0.1}, 0.1, 0.5, kRestitution);
       ball.linear_velocity_W = {speed, 0, 0};
       ball.angular_velocity_W = {0, speed / 0.1, 0};
@@ -87,8 +93,10 @@ void MeasureDice(const CheckSettings& s, Measurements* out) {
       if (kind == BodyKind::kDynamic) {
         world.Add(Floor(0.5, 0.2));
         for (int leg = 0; leg < 4; ++leg)
-          world.Add({.shape = Shape::Box({0.05, 0.05, 0.25}), .kind = BodyKind::kFixed,
-                     .position_W = {leg % 2 ? 0.4 : -0.4, leg / 2 ? 0.4 : -0.4, 0.25}, .friction = 0.5});
+          world.Add({.shape = Shape::Box({0.05, 0.05, 0.25}),
+                     .kind = BodyKind::kFixed,
+                     .position_W = {leg % 2 ? 0.4 : -0.4, leg / 2 ? 0.4 : -0.4, 0.25},
+                     .friction = 0.5});
       }
       const int plate = world.Add(Plate(kThin, kind, 0.5 + 0.5 * kThin));
       BodyDefinition die{.shape = Shape::Box({0.01, 0.01, 0.01}), .friction = 0.4, .restitution = 0.4};
@@ -177,11 +185,16 @@ void MeasureFastCrowd(const CheckSettings& s, Measurements* out) {
         for (const double side : {-1.0, 1.0}) {
           Vector3 half = Vector3::Constant(kInside + 2 * kHalfWall);
           half[axis] = kHalfWall;
-          world.Add({.shape = Shape::Box(half), .kind = BodyKind::kFixed, .position_W = side * (kInside + kHalfWall) * Vector3::Unit(axis), .friction = 0.3, .restitution = 0.8});
+          world.Add({.shape = Shape::Box(half),
+                     .kind = BodyKind::kFixed,
+                     .position_W = side * (kInside + kHalfWall) * Vector3::Unit(axis),
+                     .friction = 0.3,
+                     .restitution = 0.8});
         }
       }
       for (int i = 0; i < 64; ++i) {
-        BodyDefinition d{.shape = tiles ? Shape::Box({0.08, 0.06, 0.02}) : Shape::Sphere(0.08), .friction = 0.3, .restitution = 0.8};
+        BodyDefinition d{
+            .shape = tiles ? Shape::Box({0.08, 0.06, 0.02}) : Shape::Sphere(0.08), .friction = 0.3, .restitution = 0.8};
         d.position_W = {-0.75 + 0.5 * (i % 4), -0.75 + 0.5 * (i / 4 % 4), -0.75 + 0.5 * (i / 16)};
         d.rotation_WB = random.Rotation(3);
         d.linear_velocity_W = speed * random.Direction();
@@ -192,8 +205,10 @@ void MeasureFastCrowd(const CheckSettings& s, Measurements* out) {
       const double energy = KineticEnergy(world);
       for (int i = 0; i < Frames(s.quick ? 0.2 : 0.5, s.dt); ++i) watch.Step(&world, s.dt, energy);
       int escaped = 0;
-      for (const Body& b : world.bodies()) escaped += b.kind == BodyKind::kDynamic && b.position_W.cwiseAbs().maxCoeff() > kInside;
-      const std::string of = std::string(tiles ? "tiles" : "balls") + " of " + std::to_string(static_cast<int>(speed)) + " m/s";
+      for (const Body& b : world.bodies())
+        escaped += b.kind == BodyKind::kDynamic && b.position_W.cwiseAbs().maxCoeff() > kInside;
+      const std::string of =
+          std::string(tiles ? "tiles" : "balls") + " of " + std::to_string(static_cast<int>(speed)) + " m/s";
       out->Absolute(of + ": outside", "", 0, escaped, 0);
       watch.Report(of, out);
     }

@@ -13,7 +13,8 @@ namespace {
 double FastestSpeed(const World& world) {
   double fastest = 0;
   for (const Body& b : world.bodies())
-    if (b.kind == BodyKind::kDynamic) fastest = std::max(fastest, b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());
+    if (b.kind == BodyKind::kDynamic)
+      fastest = std::max(fastest, b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());
   return fastest;
 }
 
@@ -63,7 +64,8 @@ void MeasureCards(const CheckSettings& s, Measurements* out) {
   Watch watch;
   const double energy = Energy(world);
   for (int i = 0; i < Frames(4, s.dt); ++i) watch.Step(&world, s.dt, energy);
-  out->AtMost("speed of the fastest of " + std::to_string(cards) + " cards after 4 s", "m/s", FastestSpeed(world), 1e-4);
+  out->AtMost("speed of the fastest of " + std::to_string(cards) + " cards after 4 s", "m/s", FastestSpeed(world),
+              1e-4);
   watch.Report("the heap", out);
 }
 
@@ -72,7 +74,8 @@ void MeasurePassing(const CheckSettings& s, Measurements* out) {
   engine.gravity.setZero();
   double changed = 0, momentum = 0, energy_off = 0;
   int through = 0;
-  for (const double apart : {0.87, 0.72, 0.3}) {  // the bodies' half diagonal is 0.433: they miss, may touch, must touch
+  for (const double apart :
+       {0.87, 0.72, 0.3}) {  // the bodies' half diagonal is 0.433: they miss, may touch, must touch
     SplitMix64 random(9);
     for (int k = 0; k < (s.quick ? 4 : 16); ++k) {
       World world(engine);
@@ -90,7 +93,8 @@ void MeasurePassing(const CheckSettings& s, Measurements* out) {
       for (int i = 0; i < Frames(0.4, s.dt); ++i) {
         const Vector3 before = world.body(numbers[0]).linear_velocity_W;
         through += world.Step(s.dt).ledger.sides_changed;
-        if (world.impulses().empty()) changed = std::max(changed, (world.body(numbers[0]).linear_velocity_W - before).norm() / 15);
+        if (world.impulses().empty())
+          changed = std::max(changed, (world.body(numbers[0]).linear_velocity_W - before).norm() / 15);
       }
       if (apart > 0.866 && !world.impulses().empty()) changed = INFINITY;
       momentum = std::max(momentum, (Momentum(world) - start).norm() / brought);
@@ -149,11 +153,16 @@ void MeasureClosedShell(const CheckSettings& s, Measurements* out) {
         Vector3 half = Vector3::Constant(kHalf + kThick), place = Vector3::Zero();
         half[axis] = 0.5 * kThick;
         place[axis] = side * (kHalf + 0.5 * kThick);
-        world.Add({.shape = Shape::Box(half), .kind = BodyKind::kFixed, .position_W = place, .friction = 0, .restitution = 1});
+        world.Add({.shape = Shape::Box(half),
+                   .kind = BodyKind::kFixed,
+                   .position_W = place,
+                   .friction = 0,
+                   .restitution = 1});
       }
-    const std::array<Vector3, 6> corners{Vector3(0.2, 0, 0), Vector3(-0.2, 0, 0), Vector3(0, 0.2, 0),
+    const std::array<Vector3, 6> corners{Vector3(0.2, 0, 0),  Vector3(-0.2, 0, 0), Vector3(0, 0.2, 0),
                                          Vector3(0, -0.2, 0), Vector3(0, 0, 0.05), Vector3(0, 0, -0.05)};
-    BodyDefinition flat{.shape = Shape::ConvexHull(corners), .position_W = {0.1, 0, 0}, .friction = 0, .restitution = 1};
+    BodyDefinition flat{
+        .shape = Shape::ConvexHull(corners), .position_W = {0.1, 0, 0}, .friction = 0, .restitution = 1};
     flat.mass = 1;
     flat.rotation_WB = random.Rotation(3);
     flat.linear_velocity_W = 20 * random.Direction();

@@ -143,7 +143,8 @@ void MeasureDisk(const CheckSettings& settings, Measurements* out) {
 // a = e k - r z. A contact force F gives L' = a x F, so (L . a)' = L . a' = e L . (w x k), and this vanishes: L lies in the plane of
 // w and k. So Jellett's J = -L . a is kept by any force at the contact.
 constexpr double kTopRadius = 0.02, kTopMass = 0.02, kTopTilt = 0.1, kTopFriction = 0.1;
-constexpr int kTopSteps = 32;  // in a 60th of a second, or in a dt that is shorter: how these bodies move is the check's own
+constexpr int kTopSteps =
+    32;  // in a 60th of a second, or in a dt that is shorter: how these bodies move is the check's own
 
 Ellipsoid TippeTop() {
   return {.semi_axes = {kTopRadius, kTopRadius, kTopRadius},

@@ -81,8 +81,11 @@ void MeasureParadox(const CheckSettings& settings, Measurements* out) {
   out->Relative("friction impulse, mu = 2", "N s", exact.x(), step.impulse.x(), 1e-6);
   out->AtMost("kinetic energy that the impulse adds, mu = 2", "J", step.energy, 0);
   for (const double dt : {kInstant, 1e-6, settings.dt}) {
-    out->AtMost("tip speed after a step of " + (dt == settings.dt ? "dt" : dt == kInstant ? "1e-8 s" : std::string("1e-6 s")),
-                "m/s", StepRod(settings, kFriction, kSpeed, dt).tip, 1e-6 * kSpeed, "a crowd's velocities are those of the start pose");
+    out->AtMost("tip speed after a step of " + (dt == settings.dt ? "dt"
+                                                : dt == kInstant  ? "1e-8 s"
+                                                                  : std::string("1e-6 s")),
+                "m/s", StepRod(settings, kFriction, kSpeed, dt).tip, 1e-6 * kSpeed,
+                "a crowd's velocities are those of the start pose");
     if (dt == settings.dt && settings.engine.group_bodies == 0) out->Open();
   }
 }

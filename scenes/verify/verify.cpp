@@ -75,7 +75,8 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   add("--tolerance", o->tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
   add("--effort", o->effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
-  add("--group-bodies", o->group_bodies, "N", "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
+  add("--group-bodies", o->group_bodies, "N",
+      "groups of up to so many bodies move by the law of the step (default 20; 0: none)");
   add("--threads", o->threads, "N", "0: all cores (default)");
   add("--gate", o->gate, "LIST", "only checks of G1, G2 (must hold) or G3 (statistics)");
   command->add_flag("--quick", o->quick, "leave out the largest sizes and the longest times");

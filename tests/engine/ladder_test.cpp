@@ -48,7 +48,8 @@ std::int64_t Problems(const LadderReport& ladder, qp::Rung rung) {
 std::int64_t ProblemsBelowTheLast(const LadderReport& ladder) {
   std::int64_t problems = 0;
   // Where nothing approaches there is no problem.
-  for (int rung = static_cast<int>(qp::Rung::kClosedForm); rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung) problems += ladder.rungs[rung].problems;
+  for (int rung = static_cast<int>(qp::Rung::kClosedForm); rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung)
+    problems += ladder.rungs[rung].problems;
   return problems;
 }
 
@@ -112,8 +113,7 @@ TEST(Ladder, EveryStepOfADroppedStackIsThatOfTheInteriorPoint) {
       columns += Problems(climbing.Step(kLongStep).ladder, qp::Rung::kColumn);
       for (int i = 1; i <= 10; ++i) {
         const Body &a = off.body(i), &b = climbing.body(i);
-        ASSERT_LT((a.linear_velocity_W - b.linear_velocity_W).norm(), 1e-6)
-            << drop << " " << frame;
+        ASSERT_LT((a.linear_velocity_W - b.linear_velocity_W).norm(), 1e-6) << drop << " " << frame;
         ASSERT_LT((a.position_W - b.position_W).norm(), 1e-6) << drop << " " << frame;
       }
     }

@@ -87,7 +87,8 @@ TEST_F(LedgerTest, AShortPushLosesNothing) {
   push.impulse_W = {0, 0, 5};
   push.time = 0.7 * kDt;
   push.duration = 1e-9 * kDt;
-  push.contact.point_W = before[1].position_W + push.time * before[1].linear_velocity_W + 0.5 * push.time * push.time * kGravity;
+  push.contact.point_W =
+      before[1].position_W + push.time * before[1].linear_velocity_W + 0.5 * push.time * push.time * kGravity;
   impulses = {push};
   after[1].linear_velocity_W += push.impulse_W;
   after[1].position_W += 0.3 * kDt * push.impulse_W;

@@ -420,7 +420,8 @@ TEST(World, AStepOfRestIsTheStepBefore) {
     World spared(settings), computed(settings);
     for (World* const world : {&spared, &computed}) {
       world->Add(Floor());
-      for (int i = 0; i < 12; ++i) world->Add(Cube({1.3 * (i % 3) + 0.1 * (i / 6), 1.3 * (i / 3 % 2), 0.5 + 1.0 * (i / 6)}));
+      for (int i = 0; i < 12; ++i)
+        world->Add(Cube({1.3 * (i % 3) + 0.1 * (i / 6), 1.3 * (i / 3 % 2), 0.5 + 1.0 * (i / 6)}));
       StepTimes(world, 60, kFrame);
     }
     for (int frame = 0; frame < 30; ++frame) {
@@ -442,7 +443,8 @@ TEST(World, AStepOfRestIsTheStepBefore) {
       StepTimes(world, 20, kFrame);
     }
     EXPECT_EQ(spared.StateHash(), computed.StateHash());
-    EXPECT_GT(spared.body(2).linear_velocity_W.norm() + (spared.body(2).position_W - Vector3(1.3 * 1, 0, 0.5)).norm(), 0.1);
+    EXPECT_GT(spared.body(2).linear_velocity_W.norm() + (spared.body(2).position_W - Vector3(1.3 * 1, 0, 0.5)).norm(),
+              0.1);
   }
 }
 
@@ -466,7 +468,8 @@ TEST(World, SaysWhatItMissed) {
       double worst = 0;
       for (const IslandReport& island : report.islands) {
         worst = std::max(worst, island.map);
-        const bool missed = island.collision_status == QpStatus::kInaccurate || island.static_status == QpStatus::kInaccurate;
+        const bool missed =
+            island.collision_status == QpStatus::kInaccurate || island.static_status == QpStatus::kInaccurate;
         EXPECT_TRUE(missed || island.map <= settings.tolerance) << island.map;
       }
       EXPECT_LE(worst, std::max(report.collision_qp.worst_map, report.static_qp.worst_map));  // of its last problems

@@ -258,7 +258,7 @@ TEST(VerifyJson, HasEveryFieldOfEverySetting) {
   ASSERT_EQ(list.size(), 6u * 3u);
   const std::set<std::string> fields{"id",       "name",   "gate",      "quantity",  "unit",     "dt",
                                      "model",    "freeze", "tolerance", "reference", "measured", "error",
-                                     "relative", "bound",  "pass", "open", "note"};
+                                     "relative", "bound",  "pass",      "open",      "note"};
   for (const nlohmann::json& entry : list) {
     std::set<std::string> found;
     for (const auto& [key, value] : entry.items()) found.insert(key);

@@ -77,16 +77,20 @@ inline BodyDefinition Ball(const Vector3& position, double radius = 0.5, double 
 // Whether all bodies move by the law of the step (engine/motion), which the ledger must find clean.
 inline bool MovesByLaw(const World& world) {
   const Settings& s = world.settings();
-  const auto dynamic = std::count_if(world.bodies().begin(), world.bodies().end(), [](const Body& b) { return b.kind == BodyKind::kDynamic && !b.removed; });
-  return dynamic <= s.group_bodies && s.model == Model::kCoulomb && s.cone == Cone::kCircular && s.bounce_law == BounceLaw::kExact && s.freezing != Freezing::kPaper;
+  const auto dynamic = std::count_if(world.bodies().begin(), world.bodies().end(),
+                                     [](const Body& b) { return b.kind == BodyKind::kDynamic && !b.removed; });
+  return dynamic <= s.group_bodies && s.model == Model::kCoulomb && s.cone == Cone::kCircular &&
+         s.bounce_law == BounceLaw::kExact && s.freezing != Freezing::kPaper;
 }
 
 // What every test steps with: it looks at the ledger.
 inline StepReport Step(World* world, double dt) {
   StepReport report = world->Step(dt);
   if (MovesByLaw(*world)) {
-    EXPECT_FALSE(report.Failed()) << "at " << world->time() << " s: energy " << report.ledger.energy_created.value << ", momentum " << report.ledger.momentum_unexplained.value
-                                  << ", angular " << report.ledger.angular_momentum_unexplained.value << ", sides " << report.ledger.sides_changed << ", unstepped " << report.unstepped;
+    EXPECT_FALSE(report.Failed()) << "at " << world->time() << " s: energy " << report.ledger.energy_created.value
+                                  << ", momentum " << report.ledger.momentum_unexplained.value << ", angular "
+                                  << report.ledger.angular_momentum_unexplained.value << ", sides "
+                                  << report.ledger.sides_changed << ", unstepped " << report.unstepped;
   }
   return report;
 }

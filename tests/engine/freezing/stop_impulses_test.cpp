@@ -94,7 +94,8 @@ TEST(StopImpulses, FreezingTakesNoMomentum) {
   world.Add(testing::Floor());
   for (int layer = 5; layer > 0; --layer)
     for (int i = 0; i < layer * layer; ++i)
-      world.Add(testing::Cube({1.3 * (i % layer - 0.5 * (layer - 1)), 1.2 * (i / layer - 0.5 * (layer - 1)), 1.1 * (5 - layer) + 0.55}));
+      world.Add(testing::Cube(
+          {1.3 * (i % layer - 0.5 * (layer - 1)), 1.2 * (i / layer - 0.5 * (layer - 1)), 1.1 * (5 - layer) + 0.55}));
   int frozen = 0;
   for (int frame = 0; frame < 300 && frozen < 55; ++frame) {
     const StepReport report = world.Step(1.0 / 60);

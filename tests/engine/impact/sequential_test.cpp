@@ -232,8 +232,7 @@ TEST(SequentialResolver, GroupsOfOneWorldAreIndependent) {
   g.Finish();
   const std::vector<int> first{0, 1, 2}, second{3, 4, 5}, first_contacts{0, 1}, second_contacts{2, 3};
   const ContactFrames frames{g.contacts, g.frames};
-  EXPECT_EQ(g.resolver.Resolve(second, second_contacts, frames, BounceLaw::kExact, {1e-9}, g.bodies, g.impulses),
-            2);
+  EXPECT_EQ(g.resolver.Resolve(second, second_contacts, frames, BounceLaw::kExact, {1e-9}, g.bodies, g.impulses), 2);
   EXPECT_NEAR(g.bodies[0].linear_velocity_W.x(), 1, 0);
   EXPECT_EQ(g.resolver.Resolve(first, first_contacts, frames, BounceLaw::kExact, {1e-9}, g.bodies, g.impulses), 2);
   EXPECT_NEAR(g.bodies[2].linear_velocity_W.x(), 1, 1e-12);

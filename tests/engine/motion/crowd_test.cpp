@@ -43,7 +43,8 @@ Course StepFor(World* world, double dt, double seconds) {
     run.overlap = std::max(run.overlap, report.penetration_max);
   }
   for (const Body& b : world->bodies())
-    if (b.kind == BodyKind::kDynamic) run.fastest = std::max(run.fastest, b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());
+    if (b.kind == BodyKind::kDynamic)
+      run.fastest = std::max(run.fastest, b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());
   return run;
 }
 
@@ -84,10 +85,15 @@ TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
     World world(testing::AsCrowd(ByLaw()));
     for (int x = 0; x < 8; ++x)
       for (int y = 0; y < 8; ++y)
-        world.Add({.shape = Shape::Box({0.5, 0.5, 0.25}), .kind = BodyKind::kFixed, .position_W = {x + 0.5, y + 0.5, -0.25}, .friction = 0});
+        world.Add({.shape = Shape::Box({0.5, 0.5, 0.25}),
+                   .kind = BodyKind::kFixed,
+                   .position_W = {x + 0.5, y + 0.5, -0.25},
+                   .friction = 0});
     std::vector<int> cubes;
     for (const double turn : {0.0, 0.3, 0.7}) {
-      BodyDefinition cube{.shape = Shape::Box({0.3, 0.3, 0.3}), .position_W = {1.31, 1.2 + 2.0 * static_cast<double>(cubes.size()), 0.3}, .friction = 0};
+      BodyDefinition cube{.shape = Shape::Box({0.3, 0.3, 0.3}),
+                          .position_W = {1.31, 1.2 + 2.0 * static_cast<double>(cubes.size()), 0.3},
+                          .friction = 0};
       cube.rotation_WB = Quaternion(Eigen::AngleAxisd(turn, Vector3::UnitZ()));
       cube.linear_velocity_W = {3, 0.2, 0};
       cubes.push_back(world.Add(cube));
@@ -107,8 +113,12 @@ TEST(Crowd, BlowsOfOneBodyGiveNothingToTheNext) {
   std::mt19937 rng(3);
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (int i = 0; i < 20; ++i) {
-    BodyDefinition stick{.shape = Shape::Box({0.3, 0.015, 0.015}), .position_W = {uniform(rng), uniform(rng), 0.5 + 0.2 * i}, .friction = 0.5, .restitution = 0.5};
-    stick.rotation_WB = Quaternion(Eigen::AngleAxisd(uniform(rng), Vector3(uniform(rng), uniform(rng), 1).normalized()));
+    BodyDefinition stick{.shape = Shape::Box({0.3, 0.015, 0.015}),
+                         .position_W = {uniform(rng), uniform(rng), 0.5 + 0.2 * i},
+                         .friction = 0.5,
+                         .restitution = 0.5};
+    stick.rotation_WB =
+        Quaternion(Eigen::AngleAxisd(uniform(rng), Vector3(uniform(rng), uniform(rng), 1).normalized()));
     stick.angular_velocity_W = {10 * uniform(rng), 10 * uniform(rng), 10 * uniform(rng)};
     world.Add(stick);
   }
@@ -155,7 +165,8 @@ TEST(Crowd, HeapsFreezeAsSoonAsTheyStand) {
     for (int frame = 0; frame < 400; ++frame) {
       if (world.Step(1.0 / 30).awake == 0) break;
       double fastest = 0;
-      for (const Body& b : world.bodies()) fastest = std::max(fastest, b.linear_velocity_W.norm() + b.angular_velocity_W.norm());
+      for (const Body& b : world.bodies())
+        fastest = std::max(fastest, b.linear_velocity_W.norm() + b.angular_velocity_W.norm());
       standing = fastest < 1e-6 ? standing + 1 : 0;
       ASSERT_LE(standing, 8) << seed;
     }
@@ -190,7 +201,9 @@ TEST(Crowd, HeavyLidOnLightBallsComesDownAsFarAsTheyGiveWay) {
   world.Add(Floor(0.5, 0));
   AddWalls(&world, 1.5, 2, 1.5);
   for (int i = 0; i < 98; ++i) {
-    BodyDefinition ball = Ball({-0.83 + 0.275 * (i % 7) + 0.003 * (i % 5), -0.83 + 0.275 * (i / 7 % 7) + 0.003 * (i % 3), 0.14 + 0.27 * (i / 49)}, 0.13, 0.5, 0);
+    BodyDefinition ball = Ball({-0.83 + 0.275 * (i % 7) + 0.003 * (i % 5),
+                                -0.83 + 0.275 * (i / 7 % 7) + 0.003 * (i % 3), 0.14 + 0.27 * (i / 49)},
+                               0.13, 0.5, 0);
     ball.mass = 0.09;
     world.Add(ball);
   }
@@ -316,7 +329,8 @@ TEST(Crowd, TakesOverWhatIsBeyondTheWorkOfAGroup) {
     wall.position_W = {0, side, 2};
     world.Add(wall);
   }
-  for (int i = 0; i < 14; ++i) world.Add(Ball({0.5 + 0.25 * (i % 2), -0.3 + 0.25 * (i / 2 % 3), 0.15 + 0.25 * (i / 6)}, 0.12, 0.5, 0.5));
+  for (int i = 0; i < 14; ++i)
+    world.Add(Ball({0.5 + 0.25 * (i % 2), -0.3 + 0.25 * (i / 2 % 3), 0.15 + 0.25 * (i / 6)}, 0.12, 0.5, 0.5));
   BodyDefinition ram{.shape = Shape::Box({0.3, 0.45, 0.6}), .kind = BodyKind::kKinematic};
   ram.position_W = {-0.2, 0, 0.65};
   const int number = world.Add(ram);
@@ -332,7 +346,8 @@ TEST(Crowd, RamSqueezesBallsThatGiveWay) {
   World world(ByLaw());
   world.Add(Floor());
   AddWalls(&world, 1.5, 2, 2);
-  for (int i = 0; i < 30; ++i) world.Add(Ball({0.3 + 0.25 * (i % 3), -0.75 + 0.25 * (i / 3 % 5), 0.15 + 0.25 * (i / 15)}, 0.12, 0.5, 0.5));
+  for (int i = 0; i < 30; ++i)
+    world.Add(Ball({0.3 + 0.25 * (i % 3), -0.75 + 0.25 * (i / 3 % 5), 0.15 + 0.25 * (i / 15)}, 0.12, 0.5, 0.5));
   BodyDefinition ram{.shape = Shape::Box({0.3, 0.95, 0.3}), .kind = BodyKind::kKinematic};
   ram.position_W = {-0.65, 0, 0.35};
   const int number = world.Add(ram);

@@ -34,14 +34,16 @@ struct WorldDraw {
 };
 
 std::ostream& operator<<(std::ostream& out, const BodyDraw& b) {
-  return out << "\n  {" << b.kind << ", " << b.size << ", " << b.mass << ", " << b.speed << ", {" << b.aspect[0] << ", " << b.aspect[1] << "}, turn "
-             << b.turn_W.transpose() << ", way " << b.way_W.transpose() << ", axis " << b.axis_W.transpose() << "}";
+  return out << "\n  {" << b.kind << ", " << b.size << ", " << b.mass << ", " << b.speed << ", {" << b.aspect[0] << ", "
+             << b.aspect[1] << "}, turn " << b.turn_W.transpose() << ", way " << b.way_W.transpose() << ", axis "
+             << b.axis_W.transpose() << "}";
 }
 std::ostream& operator<<(std::ostream& out, const WorldDraw& w) {
   out.precision(17);
-  out << "dt " << w.dt << ", size " << w.size << ", friction " << w.friction << ", restitution " << w.restitution << ", speed " << w.speed << ", spin "
-      << w.spin << ", ratio " << w.ratio << ", aspect " << w.aspect << ", falls " << w.falls << ", freezes " << w.freezes << ", shelf " << w.shelf << " "
-      << w.shelf_thickness << ", wall " << w.wall << " " << w.wall_thickness << " " << w.wall_speed << " " << w.wall_turns << " "
+  out << "dt " << w.dt << ", size " << w.size << ", friction " << w.friction << ", restitution " << w.restitution
+      << ", speed " << w.speed << ", spin " << w.spin << ", ratio " << w.ratio << ", aspect " << w.aspect << ", falls "
+      << w.falls << ", freezes " << w.freezes << ", shelf " << w.shelf << " " << w.shelf_thickness << ", wall "
+      << w.wall << " " << w.wall_thickness << " " << w.wall_speed << " " << w.wall_turns << " "
       << w.wall_spin_W.transpose();
   for (const BodyDraw& b : w.bodies) out << b;
   return out;
@@ -51,7 +53,8 @@ namespace {
 
 // The whole range from the first world on. Only bodies are left out to make a failure smaller: numbers would take hours.
 rc::Gen<double> Share() {
-  return rc::gen::noShrink(rc::gen::map(rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, 1 << 24)), [](int k) { return std::ldexp(k, -24); }));
+  return rc::gen::noShrink(rc::gen::map(rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, 1 << 24)),
+                                        [](int k) { return std::ldexp(k, -24); }));
 }
 double LogBetween(double share, double low, double high) { return low * std::pow(high / low, share); }
 rc::Gen<double> LogUniform(double low, double high) {
@@ -90,7 +93,8 @@ WorldDraw DrawWorld() {
   w.wall_speed = *LogUniform(0.01, 10);
   w.wall_spin_W = 2 * *InCube();
   const int most = *Chance(0.3) ? 20 : 6;
-  w.bodies = *rc::gen::container<std::vector<BodyDraw>>(1 + static_cast<size_t>(*Share() * most), rc::gen::exec(DrawBody));
+  w.bodies =
+      *rc::gen::container<std::vector<BodyDraw>>(1 + static_cast<size_t>(*Share() * most), rc::gen::exec(DrawBody));
   return w;
 }
 
@@ -120,9 +124,12 @@ World Build(const WorldDraw& w) {
   };
   add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed});
   if (w.shelf)
-    add({.shape = Shape::Box({4 * w.size, 4 * w.size, w.size * w.shelf_thickness}), .kind = BodyKind::kFixed, .position_W = {0, 0, 6 * w.size}});
+    add({.shape = Shape::Box({4 * w.size, 4 * w.size, w.size * w.shelf_thickness}),
+         .kind = BodyKind::kFixed,
+         .position_W = {0, 0, 6 * w.size}});
   if (w.wall) {
-    BodyDefinition wall{.shape = Shape::Box({w.size * w.wall_thickness, 2 * w.size, 2 * w.size}), .kind = BodyKind::kKinematic,
+    BodyDefinition wall{.shape = Shape::Box({w.size * w.wall_thickness, 2 * w.size, 2 * w.size}),
+                        .kind = BodyKind::kKinematic,
                         .position_W = {-14 * w.size, 0, 4 * w.size}};
     wall.linear_velocity_W.x() = w.wall_speed;
     if (w.wall_turns) wall.angular_velocity_W = w.wall_spin_W;
@@ -160,8 +167,9 @@ RC_GTEST_PROP(RandomSteps, NothingPassesAndNoEnergyIsCreated, ()) {
       given_up = true;
       break;
     }
-    RC_LOG() << "step " << step << ": sides " << ledger.sides_changed << ", energy " << ledger.energy_created.value << ", momentum "
-             << ledger.momentum_unexplained.value << ", angular " << ledger.angular_momentum_unexplained.value << ", " << seconds << " s\n";
+    RC_LOG() << "step " << step << ": sides " << ledger.sides_changed << ", energy " << ledger.energy_created.value
+             << ", momentum " << ledger.momentum_unexplained.value << ", angular "
+             << ledger.angular_momentum_unexplained.value << ", " << seconds << " s\n";
     RC_ASSERT(closed || ledger.sides_changed == 0);
     RC_ASSERT(ledger.energy_created.value <= 1e-6);
     RC_ASSERT(ledger.momentum_unexplained.value <= 1e-9);

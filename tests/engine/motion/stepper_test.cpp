@@ -157,7 +157,8 @@ TEST(Stepper, LeaningTowerFallsAboutItsEdge) {
   for (int frame = 1; frame <= 3; ++frame) {
     world.Step(dt);
     for (const int body : {1, kCubes})
-      EXPECT_NEAR(world.body(body).angular_velocity_W.y(), -frame * dt * torque / inertia, 0.02 * frame * dt * torque / inertia);
+      EXPECT_NEAR(world.body(body).angular_velocity_W.y(), -frame * dt * torque / inertia,
+                  0.02 * frame * dt * torque / inertia);
   }
 }
 
@@ -165,7 +166,8 @@ TEST(Stepper, LeaningTowerFallsAboutItsEdge) {
 TEST(Stepper, BallOnATippingPlankCostsNoEnergy) {
   for (const double dt : {1.0 / 30, 1.0 / 60}) {
     World world(Grouped());
-    world.Add({.shape = Shape::Box({0.5, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, -0.5}, .friction = 1});
+    world.Add(
+        {.shape = Shape::Box({0.5, 1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, -0.5}, .friction = 1});
     world.Add({.shape = Shape::Box({1, 0.3, 0.05}), .mass = 2, .position_W = {0.7, 0, 0.05}, .friction = 1});
     world.Add({.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {0.9, 0.02, 0.2}, .friction = 0.5});
     const double before = Energy(world);
@@ -185,14 +187,19 @@ TEST(Stepper, BallOnATippingPlankCostsNoEnergy) {
 TEST(Stepper, RockingBlockLosesWhatItsImpactsTake) {
   constexpr double kHalfWidth = 0.1, kHalfHeight = 0.4, kTilt = 0.15;
   const double sine = kHalfWidth / std::hypot(kHalfWidth, kHalfHeight), left = std::pow(1 - 1.5 * sine * sine, 2);
-  const double radius = std::hypot(kHalfWidth, kHalfHeight), start = radius * std::cos(std::asin(sine) - kTilt) - kHalfHeight;
+  const double radius = std::hypot(kHalfWidth, kHalfHeight),
+               start = radius * std::cos(std::asin(sine) - kTilt) - kHalfHeight;
   for (const double dt : {1.0 / 24, 1.0 / 30, 1.0 / 50, 1.0 / 75, 1.0 / 144, 1.0 / 480}) {
     SCOPED_TRACE(dt);
     World world(Grouped());
     world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 2, .restitution = 0});
     const Quaternion turn = testing::Turn(kTilt, Vector3::UnitY());
-    world.Add({.shape = Shape::Box({kHalfWidth, 0.2, kHalfHeight}), .mass = 1, .position_W = turn * Vector3(-kHalfWidth, 0, kHalfHeight),
-               .rotation_WB = turn, .friction = 2, .restitution = 0});
+    world.Add({.shape = Shape::Box({kHalfWidth, 0.2, kHalfHeight}),
+               .mass = 1,
+               .position_W = turn * Vector3(-kHalfWidth, 0, kHalfHeight),
+               .rotation_WB = turn,
+               .friction = 2,
+               .restitution = 0});
     double side = 1;
     for (int impact = 1; impact <= 3;) {
       ASSERT_LT(world.time(), 4);
@@ -202,7 +209,8 @@ TEST(Stepper, RockingBlockLosesWhatItsImpactsTake) {
       if (tilt * side >= 0) continue;
       side = -side;
       const double expected = kGravity * start * std::pow(left, impact);
-      EXPECT_NEAR(block.KineticEnergy() + kGravity * (block.position_W.z() - kHalfHeight), expected, 0.01 * expected) << impact;
+      EXPECT_NEAR(block.KineticEnergy() + kGravity * (block.position_W.z() - kHalfHeight), expected, 0.01 * expected)
+          << impact;
       ++impact;
     }
   }
@@ -224,7 +232,8 @@ TEST(Stepper, FrictionlessBallsTakeNoSpin) {
 // A plate that starts to move takes two cubes along, within what friction can; they are on the brink of tipping, and do not.
 TEST(Stepper, PlateThatStartsTakesItsLoadAlong) {
   World world(Grouped());
-  world.Add({.shape = Shape::Box({5, 5, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5});
+  world.Add(
+      {.shape = Shape::Box({5, 5, 0.5}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.5}, .friction = 0.5});
   for (int i = 0; i < 2; ++i) world.Add(Cube({0, 0, i + 0.5}, 0.5));
   testing::StepTimes(&world, 10);
   world.SetVelocity(0, {0.05, 0, 0}, Vector3::Zero());
@@ -289,7 +298,8 @@ TEST(Stepper, SlidesInTheStepInWhichFrictionIsTakenAway) {
   EXPECT_LT(world.body(1).linear_velocity_W.norm(), 1e-9);
   world.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0.1, 0}; });
   world.Step(dt);
-  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * dt, 1e-6);
+  EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kGravity * (std::sin(incline) - 0.1 * std::cos(incline)) * dt,
+              1e-6);
 }
 
 // Boxes that slide on the turntable ask for passes in the piece that the ball's blow ends; the blow must not carry there, or the
@@ -297,14 +307,23 @@ TEST(Stepper, SlidesInTheStepInWhichFrictionIsTakenAway) {
 TEST(Stepper, ElasticBallLeavesATurntableBesideBoxes) {
   for (int phase = 0; phase < 8; ++phase) {
     World world;
-    BodyDefinition table{.shape = Shape::Box({2, 2, 0.1}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.1}, .friction = 0.8, .restitution = 1};
+    BodyDefinition table{.shape = Shape::Box({2, 2, 0.1}),
+                         .kind = BodyKind::kKinematic,
+                         .position_W = {0, 0, -0.1},
+                         .friction = 0.8,
+                         .restitution = 1};
     table.angular_velocity_W.z() = 2;
     world.Add(table);
-    BodyDefinition box{.shape = Shape::Box({0.2, 0.2, 0.2}), .mass = 1, .position_W = {1, 0, 0.2}, .friction = 0.8, .restitution = 0};
+    BodyDefinition box{
+        .shape = Shape::Box({0.2, 0.2, 0.2}), .mass = 1, .position_W = {1, 0, 0.2}, .friction = 0.8, .restitution = 0};
     box.linear_velocity_W = {0, 2, 0};
     box.angular_velocity_W.z() = 2;
     world.Add(box);
-    BodyDefinition ball{.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {-1, -0.1, 0.3 + 0.03 * phase}, .friction = 0, .restitution = 1};
+    BodyDefinition ball{.shape = Shape::Sphere(0.1),
+                        .mass = 1,
+                        .position_W = {-1, -0.1, 0.3 + 0.03 * phase},
+                        .friction = 0,
+                        .restitution = 1};
     ball.linear_velocity_W.z() = -1;
     world.Add(ball);
     box.position_W = {-1, 0.25, 0.2};
@@ -324,11 +343,14 @@ TEST(Stepper, NeedlesStayOnTheirSideOfATumblingPlate) {
   SplitMix64 random(5);
   for (int k = 0; k < 150; ++k) {
     World world(Grouped());
-    const double restitution = random.Uniform(0, 0.5), friction = random.Uniform(0, 1), half = random.Uniform(1e-4, 1e-3);
-    BodyDefinition plate{.shape = Shape::Box({0.1, 0.1, half}), .mass = 1, .friction = friction, .restitution = restitution};
+    const double restitution = random.Uniform(0, 0.5), friction = random.Uniform(0, 1),
+                 half = random.Uniform(1e-4, 1e-3);
+    BodyDefinition plate{
+        .shape = Shape::Box({0.1, 0.1, half}), .mass = 1, .friction = friction, .restitution = restitution};
     plate.angular_velocity_W = random.Uniform(0, 30) * random.Direction();
     world.Add(plate);
-    BodyDefinition needle{.shape = Shape::Box({0.1, half, half}), .mass = 1, .friction = friction, .restitution = restitution};
+    BodyDefinition needle{
+        .shape = Shape::Box({0.1, half, half}), .mass = 1, .friction = friction, .restitution = restitution};
     const Vector3 from = random.Direction();
     needle.position_W = 0.25 * from;
     needle.rotation_WB = random.Rotation(3);

@@ -103,7 +103,8 @@ TEST(SlightCollisions, SlidingRowByHand) {
     EXPECT_LT(cube.angular_velocity_W.norm(), 1e-5);
     EXPECT_LT((ImpulseOn(world, i) - Vector3(-0.5, 0, 1) * stopped).norm(), 2e-6);
     EXPECT_NEAR(cube.position_W.z(), 0.5, 1e-7);
-    EXPECT_NEAR(cube.position_W.x(), kDt * (2 - 0.25 * (2 * u + kFall)), 1e-7);  // the gap closes: mean velocity 0 along the normal
+    EXPECT_NEAR(cube.position_W.x(), kDt * (2 - 0.25 * (2 * u + kFall)),
+                1e-7);  // the gap closes: mean velocity 0 along the normal
   }
 }
 
@@ -128,13 +129,14 @@ TEST(SlightCollisions, AWallPushesWhatWasFrozen) {
 }
 
 TEST(SlightCollisions, OnTheOtherSideOfTheLimitItIsACollision) {
-  for (const auto& [restitution, approach, slight] : {std::tuple{0.0, 0.99, true},
-                                                      {0.0, 1.01, true},  // without restitution nothing is lost by carrying
-                                                      {0.2, 0.19, true},
-                                                      {0.2, 0.21, false},
-                                                      {0.9, 5e-3, true},
-                                                      {0.9, 6e-3, false},
-                                                      {1.0, 1e-3, false}}) {
+  for (const auto& [restitution, approach, slight] :
+       {std::tuple{0.0, 0.99, true},
+        {0.0, 1.01, true},  // without restitution nothing is lost by carrying
+        {0.2, 0.19, true},
+        {0.2, 0.21, false},
+        {0.9, 5e-3, true},
+        {0.9, 6e-3, false},
+        {1.0, 1e-3, false}}) {
     SCOPED_TRACE(::testing::Message() << "e = " << restitution << ", " << approach << " g dt");
     World world = SlidingRow(Awake(), 0, approach * kFall, restitution);
     EXPECT_EQ(Blows(testing::Step(&world, kDt)) == 0, slight);
@@ -169,7 +171,8 @@ TEST(SlightCollisions, ABlowOnAHeap) {
   EXPECT_GT(Blows(layer.report), 0);
   EXPECT_LE(layer.report.certificate.dual, 1e-6);
   for (int i = 0; i <= kSide * kSide; ++i) {
-    const Vector3 weight = Vector3(0, 0, -kGravity * kDt), gained = layer.cube(i).linear_velocity_W - layer.before[i + 1].linear_velocity_W;
+    const Vector3 weight = Vector3(0, 0, -kGravity * kDt),
+                  gained = layer.cube(i).linear_velocity_W - layer.before[i + 1].linear_velocity_W;
     EXPECT_LT((ImpulseOn(layer.world, i + 1) + weight - gained).norm(), 1e-12) << i;
   }
   EXPECT_GT((layer.cube(kSide * kSide).linear_velocity_W - Vector3(0.5, 0.2, -3)).norm(), 2);

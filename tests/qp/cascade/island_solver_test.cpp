@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "qp/body_algebra.h"
-#include "qp/interior_point/interior_point.h"
 #include "qp/direct/one_contact.h"
+#include "qp/interior_point/interior_point.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/random_problems.h"
 #include "tests/support/reference_qp.h"
@@ -180,7 +180,8 @@ double ShareBelow(double goal, bool bounces, double mass_ratio) {
     const qp::Solution solution = Solve(island.problem, settings);
     EXPECT_LT(MomentumResidual(island.problem, solution.velocities, solution.impulses), 1e-6) << island.name;
     const NaturalMap map = qp::CoulombMap(island.problem, solution.velocities, solution.impulses);
-    EXPECT_EQ(solution.status == qp::Status::kSolved, map.Meets(settings.tolerance * settings.velocity_scale)) << island.name;
+    EXPECT_EQ(solution.status == qp::Status::kSolved, map.Meets(settings.tolerance * settings.velocity_scale))
+        << island.name;
     ++total;
     if (map.rms <= goal * settings.velocity_scale) ++reached;
   }

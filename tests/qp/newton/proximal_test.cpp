@@ -15,8 +15,8 @@ TEST(Proximal, LawOfAContactOnASpring) {
   const struct {
     double friction;
     Vector3 pull, impulse;
-  } cases[] = {{0.5, {-1, 3, 4}, {0, 0, 0}}, {0.5, {0, 3, 4}, {0, 0, 0}}, {0.5, {4, 1, -1}, {4, 1, -1}},
-               {0.5, {4, 6, 8}, {4, 1.2, 1.6}}, {0, {2, 0, 0}, {2, 0, 0}}, {0, {2, 1, 0}, {2, 0, 0}}};
+  } cases[] = {{0.5, {-1, 3, 4}, {0, 0, 0}},    {0.5, {0, 3, 4}, {0, 0, 0}}, {0.5, {4, 1, -1}, {4, 1, -1}},
+               {0.5, {4, 6, 8}, {4, 1.2, 1.6}}, {0, {2, 0, 0}, {2, 0, 0}},   {0, {2, 1, 0}, {2, 0, 0}}};
   for (const auto& [friction, pull, impulse] : cases)
     EXPECT_LT((qp::SpringLaw(pull, friction) - impulse).norm(), 1e-15) << friction << " " << pull.transpose();
 }
