@@ -38,19 +38,20 @@ install_packages() {
   "${apt[@]}" install -y --no-install-recommends "${missing[@]}" || die "apt-get could not install: ${missing[*]}"
 }
 
+# build [target]: everything, or that alone.
 build() {
   install_packages
   say "configuring build/release"
   cmake --preset release
-  say "building with $(nproc) jobs"
-  cmake --build build/release -j"$(nproc)"
+  say "building ${1:-everything} with $(nproc) jobs: ${2:-8 minutes on two cores}"
+  cmake --build build/release -j"$(nproc)" ${1:+--target "$1"}
 }
 
 command=${1:-}
 if (($#)); then shift; fi
 case $command in
   demo)
-    build
+    build islet_program "3 minutes on two cores"
     say "islet run cubeglass $*"
     exec build/release/scenes/islet run cubeglass "$@"
     ;;

@@ -1,7 +1,7 @@
-# Every key of the literature in code and pages, as [SM04 Eq. 13] or [FM82, KK98], stands in the bibliography of the main README.
+# Every key of the literature in code and pages, as [SM04 Eq. 13] or [FM82, KK98], stands in engine/literature.md.
 #   cmake -DROOT=... -P bibliography_test.cmake
-file(READ ${ROOT}/README.md readme)
-string(REPLACE "[" "<" readme "${readme}")  # brackets and semicolons would bend lists
+file(READ ${ROOT}/engine/literature.md known)
+string(REPLACE "[" "<" known "${known}")  # brackets and semicolons would bend lists
 set(missing "")
 set(seen 0)
 file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/engine/*.* ${ROOT}/islands/*.* ${ROOT}/qp/*.* ${ROOT}/parallel/*.* ${ROOT}/scenes/*.*
@@ -17,7 +17,7 @@ foreach(file IN LISTS files)
     string(REGEX MATCHALL "[A-Z][A-Za-z]+[0-9][0-9]" keys "${citation}")
     foreach(key IN LISTS keys)
       math(EXPR seen "${seen} + 1")
-      if(NOT readme MATCHES "- <${key}[]]")
+      if(NOT known MATCHES "- <${key}[]]")
         list(APPEND missing "${file}: ${key}")
       endif()
     endforeach()
@@ -29,5 +29,5 @@ if(seen LESS 50)
 endif()
 if(missing)
   list(JOIN missing "\n  " missing)
-  message(FATAL_ERROR "not in the bibliography of README.md:\n  ${missing}")
+  message(FATAL_ERROR "not in engine/literature.md:\n  ${missing}")
 endif()
