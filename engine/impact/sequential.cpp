@@ -39,7 +39,7 @@ int BounceLimit(int setting, int num_bodies, int num_contacts) {
   return num_bodies < 50 ? num_bodies : num_contacts / 10;
 }
 
-double BounceCost(double restitution, int num_bodies) { return 1 - restitution + restitution / num_bodies; }
+double BounceCost(double restitution, int num_bodies) { return 1 - restitution + restitution / (4 * num_bodies); }
 
 void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
                               const ContactFrames& contacts, std::span<const Body> bodies) {
@@ -77,6 +77,10 @@ void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const
 double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const {
   const auto& [a, b] = sides_[c];
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
+}
+
+bool SequentialResolver::Rebounds(int c, const Contact& contact) const {
+  return ReboundSpeed(contact, -NormalVelocityOf(c, contact)) >= least_rebound_;
 }
 
 void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
@@ -140,7 +144,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     add(a, -1, &term.body_a, &term.jacobian_a);
     add(b, 1, &term.body_b, &term.jacobian_b);
     term.friction = contact.friction;
-    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact));
+    term.target = Rebounds(c, contact) ? ReboundSpeed(contact, -NormalVelocityOf(c, contact)) : 0;
     tied_problem_.contacts.push_back(term);
   }
 }
@@ -197,6 +201,15 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
   return true;
 }
 
+// Of bodies, among the tied contacts: however many points two faces meet at, it is one blow.
+int SequentialResolver::TiedPairs(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  tied_pairs_.clear();
+  for (const int c : tied_)
+    tied_pairs_.emplace_back(contacts[group_contacts[c]].body_a, contacts[group_contacts[c]].body_b);
+  std::sort(tied_pairs_.begin(), tied_pairs_.end());
+  return static_cast<int>(std::unique(tied_pairs_.begin(), tied_pairs_.end()) - tied_pairs_.begin());
+}
+
 // After a bounce: all contacts of the bodies that it moved.
 void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   for (const int side : tied_bodies_)
@@ -215,6 +228,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   Load(group_bodies, group_contacts, contacts, bodies);
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
+  least_rebound_ = rule.least_rebound;
   keys_.resize(group_contacts.size());
   for (size_t c = 0; c < keys_.size(); ++c)
     keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
@@ -229,13 +243,17 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
     if (!together) {
       const auto [a, b] = sides_[c];
       tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
-      const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], contact, contacts.frames[number], law);
+      Contact as_it_bounces = contact;
+      if (!Rebounds(c, contact)) as_it_bounces.restitution = 0;
+      const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], as_it_bounces, contacts.frames[number], law);
       impulses[number] += impulse;
       ApplyAt(c, contact, contacts.frames[number] * impulse);
     }
     const int count = together ? static_cast<int>(tied_.size()) : 1;
     bounces += count;
-    spent += count * (by_cost ? BounceCost(contact.restitution, num_bodies) : 1.0);
+    spent += by_cost ? (together ? TiedPairs(group_contacts, contacts.contacts) : 1) *
+                           BounceCost(contact.restitution, num_bodies)
+                     : count;
     Requeue(group_contacts, contacts.contacts);
   }
   for (size_t i = 0; i < group_bodies.size() && bounces > 0; ++i) {

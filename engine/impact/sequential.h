@@ -11,6 +11,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/body.h"
@@ -25,7 +26,7 @@ namespace islet {
 // c_b of a group: the given limit, or the paper's heuristic.                                         [SM04 Sec. 5.1]
 int BounceLimit(int setting, int num_bodies, int num_contacts);
 // What a bounce uses up of the automatic limit. Inelastic ones share a blow among bodies, which the QP does better: 1. Elastic
-// ones pass it on, which only the queue can do; k of n bodies into a row of n take k (n - k) of them, heaps some more: 1 / n.
+// ones pass it on, which only the queue can do: n in a stack on a floor take about n^2 of them, unequal ones more: 1 / (4 n).
 double BounceCost(double restitution, int num_bodies);
 
 // Which contacts of a group bounce, and how often.
@@ -33,6 +34,7 @@ struct BounceRule {
   double threshold;              // [m/s] > 0; a contact collides if it approaches faster
   int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
   bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
+  double least_rebound = 0;      // [m/s] a slower one is none
 };
 
 class SequentialResolver {
@@ -45,12 +47,14 @@ class SequentialResolver {
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
+  bool Rebounds(int local_contact, const Contact& contact) const;
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   bool SolveTies();
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
+  int TiedPairs(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
 
   std::vector<int> local_;                  // world body -> place in the group
@@ -59,9 +63,11 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
+  double least_rebound_ = 0;
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
+  std::vector<std::pair<int, int>> tied_pairs_;
   qp::Problem tied_problem_;
   qp::Solution tied_solution_;
   qp::GaussSeidel tie_sweeps_;

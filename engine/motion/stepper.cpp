@@ -1041,14 +1041,11 @@ void Stepper::Strike() {
     if (hits && !IsThere(e)) continue;
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    if (hits) {
-      strikes = true;
-    } else if (pull_ > 0 && approach > threshold_ && approach * end_[e].restitution < least_rebound_) {
-      problem_.back().restitution = 0;
-    }
+    strikes = strikes || hits;
   }
   if (!strikes) return;
   PartProblem();
+  const double least_rebound = pull_ > 0 ? least_rebound_ : 0;
   bounces_.assign(problem_.size(), Vector3::Zero());
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
@@ -1056,7 +1053,11 @@ void Stepper::Strike() {
     if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                                         {threshold_, settings_.bounce_limit, true}, posed_, bounces_);
+                                         {threshold_, settings_.bounce_limit, true, least_rebound}, posed_, bounces_);
+    for (const int c : view.contacts) {
+      const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
+      if (ReboundSpeed(problem_[c], approach) < least_rebound) problem_[c].restitution = 0;
+    }
     out_->struck.push_back(
         responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
     Record(Stage::kCollision, out_->struck.back().status);
