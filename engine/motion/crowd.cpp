@@ -1142,6 +1142,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   first_forces_W_ = memory->forces_W;
   first_lost_ = memory->lost;
   while (!Pieces(dt, find, memory, report)) {
+    yields_.clear();
     Return(first_);
     *near = first_near_;
     memory->contacts = first_contacts_;

@@ -70,6 +70,8 @@ bool GroupMotion::IsCrowd(std::span<const int> members) const {
          std::any_of(members.begin(), members.end(), [&](int i) { return gave_up_[i] != 0; });
 }
 
+std::ptrdiff_t GroupMotion::CountCrowd() const { return std::count(crowd_.begin(), crowd_.end(), 1); }
+
 // A body of a crowd may become as fast as the fastest of it.
 void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
   for (int g = 0; g < groups_.size(); ++g) {
@@ -298,8 +300,10 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     };
     find();
     if (any_crowd_) {
-      WidenCrowds(dt, bodies);
-      find();
+      for (std::ptrdiff_t known = 0, crowd = CountCrowd(); known < crowd; known = crowd, crowd = CountCrowd()) {
+        WidenCrowds(dt, bodies);  // whom they may meet becomes as fast
+        find();
+      }
       if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes)))
         return false;
     }

@@ -12,6 +12,7 @@
 //   threads: groups run on the pool; results do not depend on the number of workers
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -68,6 +69,7 @@ class GroupMotion {
   };
   bool IsCrowd(std::span<const int> members) const;
   bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
+  std::ptrdiff_t CountCrowd() const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
   void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
   void FillJob(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,

@@ -53,11 +53,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
       continue;
     }
     const Box now = BoxAround(shapes[i], body.position_W, body.rotation_WB);
-    double room = kMargin * shapes[i].size();
+    double room = kMargin * shapes[i].size() + (CanMove(body) ? rooms[i] : 0);
     Vector3 way = Vector3::Zero();
     if (!StandsStill(body)) {
       way = dt * body.linear_velocity_W;
-      room += rooms[i] + gravity_W.norm() * dt * dt;
+      room += gravity_W.norm() * dt * dt;
       if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
       if (shapes[i].kind() != ShapeKind::kSphere)
         room += std::min(1.0, 1.2 * dt * body.angular_velocity_W.norm()) * shapes[i].radius();

@@ -469,7 +469,8 @@ Path Stepper::PathOf(int i, double h) const {
   const State &s = state_[i], &e = end_state_[i];
   if (!b.Moves())
     return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
-  return PathThrough(s.pose, s.linear_W, (0.5 / h) * (e.linear_W - s.linear_W), s.angular_W, e.pose.rotation_WB, h,
+  // By its mean velocity: that at the end may be the one after a blow.
+  return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, s.angular_W, e.pose.rotation_WB, h,
                      BodyRadius(i));
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "engine/motion/stepper.h"
 #include "engine/world.h"
 #include "scenes/random.h"
 #include "tests/support/no_alloc.h"
@@ -259,6 +260,42 @@ TEST(Stepper, BouncesOfFineStepsDoNotSink) {
       EXPECT_NEAR(world.body(2).position_W.z(), 0.5, 6e-6) << dt << " e " << restitution;
       EXPECT_NEAR(world.body(3).position_W.z(), 1.5, 1e-5) << dt << " e " << restitution;
     }
+  }
+}
+
+// The ways that are told of a step are those that the bodies took, also where a piece ends at a blow: each begins where the one before ends.
+TEST(Stepper, TellsTheWaysThatBodiesTook) {
+  const Shape ball = Shape::Sphere(0.5), floor = Shape::HalfSpace();
+  motion::Group group;
+  group.bodies.resize(2);
+  group.bodies[0].kind = BodyKind::kFixed;
+  group.bodies[1].kind = BodyKind::kDynamic;
+  group.bodies[1].mass = 1;
+  group.bodies[1].inertia_B = 0.1 * Matrix3::Identity();
+  group.bodies[1].radius = 0.5;
+  group.bodies[1].position_W = {0, 0, 0.52};
+  group.bodies[1].linear_velocity_W = {1, 0, -3};
+  group.bodies[0].restitution = group.bodies[1].restitution = 0.5;
+  group.numbers = {0, 1};
+  group.shapes = {&floor, &ball};
+  group.pairs = {{0, 1}};
+  motion::GroupOutcome outcome;
+  outcome.record_paths = true;
+  const motion::MixMaterial mix = [](Contact* contact, const Body&, const Body& b) {
+    contact->friction = 0.5;
+    contact->restitution = b.restitution;
+  };
+  const double dt = 1.0 / 60;
+  motion::Stepper stepper;
+  stepper.Step(dt, Grouped(), mix, &group, &outcome);
+  ASSERT_GT(outcome.ends.size(), 1U);
+  double begin = 0;
+  for (size_t piece = 0; piece < outcome.ends.size(); ++piece) {
+    const Vector3 end = outcome.paths[2 * piece + 1].At(outcome.ends[piece] - begin).position_W;
+    const Vector3 next =
+        piece + 1 < outcome.ends.size() ? outcome.paths[2 * piece + 3].start.position_W : group.bodies[1].position_W;
+    EXPECT_LT((end - next).norm(), 1e-12) << piece;
+    begin = outcome.ends[piece];
   }
 }
 
