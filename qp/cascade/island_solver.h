@@ -1,12 +1,10 @@
-// Solves one island's problem by the cheapest way that is exact for its size and model:
-//   no contact            velocities stay
-//   one contact           closed form
+// Solves one island's problem by the first of these strategies that fits and whose answer meets the law:
+//   closed form           one contact
 //   column                bodies on each other that move along one line: one unknown a body, in linear time
-//   impulses that hold    those of the frame before, where they meet the law as they are
-//   coulomb, circular     sweeps and Newton's method from the frame before, as far as the effort goes; where they are lost, from
-//                         the interior point; without friction every model is this one                (island_coulomb.cpp)
-//   kinetic, convex       one interior-point solve
-//   coulomb, octagon      interior-point solves, each with the slips of the one before
+//   held                  impulses of the frame before that meet the law as they are
+//   exact friction        coulomb on the circular cone, and all models without friction: coulomb_search.h
+//   octagon               coulomb on the octagon: slip_rounds.h
+//   convex                the rest: one interior-point solve
 //
 //   threads: one solver per worker
 #pragma once
@@ -14,11 +12,12 @@
 #include <span>
 #include <vector>
 
+#include "qp/cascade/candidate.h"
+#include "qp/cascade/convex_solver.h"
+#include "qp/cascade/coulomb_search.h"
+#include "qp/cascade/slip_rounds.h"
+#include "qp/cascade/task.h"
 #include "qp/direct/column.h"
-#include "qp/gauss_seidel/gauss_seidel.h"
-#include "qp/interior_point/interior_point.h"
-#include "qp/natural_map.h"
-#include "qp/newton/coulomb_newton.h"
 #include "qp/problem.h"
 #include "qp/settings.h"
 #include "qp/solution.h"
@@ -31,60 +30,33 @@ class IslandSolver {
   void Solve(const Problem& problem, const Settings& settings, Solution* solution, std::span<const Vector3> start = {});
 
  private:
-  // Of the gap, on small islands. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
-  static constexpr double kSmallAim = 1e-13;
-  static constexpr int kSmallIsland = 32;  // bodies: up to them an answer is as good as iterations get
-  static constexpr int kFewLoops =
-      4;  // of pairs of bodies that touch: a factor of such an island is no larger than a tower's
-  static constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought there
-  static constexpr int kNewtonSteps = 300;  // factorisations of a search; 26 bodies from no impulses take 100 to 200
-
-  static bool AllZero(std::span<const Vector3> impulses);
-  static bool IsSmall(const Problem& problem) { return problem.num_bodies() <= kSmallIsland; }
-  static bool HasFewLoops(const Problem& problem);
-  bool SolveOneContact(const Problem& problem, const Settings& settings, Solution* solution);
-  void Climb(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
-  void SolveWhole(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
-  bool SolveColumn(const Problem& problem, const Settings& settings, Solution* solution);
-  bool StillHold(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
-  void RunInteriorPoint(const Problem& problem, const Settings& settings, std::span<const double> slips,
-                        Solution* solution);
-  void SolveExact(const Problem& problem, const Settings& settings, std::span<const Vector3> start, Solution* solution);
-  bool SolveFromConvex(const Problem& problem, const Settings& settings, NaturalMap* map, Solution* solution);
-  NaturalMap TryAgain(const Problem& problem, const Settings& settings, const NaturalMap& found);
-  static bool MayBeRough(const Problem& problem, const Settings& settings);
-  bool IsUncarried(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
-  bool IsLost(const Problem& problem, const Settings& settings, const NaturalMap& map) const;
-  NaturalMap Improve(const Problem& problem, const Settings& settings, NaturalMap map);
-  NaturalMap Search(const Problem& problem, const Settings& settings, NaturalMap best);
-  void SolveOctagon(const Problem& problem, const Settings& settings, Solution* solution);
-  double UpdateSlips(const Problem& problem, Cone cone);
-
-  // Of swept_.
-  void TakeNone(const Problem& problem);
-  void TakeOver(const Problem& problem, std::span<const Vector3> start);
-  NaturalMap StartFrom(const Problem& problem, const Settings& settings, std::span<const Vector3> start);
-  void PrepareSweeps(const Problem& problem);
-  NaturalMap SweepOn(const Problem& problem);
-  NaturalMap MapOfSwept(const Problem& problem) const;
-  bool IsUseful(const Problem& problem, const Settings& settings) const;
-  bool HoldsExactly(const Problem& problem, const Settings& settings, double share, Solution* solution);
-  void ReturnSwept(const Problem& problem, const Settings& settings, Solution* solution);
-
-  InteriorPoint interior_point_;
-  Column column_;
-  GaussSeidel gauss_seidel_;
-  bool prepared_ = false;  // for the sweeps of this solve
-  CoulombNewton coulomb_newton_;
-  int iterations_ = 0;  // of this solve
-  InVain in_vain_;      // the same
-  Solution trial_;
-  struct Point {
-    std::vector<Vector3> impulses;
-    std::vector<double> velocities;
+  // fits: a cheap look, which may prepare. solve: whether its answer stands; if not, the solution is none.
+  struct Strategy {
+    Rung rung;  // that has to be on the ladder
+    bool (IslandSolver::*fits)(const Task& task);
+    bool (IslandSolver::*solve)(const Task& task, Solution* solution);
   };
-  Point swept_, best_, before_;
-  std::vector<double> slips_, scales_;  // scales_: rho of the natural map, per contact
+  static const Strategy kStrategies[];
+
+  bool IsOneContact(const Task& task);
+  bool SolveOneContact(const Task& task, Solution* solution);
+  bool IsColumn(const Task& task);
+  bool SolveColumn(const Task& task, Solution* solution);
+  bool StillHolds(const Task& task);
+  bool Hold(const Task& task, Solution* solution);
+  bool HasExactFriction(const Task& task) { return IsExactFriction(task); }
+  bool SolveExactFriction(const Task& task, Solution* solution);
+  bool IsOctagon(const Task& task) { return task.coulomb(); }
+  bool SolveOctagon(const Task& task, Solution* solution);
+  bool Always(const Task&) { return true; }
+  bool SolveConvex(const Task& task, Solution* solution);
+
+  Column column_;
+  ConvexSolver convex_;
+  CoulombSearch coulomb_search_;
+  SlipRounds slip_rounds_;
+  Candidate candidate_;  // of column and held
+  std::vector<double> scales_;
 };
 
 }  // namespace islet::qp

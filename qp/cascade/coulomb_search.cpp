@@ -1,0 +1,205 @@
+#include "qp/cascade/coulomb_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "qp/body_algebra.h"
+
+namespace islet::qp {
+namespace {
+
+// The start.
+constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
+constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
+constexpr int kMendingSweeps = 20;
+constexpr int kLeastSweeps = 10, kSmallSweeps = 60;  // which spare a small island half of its factorisations
+// Sweeps.
+constexpr int kSweeps = 100;        // a block
+constexpr double kLostRms = 1e-2;   // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
+constexpr double kBlockGain = 0.9;  // of the natural map: momentum that leaves more has gone round in circles
+constexpr int kPlainSweeps = 20;    // that lead out of them
+// Those of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
+constexpr double kSingleMasses = 100;  // largest mass over the least
+constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
+// Newton's method.
+constexpr int kNewtonSteps = 300;       // factorisations of a search; 26 bodies from no impulses take 100 to 200
+constexpr int kBigNewtonSteps = 40;     // the same, where only thorough effort asks for them
+constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought on small islands
+constexpr int kFewLoops = 4;            // of pairs that touch: a factor of such an island is no larger than a tower's
+constexpr int kTinyIsland = 8;          // bodies: there Newton's method takes no longer than sweeps
+constexpr double kStill = 0.01;         // of v_ref: speed of the contacts of what stands
+constexpr double kCarried = 1e-4;       // of v_ref: natural map of sweeps that get from one end to the other
+
+double MassRatio(const Problem& problem) {
+  const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
+  const auto [least, most] = std::minmax_element(problem.bodies.begin(), problem.bodies.end(), lighter);
+  return most->mass / least->mass;
+}
+
+// Whether sweeps may do. A small island is exact, unless it may move inexactly.
+bool MayBeRough(const Task& task) {
+  return !IsSmall(task.problem) || (task.settings.speed_share > 0 && task.problem.num_bodies() > kTinyIsland);
+}
+
+// A tower, a bridge.
+bool HasFewLoops(const Problem& problem) {
+  int pairs = 0, last_a = -1, last_b = -1;
+  for (const ContactTerm& c : problem.contacts) {  // in order of pairs
+    if (c.body_a < 0 || c.body_b < 0 || (c.body_a == last_a && c.body_b == last_b)) continue;
+    last_a = c.body_a;
+    last_b = c.body_b;
+    ++pairs;
+  }
+  return pairs < problem.num_bodies() + kFewLoops;
+}
+
+}  // namespace
+
+// From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
+// the interior point. A small island that is exact, or stands, is always sent on to Newton's method: it stops where it starts if nothing is
+// left to do.
+void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solution) {
+  const Problem& problem = task.problem;
+  const double goal = task.goal();
+  const bool exact = !MayBeRough(task),
+             climbs = task.settings.ladder.Has(Rung::kSweeps) || task.settings.ladder.Has(Rung::kNewton);
+  solution->rung = Rung::kSweeps;
+  prepared_ = false;
+  factorisations_ = 0;
+  NaturalMap map{INFINITY, INFINITY};
+  if (climbs) {
+    map = Start(task);
+    if (IsSmall(problem) || !map.Meets(goal)) map = Improve(task, map);
+    if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
+    if (exact && !map.Meets(goal)) map = TryAgain(task, map);
+    if (factorisations_ > 0) solution->rung = Rung::kNewton;
+  }
+  if ((!climbs || IsLost(task, map)) && SolveFromConvex(task, convex, &map, solution)) return;
+  now_.Return(task, solution);
+  solution->status = map.Meets(goal) ? Status::kSolved : Status::kInaccurate;
+}
+
+// Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
+// contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
+// Newton's method finds from there depends on no order of contacts.
+NaturalMap CoulombSearch::Start(const Task& task) {
+  const Problem& problem = task.problem;
+  double map_of_start = INFINITY;
+  if (task.start.size() == problem.contacts.size() && !AllZero(task.start)) {
+    now_.TakeOver(problem, task.start);
+    const NaturalMap map = now_.MapOf(task);
+    if (map.Meets(task.goal())) return map;
+    map_of_start = map.rms;
+    std::swap(now_, before_);
+  }
+  now_.TakeNone(task.problem);
+  const NaturalMap without = now_.MapOf(task);
+  if (!(map_of_start < kWildShare * without.rms)) return without;
+  std::swap(now_, before_);
+  const NaturalMap swept = SweepOn(task);
+  if (swept.rms < kGuessShare * without.rms) return swept;
+  std::swap(now_, before_);
+  return without;
+}
+
+// From what Newton's method left of a small island, by sweeps first. The nearer of both stays.
+NaturalMap CoulombSearch::TryAgain(const Task& task, const NaturalMap& found) {
+  before_ = now_;
+  const NaturalMap again = Improve(task, SweepOn(task));
+  if (again.rms < found.rms) return again;
+  std::swap(now_, before_);
+  return found;
+}
+
+// Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
+bool CoulombSearch::IsLost(const Task& task, const NaturalMap& map) const {
+  if (!MayBeRough(task)) return !map.Meets(task.goal()) || !now_.IsUseful(task);
+  return task.settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * task.scale();
+}
+
+// Sweeps carry loads slowly: from a heavy body through light ones, or down a tower of hundreds, they do not get to the ground. What
+// the convex problem without slips says is nearer then. Where it has no solution, and nothing sensible was found before, that is the
+// answer of small islands: it tells which bounces are to blame. Returns whether it is.
+bool CoulombSearch::SolveFromConvex(const Task& task, ConvexSolver* convex, NaturalMap* map, Solution* solution) {
+  const Problem& problem = task.problem;
+  convex->Solve(task.problem, task.settings, {}, &trial_);
+  const bool useful = std::isfinite(map->rms) && now_.IsUseful(task);
+  if (trial_.status == Status::kInfeasible || trial_.status == Status::kFailed) {
+    const bool sensible = useful && (!IsSmall(problem) || map->rms <= kLostRms * task.scale());
+    if (!sensible) *solution = trial_;
+    return !sensible;
+  }
+  std::swap(now_, before_);
+  now_.impulses = trial_.impulses, now_.velocities = trial_.velocities;
+  const NaturalMap found = Improve(task, now_.MapOf(task));
+  if (useful && map->rms <= found.rms) {
+    std::swap(now_, before_);
+  } else {
+    *map = found;
+    solution->rung = Rung::kInteriorPoint;
+  }
+  return false;
+}
+
+// Sweeps of big islands, and Newton's method, from the impulses at hand and their map. Returns the map of what they made of them.
+NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
+  const Problem& problem = task.problem;
+  const bool small = IsSmall(problem);
+  const double goal = task.goal();
+  const bool rough = !small || (MayBeRough(task) && !AllZero(now_.impulses));
+  if (rough) map = Search(task, map);
+  const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(task, map));
+  if (exact || (task.settings.effort.newton && !map.Meets(goal))) {
+    const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, task.settings.speed_share};
+    coulomb_newton_.Solve(problem, task.scales, aim, exact ? kNewtonSteps : kBigNewtonSteps, &now_.impulses);
+    factorisations_ += coulomb_newton_.factorisations();
+  }
+  VelocitiesAfter(problem, now_.impulses, &now_.velocities);  // without the rounding of thousands of increments
+  return now_.MapOf(task);
+}
+
+// Whether sweeps did not do: what is to stand, or what they do not carry from one end to the other, wants more.
+bool CoulombSearch::IsUncarried(const Task& task, const NaturalMap& map) const {
+  return map.rms > kCarried * task.scale() || ContactSpeed(task.problem, now_.velocities.data()) <= kStill * task.scale();
+}
+
+// Big islands: up to the goal or the effort.
+NaturalMap CoulombSearch::Search(const Task& task, NaturalMap best) {
+  const Problem& problem = task.problem;
+  const double goal = task.goal();
+  PrepareSweeps(problem);
+  best_ = now_;
+  const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
+  bool astray = false;
+  for (int left = task.settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
+    const Precision precision =
+        single && best.rms > kSingleAbove * task.scale() ? Precision::kSingle : Precision::kDouble;
+    const int block = std::min(left, astray ? kPlainSweeps : kSweeps);
+    left -= block;
+    gauss_seidel_.Sweep(problem, block, 0.1 * goal, &now_.impulses, &now_.velocities,
+                        astray ? Pace::kPlain : Pace::kMomentum, precision);
+    const NaturalMap now = now_.MapOf(task);
+    astray = !astray && now.rms > kBlockGain * best.rms;
+    if (now.rms < best.rms) best = now, best_ = now_;
+  }
+  std::swap(now_, best_);
+  return best;
+}
+
+void CoulombSearch::PrepareSweeps(const Problem& problem) {
+  if (!prepared_) gauss_seidel_.Prepare(problem);
+  prepared_ = true;
+}
+
+// A few sweeps; most of the way, on a small island.
+NaturalMap CoulombSearch::SweepOn(const Task& task) {
+  const Problem& problem = task.problem;
+  PrepareSweeps(problem);
+  const int sweeps =
+      IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kMendingSweeps;
+  gauss_seidel_.Sweep(problem, sweeps, 0, &now_.impulses, &now_.velocities, Pace::kMomentum);
+  return now_.MapOf(task);
+}
+
+}  // namespace islet::qp
