@@ -117,7 +117,8 @@ void Crowd::Recall(const CrowdMemory& memory) {
     for (size_t o = old; o < old_end; ++o) {
       if (memory.forces_W[o].isZero(0)) continue;
       const Contact& gone = memory.contacts[o];
-      const int heir = FindAgain(std::span(start_).subspan(now, now_end - now), gone.feature, gone.point_W, INFINITY);
+      const int heir = FindAgain(std::span(start_).subspan(now, now_end - now), gone.feature, gone.point_W,
+                                 kSamePlace * Size(gone), INFINITY);
       start_force_W_[now + std::max(heir, 0)] += memory.forces_W[o];
     }
   });
@@ -375,33 +376,48 @@ Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const {
   return mean_W_[i] + mean_spin_W_[i].cross(point - middle_[i].position_W);
 }
 
-// Where held contacts are found again; what they carried; the overlap that each pair began with. Returns whether gaps meet their end,
-// and marks the islands in which they do not.
-bool Crowd::Judge(int pass) {
-  const std::vector<Contact>& end = *near_;
-  const double tolerance =
-      pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
+// [m] where a held contact is at the end.
+Vector3 Crowd::PlaceAtEnd(size_t c) const {
+  const int a = held_[c].body_a, b = held_[c].body_b;
+  return acted_at_[c] +
+         0.5 * (bodies_[a].position_W - middle_[a].position_W + bodies_[b].position_W - middle_[b].position_W);
+}
+
+// [m] that a held contact may be from there: as far as its bodies may have moved against each other.
+double Crowd::MovedAtMost(size_t c) const {
+  const int a = held_[c].body_a, b = held_[c].body_b;
+  return dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() + (mean_W_[b] - mean_W_[a]).norm() + SlipOf(c).norm());
+}
+
+// Where held contacts are found again, what they carried, and the overlap that each pair began with.
+void Crowd::FollowHeld() {
   follows_.assign(held_.size(), -1);
-  carried_W_.assign(end.size(), Vector3::Zero());
-  before_.assign(end.size(), 0.0);
-  ForEachPair(held_, end, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
+  carried_W_.assign(near_->size(), Vector3::Zero());
+  before_.assign(near_->size(), 0.0);
+  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
     if (e == e_end) return;
     for (size_t c = h; c < h_end; ++c) {
-      const int a = held_[c].body_a, b = held_[c].body_b;
-      const Vector3 place = acted_at_[c] + 0.5 * (bodies_[a].position_W - middle_[a].position_W +
-                                                  bodies_[b].position_W - middle_[b].position_W);
-      const int found =
-          FindAgain(std::span(end).subspan(e, e_end - e), held_[c].feature, place, kSamePlace * Size(held_[c]));
+      const std::span<const Contact> of_pair = std::span(*near_).subspan(e, e_end - e);
+      const double far = kSamePlace * Size(held_[c]);
+      const int found = FindAgain(of_pair, held_[c].feature, PlaceAtEnd(c), far + MovedAtMost(c), far);
       if (found < 0) continue;
       follows_[c] = static_cast<int>(e) + found;
       carried_W_[follows_[c]] += impulse_W_[c];
     }
   });
-  ForEachPair(start_, end, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
+  ForEachPair(start_, *near_, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
     double deepest = 0;
     for (size_t c = s; c < s_end; ++c) deepest = std::min(deepest, start_[c].gap);
     for (size_t k = e; k < e_end; ++k) before_[k] = deepest;
   });
+}
+
+// Returns whether gaps meet their end, and marks the islands in which they do not.
+bool Crowd::Judge(int pass) {
+  const std::vector<Contact>& end = *near_;
+  const double tolerance =
+      pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
+  FollowHeld();
   disturbed_.assign(bodies_.size(), 0);
   bool met = true;
   for (size_t e = 0; e < end.size(); ++e) {
@@ -469,10 +485,13 @@ double Crowd::EnergyOf(size_t i, bool at_end) const {
   return 0.5 * b.mass * v.squaredNorm() + 0.5 * w.dot(b.inertia_B * w) - height;
 }
 
-// [J] of what a contact carried.
-double Crowd::WorkOf(size_t c) const {
-  return impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
+// [m/s] mean velocity of a held contact.
+Vector3 Crowd::SlipOf(size_t c) const {
+  return MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]);
 }
+
+// [J] of what a contact carried.
+double Crowd::WorkOf(size_t c) const { return impulse_W_[c].dot(SlipOf(c)); }
 
 // [J] that moving walls do by an impulse on body_b, halfway or at the end.
 double Crowd::WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const {
@@ -583,8 +602,10 @@ const Contact* Crowd::AtStart(const Contact& end) const {
   const auto back = [&](int i) -> Vector3 {
     return Outside(i, begin_[i].pose, Inside(i, {bodies_[i].position_W, bodies_[i].rotation_WB}, end.point_W));
   };
-  const Vector3 place = 0.5 * (back(a) + back(b));
-  const int found = FindAgain({first, last}, end.feature, place, kSamePlace * Size(end));
+  const Vector3 with_a = back(a), with_b = back(b);
+  const double far = kSamePlace * Size(end);
+  const int found =
+      FindAgain({first, last}, end.feature, 0.5 * (with_a + with_b), far + 0.5 * (with_a - with_b).norm(), far);
   return found >= 0 && first[found].normal_W.dot(end.normal_W) > 0 ? &first[found] : nullptr;
 }
 

@@ -113,12 +113,16 @@ class Crowd {
   void PartEdges();
   void Carry(bool first, StepReport* report);
   void Fly();
+  Vector3 PlaceAtEnd(size_t c) const;
+  double MovedAtMost(size_t c) const;
+  void FollowHeld();
   bool Judge(int pass);
   void Disturb(const Contact& contact);
   bool LetGo();
   bool IsFoundAgain(size_t c) const;
   bool Gains();
   double EnergyOf(size_t i, bool at_end) const;
+  Vector3 SlipOf(size_t c) const;
   double WorkOf(size_t c) const;
   double WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const;
   void NextTargets();

@@ -39,11 +39,13 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
   return press * contact.normal_W + share * friction;
 }
 
-int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double far) {
+int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
+              double far) {
   int found = -1;
   double nearest = far;
   for (size_t k = 0; k < of_pair.size(); ++k) {
-    const double apart = of_pair[k].feature == feature ? -1 : (of_pair[k].point_W - point_W).norm();
+    const double apart = (of_pair[k].point_W - point_W).norm();
+    if (of_pair[k].feature == feature && apart <= moved) return static_cast<int>(k);
     if (apart < nearest) nearest = apart, found = static_cast<int>(k);
   }
   return found;

@@ -213,7 +213,7 @@ void Stepper::Recall() {
     const Contact& old = group_->remembered[k];
     if (group_->remembered_force_W[k].isZero(0)) continue;
     const auto [first, last] = std::equal_range(now_.begin(), now_.end(), old, EarlierPair);
-    const int heir = FindAgain({first, last}, old.feature, old.point_W, INFINITY);
+    const int heir = FindAgain({first, last}, old.feature, old.point_W, INFINITY, INFINITY);
     if (heir >= 0) force_W_[first - now_.begin() + heir] += group_->remembered_force_W[k];
   }
 }
@@ -479,15 +479,13 @@ double Stepper::FindMeeting(double h) {
   double first = h;
   cut_pair_ = -1;
   returned_ = guarded_ = met_ = false;
-  const std::vector<Body>& bodies = group_->bodies;
-  const bool driven = std::any_of(bodies.begin(), bodies.end(),
-                                  [](const Body& b) { return b.kind == BodyKind::kKinematic && !StandsStill(b); });
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
-    // An overlap by what was not met gets no deeper, or bounces of fine steps sink. Where walls move it may be that of pairs that gave way.
-    const bool sunk = !driven && GapBefore(static_cast<int>(p)) < -0.5 * kOverlap * Size(pair);
+    // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
+    const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
+    const bool sunk = sunk_by > 0.5 * kOverlap && sunk_by < kDeep;
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
                                      stays  ? kNear
                                      : sunk ? kClosed

@@ -24,7 +24,8 @@ constexpr double kSingleMasses = 100;  // largest mass over the least
 constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 // Newton's method.
 constexpr int kNewtonSteps = 300;       // factorisations of a search; 26 bodies from no impulses take 100 to 200
-constexpr int kBigNewtonSteps = 40;     // the same, where only thorough effort asks for them
+constexpr int kFewSteps = 10;           // the same, of islands however large
+constexpr int kNewtonBodies = 600;      // times a sweep of the effort: bodies times factorisations
 constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought on small islands
 constexpr int kFewLoops = 4;            // of pairs that touch: a factor of such an island is no larger than a tower's
 constexpr int kTinyIsland = 8;          // bodies: there Newton's method takes no longer than sweeps
@@ -54,6 +55,10 @@ bool HasFewLoops(const Problem& problem) {
   return pairs < problem.num_bodies() + kFewLoops;
 }
 
+int NewtonSteps(const Task& task) {
+  return std::clamp(kNewtonBodies * task.settings.effort.sweeps / task.problem.num_bodies(), kFewSteps, kNewtonSteps);
+}
+
 }  // namespace
 
 // From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
@@ -70,7 +75,7 @@ void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solu
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = Start(task);
-    if (IsSmall(problem) || !map.Meets(goal)) map = Improve(task, map);
+    if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
     if (factorisations_ > 0) solution->rung = Rung::kNewton;
@@ -149,19 +154,19 @@ NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
   const double goal = task.goal();
   const bool rough = !small || (MayBeRough(task) && !AllZero(now_.impulses));
   if (rough) map = Search(task, map);
-  const bool exact = (small || HasFewLoops(problem)) && (!rough || IsUncarried(task, map));
+  const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kCarried * task.scale());
   if (exact || (task.settings.effort.newton && !map.Meets(goal))) {
     const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, task.settings.speed_share};
-    coulomb_newton_.Solve(problem, task.scales, aim, exact ? kNewtonSteps : kBigNewtonSteps, &now_.impulses);
+    coulomb_newton_.Solve(problem, task.scales, aim, NewtonSteps(task), &now_.impulses);
     factorisations_ += coulomb_newton_.factorisations();
   }
   VelocitiesAfter(problem, now_.impulses, &now_.velocities);  // without the rounding of thousands of increments
   return now_.MapOf(task);
 }
 
-// Whether sweeps did not do: what is to stand, or what they do not carry from one end to the other, wants more.
-bool CoulombSearch::IsUncarried(const Task& task, const NaturalMap& map) const {
-  return map.rms > kCarried * task.scale() || ContactSpeed(task.problem, now_.velocities.data()) <= kStill * task.scale();
+// Sweeps leave every contact a velocity that a pile keeps as a pose: walls of bricks would lean, step by step.
+bool CoulombSearch::Stands(const Task& task) const {
+  return ContactSpeed(task.problem, now_.velocities.data()) <= kStill * task.scale();
 }
 
 // Big islands: up to the goal or the effort.

@@ -25,7 +25,7 @@ class CoulombSearch {
   NaturalMap Search(const Task& task, NaturalMap best);
   NaturalMap TryAgain(const Task& task, const NaturalMap& found);
   bool SolveFromConvex(const Task& task, ConvexSolver* convex, NaturalMap* map, Solution* solution);
-  bool IsUncarried(const Task& task, const NaturalMap& map) const;
+  bool Stands(const Task& task) const;
   bool IsLost(const Task& task, const NaturalMap& map) const;
   void PrepareSweeps(const Problem& problem);
   NaturalMap SweepOn(const Task& task);
