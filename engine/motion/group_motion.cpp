@@ -15,6 +15,7 @@ constexpr int kRounds = 12;         // of rooms and parts
 constexpr int kPerTask = 16;        // groups
 constexpr double kWider = 1.5;      // times what a body strayed out of its room
 constexpr double kMet = 5e-6;       // of a size: overlap that is none
+constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
 constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
 
@@ -300,8 +301,11 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     };
     find();
     if (any_crowd_) {
+      // Whom they may push goes on by what is left of their way.
+      double share = 1;
       for (std::ptrdiff_t known = 0, crowd = CountCrowd(); known < crowd; known = crowd, crowd = CountCrowd()) {
-        WidenCrowds(dt, bodies);  // whom they may meet becomes as fast
+        WidenCrowds(share * dt, bodies);
+        share *= kPassedOn;
         find();
       }
       if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes)))
