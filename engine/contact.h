@@ -27,8 +27,11 @@ struct Contact {
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
 
-// [m/s] with which the contact separates after it was approached at the given speed: Newton's law.
-inline double ReboundSpeed(const Contact& contact, double approach) { return contact.restitution * approach; }
+// [m/s] with which the contact separates after it was approached at the given speed: Newton's law. A slower one than `least` is none.
+inline double ReboundSpeed(const Contact& contact, double approach, double least = 0) {
+  const double speed = contact.restitution * approach;
+  return speed < least ? 0 : speed;
+}
 
 // Whether the rebound from an approach [m/s], below 0 if it opens, lasts longer than the step in which gravity adds free_fall
 // [m/s]. Nothing may slow it down before the blow, then.

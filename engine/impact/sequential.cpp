@@ -79,10 +79,6 @@ double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
 }
 
-bool SequentialResolver::Rebounds(int c, const Contact& contact) const {
-  return ReboundSpeed(contact, -NormalVelocityOf(c, contact)) >= least_rebound_;
-}
-
 void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
   const auto [a, b] = sides_[c];
   locals_[a].ApplyImpulse(-impulse_W, contact.point_W);
@@ -144,7 +140,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     add(a, -1, &term.body_a, &term.jacobian_a);
     add(b, 1, &term.body_b, &term.jacobian_b);
     term.friction = contact.friction;
-    term.target = Rebounds(c, contact) ? ReboundSpeed(contact, -NormalVelocityOf(c, contact)) : 0;
+    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact), least_rebound_);
     tied_problem_.contacts.push_back(term);
   }
 }
@@ -244,7 +240,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
       const auto [a, b] = sides_[c];
       tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
       Contact as_it_bounces = contact;
-      if (!Rebounds(c, contact)) as_it_bounces.restitution = 0;
+      if (ReboundSpeed(contact, -queue_.top_key(), least_rebound_) == 0) as_it_bounces.restitution = 0;
       const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], as_it_bounces, contacts.frames[number], law);
       impulses[number] += impulse;
       ApplyAt(c, contact, contacts.frames[number] * impulse);

@@ -1055,7 +1055,7 @@ void Stepper::Strike() {
                                          {threshold_, settings_.bounce_limit, true, least_rebound}, posed_, bounces_);
     for (const int c : view.contacts) {
       const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
-      if (ReboundSpeed(problem_[c], approach) < least_rebound) problem_[c].restitution = 0;
+      if (ReboundSpeed(problem_[c], approach, least_rebound) == 0) problem_[c].restitution = 0;
     }
     out_->struck.push_back(
         responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));

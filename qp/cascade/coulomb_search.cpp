@@ -62,8 +62,8 @@ int NewtonSteps(const Task& task) {
 }  // namespace
 
 // From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
-// the interior point. A small island that is exact, or stands, is always sent on to Newton's method: it stops where it starts if nothing is
-// left to do.
+// the interior point. What stands, and every small island, is improved even where it meets the goal: Newton's method stops where it starts if
+// nothing is left to do.
 void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solution) {
   const Problem& problem = task.problem;
   const double goal = task.goal();
