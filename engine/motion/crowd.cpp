@@ -15,10 +15,9 @@ namespace {
 constexpr int kPerTask = 256;      // bodies or contacts
 constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 constexpr int kPasses = 8;         // of the carrying problem
-constexpr int kFinePasses = 3;     // of these, that go on for the overlap tolerance
 constexpr int kLevels = 3;         // times that a piece is halved
+constexpr int kLettingGo = 3;      // of these, that go on because something was let go
 constexpr double kDeep = 2e-3;     // of a size: overlap that a piece may not make
-constexpr double kLate = 1e-3;     // of a size: overlap that later passes go on for
 constexpr int kOpenings = 2;       // of a pair that an old plane presses: then that plane is let go
 constexpr double kTouch = 1e-6;    // of a size: contacts so near are closed; others that do not press may close
 constexpr double kMoving = 0.1;    // of the tolerance: what of their speed answers may be wrong by where bodies move
@@ -415,19 +414,17 @@ void Crowd::FollowHeld() {
 // Returns whether gaps meet their end, and marks the islands in which they do not.
 bool Crowd::Judge(int pass) {
   const std::vector<Contact>& end = *near_;
-  const double tolerance =
-      pass <= kFinePasses ? settings_.overlap_tolerance : std::max(kLate, settings_.overlap_tolerance);
   FollowHeld();
   disturbed_.assign(bodies_.size(), 0);
   bool met = true;
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap >= before_[e] - tolerance * size - dt_ * YieldOf(end[e])) continue;
+    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
   }
-  met = (!LetGo() || pass > kFinePasses) && met;
+  met = (!LetGo() || pass > kLettingGo) && met;
   met = !Gains() && met;
   if (met) return true;
   // All of an island that misses its end somewhere.
