@@ -51,7 +51,7 @@ struct WorldSnapshot::Data {
   Vector3 gravity;
 };
 
-struct World::Impl : WorldState {
+struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   Settings settings;
   std::unique_ptr<parallel::WorkerPool> own_pool;
   parallel::WorkerPool* pool;

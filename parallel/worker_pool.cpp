@@ -104,7 +104,7 @@ int CheckedNumWorkers(int num_workers) {
 
 }  // namespace
 
-struct WorkerPool::Impl {
+struct [[gnu::visibility("hidden")]] WorkerPool::Impl {
   int num_workers = 1;
   Enter enter;                              // empty: the own arena
   std::optional<tbb::task_arena> arena;     // only with several workers and no `enter`

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace islet::qp {
@@ -25,7 +26,7 @@ inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", 
                                                       "newton",  "interior_point", "kept_pairs", "reach"};
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
-  for (int rung = 0; rung < kNumProblemRungs; ++rung) names[rung] = kRungNames[rung];
+  for (std::size_t rung = 0; rung < names.size(); ++rung) names[rung] = kRungNames[rung];
   return names;
 }();
 

@@ -21,7 +21,7 @@ namespace islet {
 
 inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
 
-struct ContactSuite::Impl : SuiteMemory {
+struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
