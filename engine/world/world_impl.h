@@ -1,0 +1,90 @@
+// What a world holds. world.cpp changes it and tells of it, world_step.cpp moves it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "engine/detection/detection.h"
+#include "engine/ledger.h"
+#include "engine/motion/crowd.h"
+#include "engine/motion/group_motion.h"
+#include "engine/world.h"
+#include "parallel/worker_pool.h"
+
+namespace islet {
+
+// All that one step leaves for the next, but for what the suite remembers.
+struct WorldState {
+  std::vector<Body> bodies;
+  std::vector<Shape> shapes;
+  std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
+  std::vector<Contact> touching;       // of these, those that touch
+  std::vector<Contact> resolved;       // those at which impulses acted in the last step
+  std::vector<Vector3> impulses;       // [N s] at those, W, on body_b
+  std::vector<Vector3> travel;         // [m] that the last detection expected of each body
+  std::vector<double> margins;         // [m] and how far it may stray from that
+  motion::GroupMemory groups;
+  motion::CrowdMemory crowd_memory;
+  std::vector<std::uint8_t>
+      crowd;                  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
+  bool stale = true;          // near_contacts do not belong to the current poses
+  size_t checked_bodies = 0;  // those before it were checked for initial overlap
+  double time = 0;            // [s]
+  double dt_hint = 1.0 / 30;  // [s] of the last step
+};
+
+struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
+  Settings settings;
+  std::unique_ptr<parallel::WorkerPool> own_pool;
+  parallel::WorkerPool* pool;
+  Detector detector;
+  MaterialCallback material;
+  std::vector<Contact> detected, still;  // scratch
+  motion::GroupMotion group_motion;
+  motion::Crowd crowd_motion;
+  motion::MixMaterial mix;
+  LedgerKeeper ledger;
+  ProblemObserver observer;
+  std::vector<Body> before;                        // the step
+  std::vector<Vector3> planned;                    // [m] per body: its way without contacts
+  std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
+  std::vector<std::uint8_t> frozen_apart;
+  std::vector<LedgerImpulse> ledger_impulses;
+  std::vector<int> group_places;  // in impulses, of those of small groups
+  LadderReport spared;            // what detection was spared in this step
+  // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
+  std::optional<StepReport> rest;
+  double rest_dt = 0;  // [s]
+
+  Impl(const Settings& s, parallel::WorkerPool* p);
+
+  Body& At(int number);
+  void DetectAll();
+  void DetectMoving(std::span<const Vector3> expected);
+  void CountKept();
+  void ChooseMargins(std::span<const Vector3> expected);
+  bool StaysInReach() const;
+  void MixMaterials(std::vector<Contact> * contacts) const;
+  void SelectTouching();
+  bool Touches(const Contact& c) const;
+  bool MovesGroups() const;
+  void CarryKinematic(double dt);
+  void SetApart(bool apart);
+  bool CrowdChanged() const;
+  void WakeNewcomers();
+  void StepCrowd(double dt, StepReport* report);
+  bool StepOnce(double dt, bool races, StepReport* report);
+  void StepInParts(double dt, int halvings, StepReport* report);
+  void KeepLedger(double dt, StepReport* report);
+  void AddImpulses(std::span<const LedgerImpulse> of_part);
+  void AddGroups(StepReport * report);
+  void CheckTouching();
+  void Changed();
+  void Remember(double dt, const StepReport& report);
+};
+
+}  // namespace islet

@@ -1,0 +1,282 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "engine/motion/lever.h"
+#include "engine/response/suite_frame.h"
+#include "engine/stopwatch.h"
+#include "engine/world/world_impl.h"
+
+namespace islet {
+
+static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
+
+void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
+  travel.assign(expected.begin(), expected.end());
+  margins.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& body = bodies[i];
+    const bool moves = body.Moves() || body.kind == BodyKind::kKinematic;
+    const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
+    margins[i] = 2 * settings.touch_gap * size;
+    if (!moves || !std::isfinite(body.radius)) continue;
+    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius +
+                  settings.gravity.norm() * dt_hint * dt_hint;
+  }
+}
+
+void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
+  if (!material) return;
+  for (Contact& c : *contacts) {
+    const Material m = material(c, bodies[c.body_a], bodies[c.body_b]);
+    c.friction = m.friction;
+    c.restitution = m.restitution;
+  }
+}
+
+void World::Impl::DetectAll() {
+  detector.Detect(bodies, shapes, travel, margins, &near_contacts, /*include_frozen=*/true);
+  MixMaterials(&near_contacts);
+  stale = false;
+}
+
+void World::Impl::CountKept() {
+  const KeptContacts kept = detector.kept();
+  spared.Add(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
+}
+
+void World::Impl::DetectMoving(std::span<const Vector3> expected) {
+  ChooseMargins(expected);
+  if (!settings.ladder.Has(qp::Rung::kKeptPairs)) {
+    DetectAll();
+    CountKept();
+    return;
+  }
+  still.clear();
+  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
+               [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
+  detector.Detect(bodies, shapes, travel, margins, &detected);
+  CountKept();
+  MixMaterials(&detected);
+  if (still.empty()) {
+    std::swap(near_contacts, detected);
+    return;
+  }
+  near_contacts.clear();
+  std::merge(still.begin(), still.end(), detected.begin(), detected.end(), std::back_inserter(near_contacts),
+             EarlierPair);
+}
+
+bool World::Impl::StaysInReach() const {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    const double length = travel[i].squaredNorm();
+    const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
+    const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
+    if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
+  }
+  return true;
+}
+
+bool World::Impl::Touches(const Contact& c) const {
+  constexpr double kMore = 1 + 1e-6;
+  return c.gap <= kMore * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+}
+
+void World::Impl::SelectTouching() {
+  touching.clear();
+  for (const Contact& c : near_contacts) {
+    if (Touches(c)) touching.push_back(c);
+  }
+}
+
+void World::Impl::CheckTouching() {
+  std::vector<Vector3> expected(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) expected[i] = dt_hint * bodies[i].linear_velocity_W;
+  ChooseMargins(expected);
+  DetectAll();
+  SelectTouching();
+}
+
+void World::Impl::AddImpulses(std::span<const LedgerImpulse> of_part) {
+  group_places.clear();
+  for (const LedgerImpulse& j : of_part) {
+    group_places.push_back(j.corrects < 0 ? static_cast<int>(impulses.size()) : group_places[j.corrects]);
+    if (j.corrects >= 0) {
+      impulses[group_places.back()] += j.impulse_W;
+      continue;
+    }
+    resolved.push_back(j.contact);
+    impulses.push_back(j.impulse_W);
+  }
+}
+
+void World::Impl::AddGroups(StepReport* report) {
+  AddImpulses(group_motion.impulses());
+  const size_t own = touching.size();
+  for (const Contact& c : groups.contacts)
+    if (Touches(c)) touching.push_back(c);
+  report->contacts += static_cast<int>(touching.size());
+  if (own > 0 && own < touching.size()) std::stable_sort(touching.begin(), touching.end(), EarlierPair);
+  std::sort(report->islands.begin(), report->islands.end(),
+            [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
+}
+
+bool World::Impl::MovesGroups() const {
+  return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.cone == Cone::kCircular &&
+         settings.bounce_law == BounceLaw::kExact && settings.freezing != Freezing::kPaper;
+}
+
+void World::Impl::CarryKinematic(double dt) {
+  for (Body& body : bodies) {
+    if (body.kind != BodyKind::kKinematic || body.removed) continue;
+    body.position_W += dt * body.linear_velocity_W;
+    body.rotation_WB = motion::Turned(dt * body.angular_velocity_W, body.rotation_WB);
+  }
+}
+
+bool World::Impl::CrowdChanged() const {
+  return !std::equal(crowd.begin(), crowd.end(), group_motion.crowd().begin(), group_motion.crowd().end());
+}
+
+void World::Impl::WakeNewcomers() {
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (group_motion.crowd()[i] && (i >= crowd.size() || !crowd[i])) bodies[i].frozen = false;
+}
+
+void World::Impl::SetApart(bool apart) {
+  if (apart) frozen_apart.assign(bodies.size(), 0);
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    if (body.kind != BodyKind::kDynamic || crowd[i] || before[i].removed) continue;
+    body.removed = apart;
+    if (apart) frozen_apart[i] = std::exchange(body.frozen, false);
+    if (!apart) body.frozen = frozen_apart[i] != 0;
+  }
+}
+
+void World::Impl::StepCrowd(double dt, StepReport* report) {
+  double lap = Seconds();
+  if (stale) CheckTouching();
+  planned.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    planned[i] = dt * bodies[i].linear_velocity_W;
+    if (bodies[i].Moves()) planned[i] += 0.5 * dt * dt * (settings.gravity + bodies[i].force_W / bodies[i].mass);
+  }
+  if (settings.ladder.Has(qp::Rung::kReach) && StaysInReach()) {
+    spared.Add(qp::Rung::kReach, 1, static_cast<std::int64_t>(near_contacts.size()));
+  } else {
+    DetectMoving(planned);
+  }
+  const double detected_at = Seconds();
+  report->seconds.detect += detected_at - lap;
+  const double others = report->seconds.Total();
+  crowd_motion.Step(
+      dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer,
+      bodies, shapes, &near_contacts, &crowd_memory, report);
+  resolved.clear();
+  impulses.clear();
+  AddImpulses(crowd_motion.impulses());
+  SelectTouching();
+  report->seconds.move += Seconds() - detected_at - (report->seconds.Total() - others);
+  report->motion_ladder.Include(std::exchange(spared, {}));
+}
+
+void World::Impl::KeepLedger(double dt, StepReport* report) {
+  ledger_impulses.assign(group_motion.impulses().begin(), group_motion.impulses().end());
+  const int own = static_cast<int>(ledger_impulses.size());
+  for (LedgerImpulse j : crowd_motion.impulses()) {
+    if (j.corrects >= 0) j.corrects += own;
+    ledger_impulses.push_back(j);
+  }
+  report->ledger = ledger.Judge(
+      {dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
+  report->energy_gain = ledger.energy_gain();
+}
+
+bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
+  dt_hint = dt;
+  before = bodies;
+  const double moving = Seconds();
+  const bool grouped = MovesGroups();
+  if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, observer, &groups, report)) return false;
+  report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
+  if (!grouped || group_motion.any_crowd()) {
+    const bool apart = grouped;
+    if (apart) {
+      stale = stale || CrowdChanged();
+      WakeNewcomers();
+      crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
+      SetApart(true);
+    }
+    StepCrowd(dt, report);
+    if (apart) SetApart(false);
+  } else {
+    CarryKinematic(dt);
+    crowd_motion.Rest();
+    crowd.assign(bodies.size(), 0);
+    resolved.clear();
+    impulses.clear();
+    touching.clear();
+    near_contacts.clear();
+    stale = true;
+  }
+  KeepLedger(dt, report);
+  AddGroups(report);
+  time += dt;
+  return true;
+}
+
+void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
+  StepReport part;
+  if (!StepOnce(dt, halvings == 0, &part)) {
+    StepInParts(0.5 * dt, halvings - 1, report);
+    StepInParts(0.5 * dt, halvings - 1, report);
+    return;
+  }
+  report->Append(std::move(part));
+  for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
+}
+
+void World::Impl::Remember(double dt, const StepReport& report) {
+  rest.reset();
+  if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0)
+    return;
+  rest = report;
+  rest->seconds = {};
+  rest_dt = dt;
+}
+
+StepReport World::Step(double dt) {
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  Impl& w = *impl_;
+  if (w.rest && w.rest_dt == dt) {
+    w.time += dt;
+    return *w.rest;
+  }
+  StepReport report;
+  w.dt_hint = dt;
+  const double start = Seconds();
+  if (w.checked_bodies < w.bodies.size()) CheckInitialOverlap();
+  report.seconds.detect += Seconds() - start;
+  if (w.StepOnce(dt, false, &report)) {
+    w.Remember(dt, report);
+    return report;
+  }
+  const double end = w.time + dt;
+  w.acted.clear();
+  for (int half = 0; half < 2; ++half) w.StepInParts(0.5 * dt, kMostHalvings - 1, &report);
+  w.resolved.clear();
+  w.impulses.clear();
+  for (const auto& [contact, impulse] : w.acted) {
+    w.resolved.push_back(contact);
+    w.impulses.push_back(impulse);
+  }
+  w.time = end;
+  return report;
+}
+
+}  // namespace islet
