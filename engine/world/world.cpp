@@ -125,12 +125,6 @@ void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->Changed();
 }
 
-// Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
-// Contacts between bodies that stand still are kept: their poses have not changed since they were found.
-// Every body ends near the path that the last detection swept for it.
-// A little more than the touch gap: people place bodies at round distances, and rounding must not decide.
-// What corrects a spread impulse is told with it.
-// The contacts and impulses of small groups, beside those of the crowd.
 void World::CheckInitialOverlap() {
   Impl& w = *impl_;
   if (w.stale) w.CheckTouching();
@@ -149,12 +143,6 @@ void World::Impl::Changed() {
   groups.Disturb();
 }
 
-// Small groups are solved by exact friction; the paper's models and freezing are for crowds.
-// What rested in a small group is new to the crowd, which does not know what held it.
-// Bodies of small groups are not there for the crowd.
-// Returns false, and has done nothing, where a crowd would let something through and `races` are refused.
-// In halves, where a crowd would let something through in one.
-// A callback may change its mind without telling.
 WorldSnapshot World::Save() const {
   return WorldSnapshot(
       std::make_shared<const WorldSnapshot::Data>(WorldSnapshot::Data{*impl_, impl_->settings.gravity}));

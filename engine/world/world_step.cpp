@@ -13,6 +13,7 @@ namespace islet {
 
 static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
 
+// Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
 void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
   travel.assign(expected.begin(), expected.end());
   margins.resize(bodies.size());
@@ -47,6 +48,7 @@ void World::Impl::CountKept() {
   spared.Add(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
 }
 
+// Contacts between bodies that stand still are kept: their poses have not changed since they were found.
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
   if (!settings.ladder.Has(qp::Rung::kKeptPairs)) {
@@ -69,6 +71,7 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
              EarlierPair);
 }
 
+// Every body ends near the path that the last detection swept for it.
 bool World::Impl::StaysInReach() const {
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
@@ -80,6 +83,7 @@ bool World::Impl::StaysInReach() const {
   return true;
 }
 
+// A little more than the touch gap: people place bodies at round distances, and rounding must not decide.
 bool World::Impl::Touches(const Contact& c) const {
   constexpr double kMore = 1 + 1e-6;
   return c.gap <= kMore * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
@@ -100,6 +104,7 @@ void World::Impl::CheckTouching() {
   SelectTouching();
 }
 
+// What corrects a spread impulse is told with it.
 void World::Impl::AddImpulses(std::span<const LedgerImpulse> of_part) {
   group_places.clear();
   for (const LedgerImpulse& j : of_part) {
@@ -113,6 +118,7 @@ void World::Impl::AddImpulses(std::span<const LedgerImpulse> of_part) {
   }
 }
 
+// The contacts and impulses of small groups, beside those of the crowd.
 void World::Impl::AddGroups(StepReport* report) {
   AddImpulses(group_motion.impulses());
   const size_t own = touching.size();
@@ -124,6 +130,7 @@ void World::Impl::AddGroups(StepReport* report) {
             [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
 }
 
+// Small groups are solved by exact friction; the paper's models and freezing are for crowds.
 bool World::Impl::MovesGroups() const {
   return settings.group_bodies > 0 && settings.model == Model::kCoulomb && settings.cone == Cone::kCircular &&
          settings.bounce_law == BounceLaw::kExact && settings.freezing != Freezing::kPaper;
@@ -141,11 +148,13 @@ bool World::Impl::CrowdChanged() const {
   return !std::equal(crowd.begin(), crowd.end(), group_motion.crowd().begin(), group_motion.crowd().end());
 }
 
+// What rested in a small group is new to the crowd, which does not know what held it.
 void World::Impl::WakeNewcomers() {
   for (size_t i = 0; i < bodies.size(); ++i)
     if (group_motion.crowd()[i] && (i >= crowd.size() || !crowd[i])) bodies[i].frozen = false;
 }
 
+// Bodies of small groups are not there for the crowd.
 void World::Impl::SetApart(bool apart) {
   if (apart) frozen_apart.assign(bodies.size(), 0);
   for (size_t i = 0; i < bodies.size(); ++i) {
@@ -196,6 +205,7 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
   report->energy_gain = ledger.energy_gain();
 }
 
+// Returns false, and has done nothing, where a crowd would let something through and `races` are refused.
 bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   dt_hint = dt;
   before = bodies;
@@ -229,6 +239,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   return true;
 }
 
+// In halves, where a crowd would let something through in one.
 void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   StepReport part;
   if (!StepOnce(dt, halvings == 0, &part)) {
@@ -240,6 +251,7 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
 }
 
+// A callback may change its mind without telling.
 void World::Impl::Remember(double dt, const StepReport& report) {
   rest.reset();
   if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0)
