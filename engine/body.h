@@ -33,6 +33,10 @@ struct Body {
   Vector3 force_W = Vector3::Zero();   // [N] external, besides gravity; stays until it is changed
   Vector3 torque_W = Vector3::Zero();  // [N m] external, about the centre of mass
 
+  std::uint32_t layers = 1;                  // bits: where it belongs
+  std::uint32_t collides_with = 0xffffffff;  // layers whose bodies it touches; both must agree
+  bool sensor = false;                       // touches nobody; tells who overlaps it
+
   double friction = 0.5;     // mu >= 0
   double restitution = 0.2;  // epsilon in [0, 1]
 

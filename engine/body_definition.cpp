@@ -1,21 +1,34 @@
 #include "engine/body_definition.h"
 
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 
 namespace islet {
+namespace {
+
+// Squares and products of what a user gives must stay finite.
+constexpr double kMost = 1e30;
+constexpr double kMostFriction = 1e6;  // the product of two must stay finite
+
+std::string Text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+}  // namespace
 
 void Reject(const std::string& body, const std::string& field, const std::string& problem) {
   throw std::invalid_argument(body + ": " + field + " " + problem);
 }
 
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
-  if (v.allFinite()) return;
-  Reject(
-      body, field,
-      "= (" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + ") is not finite");
+  if (v.allFinite() && v.cwiseAbs().maxCoeff() <= kMost) return;
+  const std::string value = "= (" + Text(v.x()) + ", " + Text(v.y()) + ", " + Text(v.z()) + ")";
+  Reject(body, field, value + (v.allFinite() ? " is beyond 1e30" : " is not finite"));
 }
 
 void RequireUnit(const std::string& body, const Quaternion& rotation) {
@@ -23,13 +36,10 @@ void RequireUnit(const std::string& body, const Quaternion& rotation) {
   if (!(std::abs(length - 1) < 1e-6)) Reject(body, "rotation", "has length " + std::to_string(length) + ", not 1");
 }
 
-namespace {
-
-constexpr double kMostFriction = 1e6;  // the product of two must stay finite
-
 void RequirePositive(const std::string& body, const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value))
     Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
+  if (value > kMost) Reject(body, field, "= " + Text(value) + " is beyond 1e30");
 }
 
 // Also refuses moments that no mass distribution has: each at most the sum of the other two.
@@ -42,28 +52,47 @@ void RequireInertia(const std::string& body, const Matrix3& inertia) {
     Reject(body, "inertia", "breaks the triangle inequality: largest moment " + std::to_string(moments[2]));
 }
 
-}  // namespace
+void RequireMaterial(const std::string& body, double friction, double restitution) {
+  if (!(friction >= 0 && friction <= kMostFriction))
+    Reject(body, "friction", "= " + std::to_string(friction) + " must lie in [0, 1e6]");
+  if (!(restitution >= 0 && restitution <= 1))
+    Reject(body, "restitution", "= " + std::to_string(restitution) + " must lie in [0, 1]");
+}
+
+void RequireStep(double dt) {
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+}
+
+MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
+  if (d.shape.kind() == ShapeKind::kHalfSpace) return {};
+  const auto weighs = [](double value) { return value > 0 && value <= kMost; };
+  if (d.kind != BodyKind::kDynamic && !weighs(d.mass.value_or(d.density))) return d.shape.MassFromDensity(1);
+  if (d.mass)
+    RequirePositive(name, "mass", *d.mass);
+  else
+    RequirePositive(name, "density", d.density);
+  MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
+  if (d.inertia_B) filled.inertia_B = *d.inertia_B;
+  return filled;
+}
 
 Body MakeBody(const BodyDefinition& d, const std::string& name) {
   RequireFinite(name, "position", d.position_W);
   RequireFinite(name, "linear velocity", d.linear_velocity_W);
   RequireFinite(name, "angular velocity", d.angular_velocity_W);
   RequireUnit(name, d.rotation_WB);
-  if (!(d.friction >= 0 && d.friction <= kMostFriction))
-    Reject(name, "friction", "= " + std::to_string(d.friction) + " must lie in [0, 1e6]");
-  if (!(d.restitution >= 0 && d.restitution <= 1))
-    Reject(name, "restitution", "= " + std::to_string(d.restitution) + " must lie in [0, 1]");
+  RequireMaterial(name, d.friction, d.restitution);
   if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic)
     Reject(name, "kind", "= dynamic: a half-space has no mass");
   Body body;
   body.kind = d.kind;
   body.radius = d.shape.radius();
   if (d.kind == BodyKind::kDynamic) {
-    if (d.mass) RequirePositive(name, "mass", *d.mass);
     RequirePositive(name, "density", d.density);
-    const MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
-    body.mass = filled.mass;
-    body.inertia_B = d.inertia_B.value_or(filled.inertia_B);
+    const MassProperties mass = MassOf(d, name);
+    body.mass = mass.mass;
+    body.inertia_B = mass.inertia_B;
     RequireInertia(name, body.inertia_B);
   }
   body.position_W = d.position_W;
@@ -74,6 +103,9 @@ Body MakeBody(const BodyDefinition& d, const std::string& name) {
     Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
   body.friction = d.friction;
   body.restitution = d.restitution;
+  body.layers = d.layers;
+  body.collides_with = d.collides_with;
+  body.sensor = d.sensor;
   return body;
 }
 

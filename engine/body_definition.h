@@ -12,9 +12,15 @@ namespace islet {
 
 [[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem);
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& value);
+void RequirePositive(const std::string& body, const std::string& field, double value);
+void RequireInertia(const std::string& body, const Matrix3& inertia_B);
+void RequireMaterial(const std::string& body, double friction, double restitution);
+void RequireStep(double dt);  // [s] > 0
 void RequireUnit(const std::string& body, const Quaternion& rotation);
 
 // The body of a definition; `name` is what messages call it.
 Body MakeBody(const BodyDefinition& definition, const std::string& name);
+// What it weighs, or would were it dynamic; of a fixed body whose mass or density is no number to go by: that of density 1.
+MassProperties MassOf(const BodyDefinition& definition, const std::string& name);
 
 }  // namespace islet

@@ -338,6 +338,7 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   }
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
+    if (step.filter && !step.filter->Allows(step.before, static_cast<int>(way.body), static_cast<int>(other))) return;
     if (!IsOurs(step.before[way.body]) || (!plane && kCore * step.shapes[other].size() > length)) return;
     if (!(plane ? Sinks(step, way.body, other)
                 : GoesThrough(step, static_cast<int>(way.body), static_cast<int>(other))))

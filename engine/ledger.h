@@ -18,6 +18,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/contact_filter.h"
 #include "engine/shape.h"
 #include "engine/step_report.h"
 
@@ -42,6 +43,7 @@ struct LedgerStep {
   std::span<const Body> before, after;
   std::span<const Shape> shapes;
   std::span<const LedgerImpulse> impulses;
+  const ContactFilter* filter = nullptr;  // pairs that may go through each other
   double accuracy = 0;  // [m/s] to which the impulses of the step obey the law, as reported
 };
 

@@ -9,18 +9,22 @@
 //   }
 //
 //   errors: a bad value throws std::invalid_argument that names the field, the body and the value; a step never throws
-//           for numerical reasons, it reports
+//           for numerical reasons, it reports. What a callback throws reaches the caller, and the world is as it was before the step.
+//           To call a world that is in a step, from a callback or another thread, throws std::logic_error
 //   threads: one caller at a time; a step runs on Settings::threads threads and its result does not depend on them
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/contact_events.h"
 #include "engine/problem_record.h"
 #include "engine/settings.h"
 #include "engine/shape.h"
@@ -45,6 +49,25 @@ struct BodyDefinition {
   Vector3 angular_velocity_W = Vector3::Zero();
   double friction = 0.5;
   double restitution = 0.2;
+  std::uint32_t layers = 1;                  // bits: where it belongs
+  std::uint32_t collides_with = 0xffffffff;  // layers whose bodies it touches; both must agree
+  bool sensor = false;                       // touches nobody; World::events() tells who overlaps it
+  std::uint64_t user_data = 0;               // the engine does not look at it
+};
+
+// A body for as long as it lives: the number of a removed one is used again, its id is not.
+struct BodyId {
+  int number = -1;
+  std::uint32_t generation = 0;
+  bool operator==(const BodyId&) const = default;
+};
+
+// What a ray or a moving shape meets first.
+struct CastHit {
+  int body;
+  double share;      // of the way, in [0, 1]
+  Vector3 point_W;   // [m]
+  Vector3 normal_W;  // unit, out of the body; against the way where it begins inside
 };
 
 struct Material {  // coefficients of one contact
@@ -63,10 +86,24 @@ class World {
   World& operator=(World&&) noexcept;
 
   int Add(const BodyDefinition& definition);  // returns the body's number, which it keeps
-  void Remove(int body);                      // its number is not used again
+  // The next body added may get its number, from the next step on; its id stays dead.
+  void Remove(int body);
+  BodyId id(int body) const;
+  bool Lives(BodyId id) const;
+
   void Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB);
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);  // stays until changed
+  // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
+  void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
+  void SetKind(int body,
+               BodyKind kind);          // a fixed body loses its velocity; a dynamic one has the mass of its definition
+  void SetMass(int body, double mass);  // [kg]; the inertia changes with it
+  void SetMass(int body, double mass, const Matrix3& inertia_B);
+  void SetMaterial(int body, double friction, double restitution);
+  void SetLayers(int body, std::uint32_t layers, std::uint32_t collides_with);
+  void SetCollision(int body, int other, bool collide);  // of these two alone; until one of them is removed
+  void SetUserData(int body, std::uint64_t data);
   void SetGravity(const Vector3& gravity_W);
   void SetMaterialCallback(MaterialCallback callback);
   void SetProblemObserver(ProblemObserver observer);  // see engine/problem_record.h; empty: none
@@ -85,9 +122,27 @@ class World {
   std::span<const Body> bodies() const;  // including removed ones
   const Body& body(int number) const;
   const Shape& shape(int number) const;
+  std::uint64_t user_data(int number) const;
   std::span<const Contact> contacts() const;           // touching, at the current poses
   std::span<const Contact> resolved_contacts() const;  // those that touched when the last step began
   std::span<const Vector3> impulses() const;           // [N s] of the last step at the resolved contacts, W, on body_b
+  Vector3 ImpulseOn(int body) const;                   // [N s] of all contacts in the last step, W
+
+  // Of the last step, by (body_a, body_b): pairs that touch or touched, those with sensors too; and what hit. Where the step was cut, hits
+  // of its parts follow each other.
+  std::span<const ContactEvent> events() const;
+  std::span<const HitEvent> hits() const;
+
+  // What a ray from origin to origin + way meets first; the smaller number where two are met together. layers: of the bodies looked at.
+  std::optional<CastHit> CastRay(const Vector3& origin_W, const Vector3& way_W,
+                                 std::uint32_t layers = 0xffffffff) const;
+  // The same of a shape that moves without turning, which is no half-space. The share is good to 1e-6 of its size.
+  std::optional<CastHit> CastShape(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB,
+                                   const Vector3& way_W, std::uint32_t layers = 0xffffffff) const;
+  // Bodies that overlap a shape, ascending.
+  std::vector<int> Overlapping(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB,
+                               std::uint32_t layers = 0xffffffff) const;
+
   const Settings& settings() const;
   double time() const;              // [s]
   std::uint64_t StateHash() const;  // of all poses, velocities, frozen flags, bit for bit

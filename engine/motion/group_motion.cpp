@@ -283,8 +283,8 @@ bool GroupMotion::LeaveToCrowd() {
 }
 
 bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes,
-                       const MixMaterial& mix, const ProblemObserver& observer, GroupMemory* memory,
-                       StepReport* report) {
+                       const ContactFilter& filter, const MixMaterial& mix, const ProblemObserver& observer,
+                       GroupMemory* memory, StepReport* report) {
   memory->Resize(bodies.size());
   rooms_.assign(bodies.size(), 0.0);
   was_frozen_.resize(bodies.size());
@@ -295,7 +295,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   gave_up_.assign(bodies.size(), 0);
   for (int round = 0; round < kRounds && !kept; ++round) {
     const auto find = [&] {
-      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_);
+      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
       if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
       MakeJobs(bodies, shapes, *memory);
     };

@@ -48,8 +48,8 @@ class GroupMotion {
   // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
   // crowd race or leave their rooms, and `races` are refused: only in a shorter step, in which there may be no crowd, are they kept on
   // their sides.
-  bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const MixMaterial& mix,
-            const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
+  bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const ContactFilter& filter,
+            const MixMaterial& mix, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
   // Of the last step. crowd: per body, whether its group was too large.
   std::span<const std::uint8_t> crowd() const { return crowd_; }

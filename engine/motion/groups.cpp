@@ -36,7 +36,7 @@ Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& r
 }
 
 void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
-                  std::span<const double> rooms) {
+                  std::span<const double> rooms, const ContactFilter& filter) {
   const size_t n = bodies.size();
   rooms_.resize(n);
   cut_.resize(n);
@@ -70,7 +70,8 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     squares += middle.cwiseAbs2();
   }
   const auto add = [&](int i, int k) {
-    if (CanMove(bodies[i]) || CanMove(bodies[k])) pairs_.emplace_back(std::min(i, k), std::max(i, k));
+    if ((CanMove(bodies[i]) || CanMove(bodies[k])) && filter.Allows(bodies, i, k))
+      pairs_.emplace_back(std::min(i, k), std::max(i, k));
   };
   for (const int p : planes_) {
     const Vector3 up = bodies[p].rotation_WB * Vector3::UnitZ();

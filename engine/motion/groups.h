@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/contact_filter.h"
 #include "engine/body.h"
 #include "engine/detection/body_watch.h"
 #include "engine/motion/meeting.h"
@@ -26,7 +27,7 @@ class Groups {
  public:
   // rooms: [m] per body, beside what the body sweeps by its own velocity.
   void Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
-            std::span<const double> rooms);
+            std::span<const double> rooms, const ContactFilter& filter);
 
   // Parts the groups of more than `most` bodies by the pairs that come near on their free ways and by those `joined` (ascending). A group
   // of which a part is still larger stays whole.

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "engine/body_definition.h"
 #include "engine/response/suite_frame.h"
+#include "engine/rotation.h"
 #include "engine/state_hash.h"
 #include "engine/world/world_impl.h"
 
@@ -50,33 +52,94 @@ World::~World() = default;
 World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
 
-Body& World::Impl::At(int number) {
+// Who calls a world in its step, from a callback or another thread, would see it half done.
+void World::Impl::Idle(const char* call) const {
+  if (stepping) throw std::logic_error(std::string(call) + ": the world is in a step");
+}
+
+const Body& World::Impl::At(int number) const {
   if (number < 0 || number >= static_cast<int>(bodies.size()) || bodies[number].removed)
     throw std::invalid_argument("no body has number " + std::to_string(number));
   return bodies[number];
 }
+Body& World::Impl::At(int number) { return const_cast<Body&>(std::as_const(*this).At(number)); }
+
+static std::string NameOf(int body) { return "body " + std::to_string(body); }
 
 int World::Add(const BodyDefinition& definition) {
   Impl& w = *impl_;
-  const int number = static_cast<int>(w.bodies.size());
-  w.bodies.push_back(MakeBody(definition, "body " + std::to_string(number)));
-  w.shapes.push_back(definition.shape);
+  w.Idle("Add");
+  const bool again = !w.vacant.empty();
+  const int number = again ? w.vacant.back() : static_cast<int>(w.bodies.size());
+  const Body body = MakeBody(definition, NameOf(number));
+  const MassProperties mass = MassOf(definition, NameOf(number));
+  if (again) {
+    w.vacant.pop_back();
+    w.Forget(number);
+    w.bodies[number] = body;
+    w.shapes[number] = definition.shape;
+    w.masses[number] = mass;
+    w.user_data[number] = definition.user_data;
+    w.unchecked[number] = 1;
+  } else {
+    w.bodies.push_back(body);
+    w.shapes.push_back(definition.shape);
+    w.masses.push_back(mass);
+    w.user_data.push_back(definition.user_data);
+    w.unchecked.push_back(1);
+    w.generations.push_back(0);
+  }
   w.Changed();
   return number;
 }
 
+// What a body of this number left behind. Contacts of the steps without it have gone already, but for those of a crowd that did not step.
+void World::Impl::Forget(int number) {
+  if (static_cast<size_t>(number) < groups.mark.size()) {
+    groups.still[number] = 0;
+    groups.mark[number] = motion::GroupMemory::kAwake;
+  }
+  if (static_cast<size_t>(number) < crowd_memory.lost.size()) crowd_memory.lost[number] = INFINITY;
+  if (static_cast<size_t>(number) < crowd_memory.freeze_counters.size()) crowd_memory.freeze_counters[number] = 0;
+  if (static_cast<size_t>(number) < crowd.size()) crowd[number] = 0;
+  size_t kept = 0;
+  for (size_t c = 0; c < crowd_memory.contacts.size(); ++c) {
+    const Contact contact = crowd_memory.contacts[c];
+    if (contact.body_a == number || contact.body_b == number) continue;
+    crowd_memory.forces_W[kept] = crowd_memory.forces_W[c];
+    crowd_memory.contacts[kept++] = contact;
+  }
+  crowd_memory.contacts.resize(kept);
+  crowd_memory.forces_W.resize(kept);
+}
+
 void World::Remove(int body) {
-  impl_->At(body).removed = true;
-  impl_->bodies[body].frozen = false;
-  SetTwist({}, &impl_->bodies[body]);
+  impl_->Idle("Remove");
+  Body& b = impl_->At(body);
+  b.removed = true;
+  b.frozen = false;
+  SetTwist({}, &b);
+  ++impl_->generations[body];
+  impl_->filter.Forget(body);
+  impl_->leaving.push_back(body);
   impl_->Changed();
 }
 
+BodyId World::id(int body) const {
+  impl_->At(body);
+  return {body, impl_->generations[body]};
+}
+
+bool World::Lives(BodyId id) const {
+  return id.number >= 0 && id.number < static_cast<int>(impl_->bodies.size()) && !impl_->bodies[id.number].removed &&
+         impl_->generations[id.number] == id.generation;
+}
+
 void World::Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB) {
-  const std::string name = "body " + std::to_string(body);
+  impl_->Idle("Teleport");
   Body& b = impl_->At(body);
-  RequireFinite(name, "position", position_W);
-  RequireUnit(name, rotation_WB);
+  RequireFinite(NameOf(body), "position", position_W);
+  RequireUnit(NameOf(body), rotation_WB);
   b.position_W = position_W;
   b.rotation_WB = rotation_WB.normalized();
   b.frozen = false;
@@ -84,21 +147,31 @@ void World::Teleport(int body, const Vector3& position_W, const Quaternion& rota
 }
 
 void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W) {
-  const std::string name = "body " + std::to_string(body);
+  impl_->Idle("SetVelocity");
   Body& b = impl_->At(body);
-  RequireFinite(name, "linear velocity", linear_W);
-  RequireFinite(name, "angular velocity", angular_W);
-  if (b.kind == BodyKind::kFixed) Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
+  RequireFinite(NameOf(body), "linear velocity", linear_W);
+  RequireFinite(NameOf(body), "angular velocity", angular_W);
+  if (b.kind == BodyKind::kFixed) Reject(NameOf(body), "velocity", "of a fixed body must be zero; make it kinematic");
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
   impl_->Changed();
 }
 
+void World::MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt) {
+  const Body& b = impl_->At(body);
+  RequireFinite(NameOf(body), "position", position_W);
+  RequireUnit(NameOf(body), rotation_WB);
+  RequireStep(dt);
+  if (b.kind != BodyKind::kKinematic) Reject(NameOf(body), "kind", "must be kinematic to be moved to a pose");
+  SetVelocity(body, 1 / dt * (position_W - b.position_W),
+              1 / dt * Log(rotation_WB.normalized() * b.rotation_WB.conjugate()));
+}
+
 void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) {
-  const std::string name = "body " + std::to_string(body);
+  impl_->Idle("SetForce");
   Body& b = impl_->At(body);
-  RequireFinite(name, "force", force_W);
-  RequireFinite(name, "torque", torque_W);
+  RequireFinite(NameOf(body), "force", force_W);
+  RequireFinite(NameOf(body), "torque", torque_W);
   if (b.force_W == force_W && b.torque_W == torque_W) return;
   b.force_W = force_W;
   b.torque_W = torque_W;
@@ -106,8 +179,77 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
   impl_->groups.Disturb();
 }
 
+void World::SetKind(int body, BodyKind kind) {
+  impl_->Idle("SetKind");
+  Body& b = impl_->At(body);
+  if (kind == b.kind) return;
+  if (kind == BodyKind::kDynamic) {
+    if (impl_->shapes[body].kind() == ShapeKind::kHalfSpace)
+      Reject(NameOf(body), "kind", "= dynamic: a half-space has no mass");
+    b.mass = impl_->masses[body].mass;
+    b.inertia_B = impl_->masses[body].inertia_B;
+  }
+  if (kind == BodyKind::kFixed) SetTwist({}, &b);
+  b.kind = kind;
+  b.frozen = false;
+  impl_->WakeAll();
+}
+
+void World::SetMass(int body, double mass) {
+  RequirePositive(NameOf(body), "mass", mass);
+  const Matrix3 inertia_B = mass / impl_->masses[(impl_->At(body), body)].mass * impl_->masses[body].inertia_B;
+  SetMass(body, mass, inertia_B);
+}
+
+void World::SetMass(int body, double mass, const Matrix3& inertia_B) {
+  impl_->Idle("SetMass");
+  Body& b = impl_->At(body);
+  if (impl_->shapes[body].kind() == ShapeKind::kHalfSpace) Reject(NameOf(body), "mass", "of a half-space is infinite");
+  RequirePositive(NameOf(body), "mass", mass);
+  RequireInertia(NameOf(body), inertia_B);
+  impl_->masses[body] = {mass, inertia_B};
+  if (b.kind != BodyKind::kDynamic) return;
+  b.mass = mass;
+  b.inertia_B = inertia_B;
+  b.frozen = false;
+  impl_->Changed();
+}
+
+void World::SetMaterial(int body, double friction, double restitution) {
+  impl_->Idle("SetMaterial");
+  Body& b = impl_->At(body);
+  RequireMaterial(NameOf(body), friction, restitution);
+  b.friction = friction;
+  b.restitution = restitution;
+  b.frozen = false;
+  impl_->Changed();
+}
+
+void World::SetLayers(int body, std::uint32_t layers, std::uint32_t collides_with) {
+  impl_->Idle("SetLayers");
+  Body& b = impl_->At(body);
+  b.layers = layers;
+  b.collides_with = collides_with;
+  impl_->WakeAll();
+}
+
+void World::SetCollision(int body, int other, bool collide) {
+  impl_->Idle("SetCollision");
+  impl_->At(body);
+  impl_->At(other);
+  if (body == other) Reject(NameOf(body), "collision", "with itself");
+  impl_->filter.Set(body, other, collide);
+  impl_->WakeAll();
+}
+
+void World::SetUserData(int body, std::uint64_t data) {
+  impl_->At(body);
+  impl_->user_data[body] = data;
+}
+
 void World::SetGravity(const Vector3& gravity_W) {
-  if (!gravity_W.allFinite()) throw std::invalid_argument("gravity is not finite");
+  impl_->Idle("SetGravity");
+  RequireFinite("world", "gravity", gravity_W);
   impl_->settings.gravity = gravity_W;
   impl_->crowd_motion.SetGravity(gravity_W);
   impl_->group_motion.SetGravity(gravity_W);
@@ -116,25 +258,39 @@ void World::SetGravity(const Vector3& gravity_W) {
 }
 
 void World::SetProblemObserver(ProblemObserver observer) {
+  impl_->Idle("SetProblemObserver");
   impl_->observer = std::move(observer);
   impl_->rest.reset();
 }
 void World::SetMaterialCallback(MaterialCallback callback) {
+  impl_->Idle("SetMaterialCallback");
   impl_->material = std::move(callback);
   std::fill(impl_->groups.mark.begin(), impl_->groups.mark.end(), motion::GroupMemory::kAwake);
   impl_->Changed();
 }
 
+// Who touches whom has changed: what held may be gone, and nothing else would tell.
+void World::Impl::WakeAll() {
+  for (Body& body : bodies) body.frozen = false;
+  std::fill(groups.mark.begin(), groups.mark.end(), motion::GroupMemory::kAwake);
+  Changed();
+}
+
 void World::CheckInitialOverlap() {
-  Impl& w = *impl_;
-  if (w.stale) w.CheckTouching();
-  for (const Contact& c : w.near_contacts) {
-    const double allowed = w.settings.touch_gap * std::min(w.shapes[c.body_a].size(), w.shapes[c.body_b].size());
-    if (std::max(c.body_a, c.body_b) < static_cast<int>(w.checked_bodies) || -c.gap <= allowed) continue;
+  impl_->Idle("CheckInitialOverlap");
+  impl_->CheckNewcomers();
+}
+
+void World::Impl::CheckNewcomers() {
+  if (std::none_of(unchecked.begin(), unchecked.end(), [](std::uint8_t is) { return is != 0; })) return;
+  if (stale) CheckTouching();
+  for (const Contact& c : near_contacts) {
+    const double allowed = settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+    if ((!unchecked[c.body_a] && !unchecked[c.body_b]) || -c.gap <= allowed) continue;
     throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
                                 " overlap by " + std::to_string(-c.gap) + " m at the start");
   }
-  w.checked_bodies = w.bodies.size();
+  std::fill(unchecked.begin(), unchecked.end(), 0);
 }
 
 void World::Impl::Changed() {
@@ -149,6 +305,7 @@ WorldSnapshot World::Save() const {
 }
 
 void World::Restore(const WorldSnapshot& snapshot) {
+  impl_->Idle("Restore");
   SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
   impl_->rest.reset();
@@ -162,6 +319,18 @@ std::span<const Contact> World::resolved_contacts() const { return impl_->resolv
 std::span<const Vector3> World::impulses() const { return impl_->impulses; }
 const Settings& World::settings() const { return impl_->settings; }
 double World::time() const { return impl_->time; }
+std::uint64_t World::user_data(int number) const { return impl_->user_data[(impl_->At(number), number)]; }
+Vector3 World::ImpulseOn(int body) const {
+  impl_->At(body);
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < impl_->resolved.size(); ++c) {
+    if (impl_->resolved[c].body_b == body) sum += impl_->impulses[c];
+    if (impl_->resolved[c].body_a == body) sum -= impl_->impulses[c];
+  }
+  return sum;
+}
+std::span<const ContactEvent> World::events() const { return impl_->events; }
+std::span<const HitEvent> World::hits() const { return impl_->hits; }
 std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }
 
 }  // namespace islet

@@ -1,6 +1,7 @@
 // What a world holds. world.cpp changes it and tells of it, world_step.cpp moves it.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -8,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/contact_filter.h"
+#include "engine/detection/body_watch.h"
 #include "engine/detection/detection.h"
 #include "engine/ledger.h"
 #include "engine/motion/crowd.h"
@@ -21,6 +24,14 @@ namespace islet {
 struct WorldState {
   std::vector<Body> bodies;
   std::vector<Shape> shapes;
+  std::vector<MassProperties> masses;  // of each, were it dynamic
+  std::vector<std::uint32_t> generations;
+  std::vector<std::uint64_t> user_data;
+  std::vector<int> leaving,
+      vacant;  // numbers of removed bodies: this step still runs without them; free again, descending
+  ContactFilter filter;
+  std::vector<ContactEvent> events;
+  std::vector<HitEvent> hits;
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
   std::vector<Contact> touching;       // of these, those that touch
   std::vector<Contact> resolved;       // those at which impulses acted in the last step
@@ -30,11 +41,11 @@ struct WorldState {
   motion::GroupMemory groups;
   motion::CrowdMemory crowd_memory;
   std::vector<std::uint8_t>
-      crowd;                  // per body: it was of a crowd in the last step, and its contacts are in near_contacts
-  bool stale = true;          // near_contacts do not belong to the current poses
-  size_t checked_bodies = 0;  // those before it were checked for initial overlap
-  double time = 0;            // [s]
-  double dt_hint = 1.0 / 30;  // [s] of the last step
+      crowd;          // per body: it was of a crowd in the last step, and its contacts are in near_contacts
+  bool stale = true;  // near_contacts do not belong to the current poses
+  std::vector<std::uint8_t> unchecked;  // per body: added, and not yet checked for initial overlap
+  double time = 0;                      // [s]
+  double dt_hint = 1.0 / 30;            // [s] of the last step
 };
 
 struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
@@ -49,6 +60,10 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   motion::MixMaterial mix;
   LedgerKeeper ledger;
   ProblemObserver observer;
+  std::atomic<bool> stepping = false;
+  WorldState start;  // of a step whose callbacks may throw
+  std::vector<std::pair<int, int>> sensed;
+  std::vector<ContactEvent> events_before;
   std::vector<Body> before;                        // the step
   std::vector<Vector3> planned;                    // [m] per body: its way without contacts
   std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
@@ -63,6 +78,18 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   Impl(const Settings& s, parallel::WorkerPool* p);
 
   Body& At(int number);
+  const Body& At(int number) const;
+  void Idle(const char* call) const;
+  void WakeAll();
+  void Forget(int number);
+  StepReport StepWhole(double dt);
+  void FindEvents();
+  void FindSensed();
+  void RepeatEvents();
+  void AddHits(double dt);
+  std::vector<int> BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const;
+  template <typename Look>
+  void LookAt(std::uint32_t layers, const Box& box, const Look& look) const;
   void DetectAll();
   void DetectMoving(std::span<const Vector3> expected);
   void CountKept();
@@ -83,6 +110,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void AddImpulses(std::span<const LedgerImpulse> of_part);
   void AddGroups(StepReport * report);
   void CheckTouching();
+  void CheckNewcomers();
   void Changed();
   void Remember(double dt, const StepReport& report);
 };

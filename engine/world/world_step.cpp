@@ -1,9 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
+#include "engine/body_definition.h"
 #include "engine/motion/lever.h"
 #include "engine/response/suite_frame.h"
 #include "engine/stopwatch.h"
@@ -39,6 +40,7 @@ void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
 
 void World::Impl::DetectAll() {
   detector.Detect(bodies, shapes, travel, margins, &near_contacts, /*include_frozen=*/true);
+  std::erase_if(near_contacts, [&](const Contact& c) { return !filter.Allows(bodies, c.body_a, c.body_b); });
   MixMaterials(&near_contacts);
   stale = false;
 }
@@ -60,6 +62,7 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
                [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
   detector.Detect(bodies, shapes, travel, margins, &detected);
+  std::erase_if(detected, [&](const Contact& c) { return !filter.Allows(bodies, c.body_a, c.body_b); });
   CountKept();
   MixMaterials(&detected);
   if (still.empty()) {
@@ -201,7 +204,7 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
     ledger_impulses.push_back(j);
   }
   report->ledger = ledger.Judge(
-      {dt, settings.gravity, before, bodies, shapes, ledger_impulses, report->certificate.coulomb_map_max});
+      {dt, settings.gravity, before, bodies, shapes, ledger_impulses, &filter, report->certificate.coulomb_map_max});
   report->energy_gain = ledger.energy_gain();
 }
 
@@ -211,7 +214,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   before = bodies;
   const double moving = Seconds();
   const bool grouped = MovesGroups();
-  if (grouped && !group_motion.Step(dt, races, bodies, shapes, mix, observer, &groups, report)) return false;
+  if (grouped && !group_motion.Step(dt, races, bodies, shapes, filter, mix, observer, &groups, report)) return false;
   report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
   if (!grouped || group_motion.any_crowd()) {
     const bool apart = grouped;
@@ -234,6 +237,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
     stale = true;
   }
   KeepLedger(dt, report);
+  AddHits(dt);
   AddGroups(report);
   time += dt;
   return true;
@@ -261,34 +265,57 @@ void World::Impl::Remember(double dt, const StepReport& report) {
   rest_dt = dt;
 }
 
-StepReport World::Step(double dt) {
-  if (!(dt > 0) || !std::isfinite(dt))
-    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
-  Impl& w = *impl_;
-  if (w.rest && w.rest_dt == dt) {
-    w.time += dt;
-    return *w.rest;
-  }
+StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
-  w.dt_hint = dt;
-  const double start = Seconds();
-  if (w.checked_bodies < w.bodies.size()) CheckInitialOverlap();
-  report.seconds.detect += Seconds() - start;
-  if (w.StepOnce(dt, false, &report)) {
-    w.Remember(dt, report);
+  dt_hint = dt;
+  hits.clear();
+  const double start_seconds = Seconds();
+  CheckNewcomers();
+  report.seconds.detect += Seconds() - start_seconds;
+  if (StepOnce(dt, false, &report)) {
+    Remember(dt, report);
     return report;
   }
-  const double end = w.time + dt;
-  w.acted.clear();
-  for (int half = 0; half < 2; ++half) w.StepInParts(0.5 * dt, kMostHalvings - 1, &report);
-  w.resolved.clear();
-  w.impulses.clear();
-  for (const auto& [contact, impulse] : w.acted) {
-    w.resolved.push_back(contact);
-    w.impulses.push_back(impulse);
+  const double end = time + dt;
+  acted.clear();
+  for (int half = 0; half < 2; ++half) StepInParts(0.5 * dt, kMostHalvings - 1, &report);
+  resolved.clear();
+  impulses.clear();
+  for (const auto& [contact, impulse] : acted) {
+    resolved.push_back(contact);
+    impulses.push_back(impulse);
   }
-  w.time = end;
+  time = end;
   return report;
+}
+
+StepReport World::Step(double dt) {
+  RequireStep(dt);
+  Impl& w = *impl_;
+  if (w.stepping.exchange(true)) throw std::logic_error("Step: the world is in a step");
+  struct Leave {
+    std::atomic<bool>& stepping;
+    ~Leave() { stepping = false; }
+  } leave{w.stepping};
+  if (w.rest && w.rest_dt == dt) {
+    w.time += dt;
+    w.RepeatEvents();
+    return *w.rest;
+  }
+  const bool may_throw = w.material || w.observer;
+  if (may_throw) w.start = w;
+  try {
+    StepReport report = w.StepWhole(dt);
+    w.FindEvents();
+    w.vacant.insert(w.vacant.end(), w.leaving.begin(), w.leaving.end());
+    if (!w.leaving.empty()) std::sort(w.vacant.begin(), w.vacant.end(), std::greater<>());
+    w.leaving.clear();
+    return report;
+  } catch (...) {
+    if (may_throw) static_cast<WorldState&>(w) = w.start;
+    w.Changed();
+    throw;
+  }
 }
 
 }  // namespace islet

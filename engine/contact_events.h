@@ -1,0 +1,31 @@
+// What began, went on and ended between bodies in a step, and what hit.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/linear_algebra.h"
+
+namespace islet {
+
+enum class ContactEventKind : std::uint8_t {
+  kBegin,    // touches at the end of the step, and did not at its start
+  kPersist,  // touches at both
+  kEnd,      // touched at its start, and does not at its end
+};
+
+struct ContactEvent {
+  ContactEventKind kind;
+  int body_a, body_b;   // a < b
+  bool sensor = false;  // one of them is a sensor: they overlap, and neither feels it
+};
+
+// What bounced or landed in a step, once a pair. Approaches slower than gravity makes anything in a step are told of only where a blow of
+// more than the lighter body's weight came of them.
+struct HitEvent {
+  int body_a, body_b;                   // a < b
+  Vector3 point_W = Vector3::Zero();    // [m]
+  Vector3 impulse_W = Vector3::Zero();  // [N s] on body_b, all of the pair's points
+  double approach = 0;                  // [m/s] at which they closed as the step began, 0: they did not
+};
+
+}  // namespace islet

@@ -1,0 +1,119 @@
+#include <algorithm>
+#include <cmath>
+
+#include "engine/body_definition.h"
+#include "engine/geometry/narrow_phase.h"
+#include "engine/motion/groups.h"
+#include "engine/motion/meeting.h"
+#include "engine/query/ray.h"
+#include "engine/world/world_impl.h"
+
+namespace islet {
+namespace {
+
+constexpr double kMet = 1e-6;    // of a shape's size: overlap at which it has met a body
+constexpr double kNear = 1e-4;   // of a shape's size: where its contacts are looked for then
+constexpr double kTiny = 1e-12;  // of a body's size: more overlap than round-off makes of none
+
+Placement PlaceOf(const Body& body) { return {body.position_W, body.rotation_WB.toRotationMatrix()}; }
+
+void RequireQuery(const std::string& query, const Shape& shape, const Vector3& position_W,
+                  const Quaternion& rotation_WB) {
+  if (shape.kind() == ShapeKind::kHalfSpace) Reject(query, "shape", "is a half-space, which has no end");
+  RequireFinite(query, "position", position_W);
+  RequireUnit(query, rotation_WB);
+}
+
+}  // namespace
+
+// look(number) for each body of these layers whose box meets this one, ascending.
+template <typename Look>
+void World::Impl::LookAt(std::uint32_t layers, const Box& box, const Look& look) const {
+  for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
+    const Body& body = bodies[i];
+    if (body.removed || (body.layers & layers) == 0) continue;
+    if (shapes[i].kind() == ShapeKind::kHalfSpace ||
+        box.Meets(motion::BoxAround(shapes[i], body.position_W, body.rotation_WB)))
+      look(i);
+  }
+}
+
+std::optional<CastHit> World::CastRay(const Vector3& origin_W, const Vector3& way_W, std::uint32_t layers) const {
+  impl_->Idle("CastRay");
+  RequireFinite("CastRay", "origin", origin_W);
+  RequireFinite("CastRay", "way", way_W);
+  const Vector3 end = origin_W + way_W;
+  std::optional<CastHit> first;
+  impl_->LookAt(layers, {origin_W.cwiseMin(end), origin_W.cwiseMax(end)}, [&](int i) {
+    const auto entry = EnterShape(impl_->shapes[i], PlaceOf(impl_->bodies[i]), origin_W, way_W);
+    if (!entry || (first && entry->share >= first->share)) return;
+    first = CastHit{i, entry->share, origin_W + entry->share * way_W, entry->normal_W};
+  });
+  return first;
+}
+
+std::optional<CastHit> World::CastShape(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB,
+                                        const Vector3& way_W, std::uint32_t layers) const {
+  impl_->Idle("CastShape");
+  RequireQuery("CastShape", shape, position_W, rotation_WB);
+  RequireFinite("CastShape", "way", way_W);
+  const Quaternion rotation = rotation_WB.normalized();
+  const Box from = motion::BoxAround(shape, position_W, rotation),
+            to = motion::BoxAround(shape, position_W + way_W, rotation);
+  motion::Meeting meeting;
+  std::vector<Contact> contacts;
+  std::optional<CastHit> first;
+  impl_->LookAt(layers, {from.lower.cwiseMin(to.lower), from.upper.cwiseMax(to.upper)}, [&](int i) {
+    const Body& body = impl_->bodies[i];
+    motion::MeetingQuery query{&impl_->shapes[i], &shape, {}, {}, 1, 0, kMet * shape.size()};
+    query.path_a.start = {body.position_W, body.rotation_WB};
+    query.path_b.start = {position_W, rotation};
+    query.path_b.velocity_W = way_W;
+    const bool inside = meeting.GapAtStart(query, 0) < -query.deep;
+    const double share = inside ? 0 : meeting.First(query);
+    if (share >= (first ? first->share : 1)) return;
+    contacts.clear();
+    CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(share).placement(), kNear * shape.size(),
+                  &contacts, way_W);
+    if (contacts.empty()) return;
+    const Contact& deepest = *std::min_element(contacts.begin(), contacts.end(),
+                                               [](const Contact& x, const Contact& y) { return x.gap < y.gap; });
+    first = CastHit{i, share, deepest.point_W, deepest.normal_W};
+  });
+  return first;
+}
+
+std::vector<int> World::Overlapping(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB,
+                                    std::uint32_t layers) const {
+  impl_->Idle("Overlapping");
+  RequireQuery("Overlapping", shape, position_W, rotation_WB);
+  return impl_->BodiesIn(shape, {position_W, rotation_WB.normalized()}, layers);
+}
+
+std::vector<int> World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const {
+  std::vector<int> inside;
+  std::vector<Contact> contacts;
+  LookAt(layers, motion::BoxAround(shape, pose.position_W, pose.rotation_WB), [&](int i) {
+    contacts.clear();
+    CollideShapes(shapes[i], PlaceOf(bodies[i]), shape, pose.placement(), 0, &contacts);
+    if (std::any_of(contacts.begin(), contacts.end(), [&](const Contact& c) { return c.gap < -kTiny * shape.size(); }))
+      inside.push_back(i);
+  });
+  return inside;
+}
+
+// Pairs of a sensor and what overlaps it, ascending.
+void World::Impl::FindSensed() {
+  sensed.clear();
+  for (int s = 0; s < static_cast<int>(bodies.size()); ++s) {
+    const Body& sensor = bodies[s];
+    if (!sensor.sensor || sensor.removed) continue;
+    for (const int i : BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with)) {
+      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || filter.SetApart(s, i)) continue;
+      sensed.push_back(std::minmax(s, i));
+    }
+  }
+  std::sort(sensed.begin(), sensed.end());
+}
+
+}  // namespace islet

@@ -1,0 +1,136 @@
+// What begins, persists, ends, hits, and what sensors tell.
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::AsCrowd;
+using testing::Awake;
+using testing::Cube;
+using testing::Floor;
+using testing::kGravity;
+
+constexpr double kDt = 1.0 / 60;
+using Kind = ContactEventKind;
+
+std::vector<Kind> KindsOf(const World& world, int a, int b) {
+  std::vector<Kind> kinds;
+  for (const ContactEvent& e : world.events())
+    if (e.body_a == a && e.body_b == b) kinds.push_back(e.kind);
+  return kinds;
+}
+
+TEST(ContactEvents, ABodyLandsStaysAndGoes) {
+  for (const bool crowd : {false, true}) {
+    Settings settings;
+    settings.threads = 1;
+    World world(crowd ? AsCrowd(settings) : settings);
+    world.Add(Floor());
+    const int cube = world.Add(Cube({0, 0, 0.6}));
+    int begins = 0, persists = 0;
+    for (int i = 0; i < 60; ++i) {
+      testing::Step(&world, kDt);
+      const std::vector<Kind> kinds = KindsOf(world, 0, cube);
+      ASSERT_LE(kinds.size(), 1u);
+      if (kinds.empty()) {
+        EXPECT_EQ(begins, 0) << "it has landed for good";
+        continue;
+      }
+      begins += kinds[0] == Kind::kBegin;
+      persists += kinds[0] == Kind::kPersist;
+    }
+    EXPECT_EQ(begins, 1);
+    EXPECT_GT(persists, 40);
+    world.Remove(cube);
+    testing::Step(&world, kDt);
+    EXPECT_EQ(KindsOf(world, 0, cube), std::vector{Kind::kEnd});
+    testing::Step(&world, kDt);
+    EXPECT_TRUE(world.events().empty());
+  }
+}
+
+// A ball that bounces is away again at the end of the step: only its blow tells.
+TEST(ContactEvents, ABounceIsAHit) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? AsCrowd(Awake()) : Awake());
+    world.Add(Floor(0.5, 1));
+    const int ball = world.Add({.shape = Shape::Sphere(0.5), .mass = 2, .position_W = {0, 0, 1.5}, .restitution = 1});
+    double impulse = 0, approach = 0;
+    int hits = 0;
+    for (int i = 0; i < 60; ++i) {
+      testing::Step(&world, kDt);
+      for (const HitEvent& hit : world.hits()) {
+        EXPECT_EQ(hit.body_a, 0);
+        EXPECT_EQ(hit.body_b, ball);
+        EXPECT_NEAR(hit.point_W.x(), 0, 1e-12);
+        impulse = hit.impulse_W.z();
+        approach = hit.approach;
+        ++hits;
+      }
+    }
+    EXPECT_EQ(hits, 1);
+    const double exact = 2 * 2 * std::sqrt(2 * kGravity);
+    EXPECT_NEAR(impulse, exact, (crowd ? 0.05 : 1e-3) * exact);
+    EXPECT_NEAR(approach, std::sqrt(2 * kGravity), kGravity * kDt);
+  }
+}
+
+TEST(ContactEvents, WhatRestsHitsNobody) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? AsCrowd(Awake()) : Awake());
+    world.Add(Floor());
+    for (int i = 0; i < 3; ++i) world.Add(Cube({0, 0, 0.5 + i}));
+    for (int i = 0; i < 30; ++i) {
+      testing::Step(&world, kDt);
+      EXPECT_TRUE(world.hits().empty()) << i;
+      EXPECT_EQ(world.events().size(), 3u);
+    }
+  }
+}
+
+TEST(ContactEvents, ASensorTellsAndIsNotFelt) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? AsCrowd(Awake()) : Awake());
+    world.Add(Floor());
+    const int gate = world.Add(
+        {.shape = Shape::Box({1, 1, 0.25}), .kind = BodyKind::kFixed, .position_W = {0, 0, 3}, .sensor = true});
+    const int ball = world.Add({.shape = Shape::Sphere(0.1), .position_W = {0, 0, 5}, .restitution = 0});
+    double begin = 0, end = 0;
+    for (int i = 0; i < 90; ++i) {
+      testing::Step(&world, kDt);
+      for (const ContactEvent& e : world.events()) {
+        if (!e.sensor) continue;
+        EXPECT_EQ(e.body_a, gate);
+        EXPECT_EQ(e.body_b, ball);
+        if (e.kind == Kind::kBegin) begin = world.time();
+        if (e.kind == Kind::kEnd) end = world.time();
+      }
+    }
+    const auto falls = [](double height) { return std::sqrt(2 * height / kGravity); };
+    EXPECT_NEAR(begin, falls(5 - 3.35), kDt);
+    EXPECT_NEAR(end, falls(5 - 2.65), kDt);
+    EXPECT_NEAR(world.body(ball).position_W.z(), 0.1, 1e-3);
+  }
+}
+
+// A world that rests repeats itself, and so do its events.
+TEST(ContactEvents, FrozenBodiesPersist) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  for (int i = 0; i < 60; ++i) testing::Step(&world, kDt);
+  ASSERT_TRUE(world.body(1).frozen);
+  EXPECT_EQ(KindsOf(world, 0, 1), std::vector{Kind::kPersist});
+}
+
+}  // namespace
+}  // namespace islet

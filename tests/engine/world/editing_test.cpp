@@ -1,0 +1,296 @@
+// Bodies that come, go and change while a world runs.
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::AsCrowd;
+using testing::Awake;
+using testing::Cube;
+using testing::Floor;
+using testing::kGravity;
+
+constexpr double kDt = 1.0 / 60;
+
+void StepTimes(World* world, int times) {
+  for (int i = 0; i < times; ++i) testing::Step(world, kDt);
+}
+
+Settings OneThread() {
+  Settings settings;
+  settings.threads = 1;
+  return settings;
+}
+
+// What is thrown names all of these.
+template <typename Error>
+void ExpectThrown(const std::function<void()>& act, const std::string& part) {
+  try {
+    act();
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+  }
+}
+
+TEST(Editing, NumbersAreUsedAgainAndIdsAreNot) {
+  World world(OneThread());
+  world.Add(Floor());
+  BodyDefinition cube = Cube({0, 0, 0.5});
+  cube.user_data = 17;
+  const int first = world.Add(cube);
+  const BodyId id = world.id(first);
+  StepTimes(&world, 2);
+  EXPECT_TRUE(world.Lives(id));
+  EXPECT_EQ(world.user_data(first), 17u);
+  world.Remove(first);
+  EXPECT_FALSE(world.Lives(id));
+  EXPECT_EQ(world.Add(Cube({5, 0, 0.5})), 2) << "a step must run without it first";
+  StepTimes(&world, 1);
+  EXPECT_EQ(world.Add(Cube({10, 0, 0.5})), first);
+  EXPECT_FALSE(world.Lives(id));
+  EXPECT_TRUE(world.Lives(world.id(first)));
+  EXPECT_EQ(world.user_data(first), 0u);
+  EXPECT_FALSE(world.Lives({-1, 0}));
+  EXPECT_FALSE(world.Lives({99, 0}));
+}
+
+// Ten live bodies take as many numbers after thousands have come and gone.
+TEST(Editing, AWorldDoesNotGrowByWhatIsGone) {
+  World world(OneThread());
+  world.Add(Floor());
+  std::vector<int> live;
+  for (int i = 0; i < 10; ++i) live.push_back(world.Add(Cube({3.0 * i, 0, 0.5})));
+  for (int round = 0; round < 500; ++round) {
+    const int gone = round % 10;
+    const Vector3 place = world.body(live[gone]).position_W;
+    world.Remove(live[gone]);
+    StepTimes(&world, 1);
+    live[gone] = world.Add(Cube(place));
+  }
+  EXPECT_LE(world.bodies().size(), 12u);
+}
+
+// Nothing of who had the number before is left: not its contacts, not the impulses they remember, not how long it stood still.
+TEST(Editing, ANumberUsedAgainRemembersNothing) {
+  for (const bool crowd : {false, true}) {
+    const Settings settings = crowd ? AsCrowd(OneThread()) : OneThread();
+    World fresh(settings), used(settings);
+    for (World* world : {&fresh, &used}) world->Add(Floor());
+    const int old = used.Add(Cube({0, 0, 0.5}));
+    const int other = used.Add(Cube({0, 0, 1.5}));
+    StepTimes(&used, 60);
+    used.Remove(old);
+    used.Remove(other);
+    StepTimes(&used, 1);
+    const BodyDefinition ball{
+        .shape = Shape::Sphere(0.5), .mass = 7, .position_W = {0, 0, 0.6}, .linear_velocity_W = {1, 0, 0}};
+    ASSERT_EQ(used.Add(ball), old);
+    ASSERT_EQ(fresh.Add(ball), 1);
+    for (int i = 0; i < 90; ++i) {
+      StepTimes(&fresh, 1);
+      StepTimes(&used, 1);
+      ASSERT_EQ(fresh.body(1).position_W, used.body(old).position_W) << i;
+      ASSERT_EQ(fresh.body(1).frozen, used.body(old).frozen) << i;
+    }
+  }
+}
+
+TEST(Editing, KindsChange) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? AsCrowd(OneThread()) : OneThread());
+    world.Add(Floor());
+    const int shelf =
+        world.Add({.shape = Shape::Box({1, 1, 0.1}), .kind = BodyKind::kFixed, .density = 3, .position_W = {0, 0, 2}});
+    const int cube = world.Add(Cube({0, 0, 2.6}));
+    StepTimes(&world, 60);
+    EXPECT_NEAR(world.body(cube).position_W.z(), 2.6, 1e-6);
+    world.SetKind(shelf, BodyKind::kDynamic);
+    EXPECT_NEAR(world.body(shelf).mass, 3 * 0.8, 1e-12);
+    StepTimes(&world, 120);
+    EXPECT_NEAR(world.body(shelf).position_W.z(), 0.1, 1e-3);
+    EXPECT_NEAR(world.body(cube).position_W.z(), 0.7, 1e-3);
+    world.SetKind(cube, BodyKind::kFixed);
+    world.Remove(shelf);
+    StepTimes(&world, 30);
+    EXPECT_NEAR(world.body(cube).position_W.z(), 0.7, 1e-3);
+    EXPECT_TRUE(world.body(cube).linear_velocity_W.isZero(0));
+  }
+}
+
+TEST(Editing, MassAndMaterialChange) {
+  World world(OneThread());
+  world.Add(Floor(0.5, 0, 0.4));  // tan 0.4 = 0.42: it sticks
+  const double c = std::cos(0.4), s = std::sin(0.4);
+  BodyDefinition cube = Cube({0.5 * s, 0, 0.5 * c});
+  cube.rotation_WB = testing::Turn(0.4, Vector3::UnitY());
+  const int number = world.Add(cube);
+  StepTimes(&world, 60);
+  const Vector3 at = world.body(number).position_W;
+  EXPECT_NEAR(at.x(), 0.5 * s, 1e-4);
+  world.SetMass(number, 4);
+  EXPECT_NEAR(world.body(number).inertia_B(0, 0), 4.0 / 6, 1e-12);
+  StepTimes(&world, 5);
+  EXPECT_NEAR(world.ImpulseOn(number).z(), 4 * kGravity * kDt, 1e-6);
+  world.SetMaterial(number, 0.05, 0);
+  StepTimes(&world, 60);
+  const double friction = MixFriction(0.5, 0.05), along = kGravity * (s - friction * c);
+  EXPECT_NEAR((world.body(number).position_W - at).norm(), 0.5 * along, 2e-2 * along);
+}
+
+// A resting stack loses what it stands on, in every way that a world can take it away.
+TEST(Editing, WhatNoLongerTouchesFallsThrough) {
+  for (const bool crowd : {false, true})
+    for (int way = 0; way < 2; ++way) {
+      World world(crowd ? AsCrowd(OneThread()) : OneThread());
+      world.Add(Floor());
+      const int table =
+          world.Add({.shape = Shape::Box({2, 2, 0.1}), .kind = BodyKind::kFixed, .position_W = {0, 0, 3}});
+      const int lower = world.Add(Cube({0, 0, 3.6})), upper = world.Add(Cube({0, 0, 4.6}));
+      StepTimes(&world, 60);
+      ASSERT_TRUE(world.body(lower).frozen);
+      if (way == 0) world.SetLayers(table, 2, 2);
+      if (way == 1) world.SetCollision(table, lower, false);
+      for (int i = 0; i < 150; ++i) {
+        const StepReport report = world.Step(kDt);
+        EXPECT_FALSE(report.Failed()) << crowd << way << i;
+      }
+      EXPECT_NEAR(world.body(lower).position_W.z(), 0.5, 1e-3) << crowd << way;
+      EXPECT_NEAR(world.body(upper).position_W.z(), way == 0 ? 1.5 : 3.6, 1e-3) << crowd << way;
+    }
+}
+
+// Two balls that have nothing to do with each other pass, and the ledger has nothing against it.
+TEST(Editing, WhatIsSetApartPasses) {
+  for (const bool crowd : {false, true}) {
+    Settings settings = crowd ? AsCrowd(Awake()) : Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    const int a = world.Add({.shape = Shape::Sphere(0.5), .linear_velocity_W = {3, 0, 0}});
+    const int b = world.Add({.shape = Shape::Sphere(0.5), .position_W = {2, 0, 0}});
+    world.SetCollision(b, a, false);
+    StepTimes(&world, 90);
+    EXPECT_EQ(world.body(a).linear_velocity_W, Vector3(3, 0, 0));
+    EXPECT_EQ(world.body(b).linear_velocity_W, Vector3(0, 0, 0));
+    world.SetCollision(a, b, true);
+    world.Teleport(a, {0, 0, 0}, Quaternion::Identity());
+    StepTimes(&world, 60);
+    EXPECT_GT(world.body(b).linear_velocity_W.x(), 1);
+  }
+}
+
+TEST(Editing, KinematicBodiesAreMovedToPoses) {
+  World world(OneThread());
+  world.Add(Floor());
+  const int lift =
+      world.Add({.shape = Shape::Box({1, 1, 0.1}), .kind = BodyKind::kKinematic, .position_W = {0, 0, 0.2}});
+  const int cube = world.Add(Cube({0, 0, 0.8}));
+  for (int i = 1; i <= 60; ++i) {
+    const double t = i * kDt;
+    const Quaternion rotation = testing::Turn(0.5 * t, Vector3::UnitZ());
+    world.MoveTo(lift, {0, 0, 0.2 + 0.3 * t * t}, rotation, kDt);
+    StepTimes(&world, 1);
+    EXPECT_LT((world.body(lift).position_W - Vector3(0, 0, 0.2 + 0.3 * t * t)).norm(), 1e-12);
+    EXPECT_LT((world.body(lift).rotation_WB.coeffs() - rotation.coeffs()).norm(), 1e-12);
+  }
+  EXPECT_NEAR(world.body(cube).position_W.z(), 1.1, 2e-3);
+  ExpectThrown<std::invalid_argument>([&] { world.MoveTo(cube, {0, 0, 0}, Quaternion::Identity(), kDt); }, "kinematic");
+  ExpectThrown<std::invalid_argument>([&] { world.MoveTo(lift, {0, 0, 0}, Quaternion::Identity(), 0); }, "dt");
+}
+
+// What a callback throws reaches the caller, and the world goes on as if the step had not been tried.
+TEST(Editing, ACallbackMayThrow) {
+  for (const bool crowd : {false, true}) {
+    const Settings settings = crowd ? AsCrowd(Awake()) : Awake();
+    World calm(settings), shaken(settings);
+    bool throws = false;
+    shaken.SetMaterialCallback([&](const Contact& c, const Body&, const Body&) -> Material {
+      if (throws) throw std::runtime_error("no such material");
+      return {c.friction, c.restitution};
+    });
+    calm.SetMaterialCallback([](const Contact& c, const Body&, const Body&) -> Material {
+      return {c.friction, c.restitution};
+    });
+    for (World* world : {&calm, &shaken}) {
+      world->Add(Floor());
+      for (int i = 0; i < 4; ++i) world->Add(Cube({0.1 * i, 0, 0.7 + 1.2 * i}));
+    }
+    for (int i = 0; i < 60; ++i) {
+      const std::uint64_t hash = shaken.StateHash();
+      const double time = shaken.time();
+      throws = i > 20 && i % 7 == 6;  // the lowest has landed
+      if (throws) {
+        ExpectThrown<std::runtime_error>([&] { shaken.Step(kDt); }, "no such material");
+        EXPECT_EQ(shaken.StateHash(), hash) << i;
+        EXPECT_EQ(shaken.time(), time);
+        throws = false;
+      }
+      StepTimes(&shaken, 1);
+      StepTimes(&calm, 1);
+      ASSERT_EQ(shaken.StateHash(), calm.StateHash()) << i;
+    }
+  }
+}
+
+TEST(Editing, AWorldInAStepIsLeftAlone) {
+  World world(OneThread());
+  world.Add(Floor());
+  const int cube = world.Add(Cube({0, 0, 0.6}));
+  std::function<void()> act;
+  world.SetMaterialCallback([&](const Contact& c, const Body&, const Body&) -> Material {
+    act();
+    return {c.friction, c.restitution};
+  });
+  const std::vector<std::function<void()>> misuses{[&] { world.Step(kDt); },
+                                                   [&] {
+                                                     world.Add(Cube({9, 9, 9}));
+                                                   },
+                                                   [&] { world.Remove(cube); },
+                                                   [&] {
+                                                     world.SetForce(cube, {1, 0, 0}, {0, 0, 0});
+                                                   },
+                                                   [&] {
+                                                     world.CastRay({0, 0, 9}, {0, 0, -9});
+                                                   },
+                                                   [&] {
+                                                     world.SetGravity({0, 0, 0});
+                                                   },
+                                                   [&] { world.Restore(world.Save()); }};
+  const std::uint64_t hash = world.StateHash();
+  for (const auto& misuse : misuses) {
+    act = misuse;
+    ExpectThrown<std::logic_error>(
+        [&] {
+          for (int i = 0; i < 30; ++i) world.Step(kDt);
+        },
+        "in a step");
+  }
+  act = [] {};
+  EXPECT_NE(hash, 0u);
+  StepTimes(&world, 60);
+  EXPECT_NEAR(world.body(cube).position_W.z(), 0.5, 1e-3);
+}
+
+TEST(Editing, NumbersBeyondReasonAreRefused) {
+  World world(OneThread());
+  const int cube = world.Add(Cube({0, 0, 0.5}));
+  ExpectThrown<std::invalid_argument>([&] { world.SetForce(cube, {1e300, 0, 0}, {0, 0, 0}); }, "1e+300");
+  ExpectThrown<std::invalid_argument>([&] { world.SetVelocity(cube, {0, 0, 0}, {0, -1e200, 0}); }, "angular velocity");
+  ExpectThrown<std::invalid_argument>([&] { world.SetMass(cube, 1e300); }, "mass");
+  ExpectThrown<std::invalid_argument>([&] { world.SetMass(cube, 1, Vector3(1, 1, 3).asDiagonal()); }, "inertia");
+  ExpectThrown<std::invalid_argument>([&] { world.SetMaterial(cube, -1, 0); }, "friction");
+  ExpectThrown<std::invalid_argument>([&] { world.SetCollision(cube, cube, false); }, "itself");
+  ExpectThrown<std::invalid_argument>([&] { world.SetCollision(cube, 5, false); }, "5");
+  ExpectThrown<std::invalid_argument>([&] { world.SetGravity({0, 0, 1e300}); }, "gravity");
+  ExpectThrown<std::invalid_argument>([&] { world.id(3); }, "3");
+}
+
+}  // namespace
+}  // namespace islet

@@ -1,0 +1,117 @@
+// Rays, moving shapes and overlaps, against formulas and against each other.
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+World Scene() {
+  World world(testing::Awake());
+  world.Add(testing::Floor());                                                             // 0
+  world.Add({.shape = Shape::Sphere(0.5), .position_W = {0, 0, 2}});                       // 1
+  world.Add({.shape = Shape::Box({0.5, 0.25, 1}), .position_W = {4, 0, 2}, .layers = 2});  // 2
+  world.Add({.shape = Shape::ConvexHull(
+                 std::vector<Vector3>{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}),
+             .position_W = {8, 0, 2}});  // 3: |x| + |y| + |z| <= 1
+  return world;
+}
+
+TEST(Query, RaysMeetWhatIsFirst) {
+  const World world = Scene();
+  const auto ball = world.CastRay({-3, 0, 2}, {10, 0, 0});
+  ASSERT_TRUE(ball);
+  EXPECT_EQ(ball->body, 1);
+  EXPECT_NEAR(ball->share, 0.25, 1e-15);
+  EXPECT_LT((ball->normal_W - Vector3(-1, 0, 0)).norm(), 1e-15);
+  const auto box = world.CastRay({-3, 0, 2}, {10, 0, 0}, 2);
+  ASSERT_TRUE(box);
+  EXPECT_EQ(box->body, 2);
+  EXPECT_NEAR(box->point_W.x(), 3.5, 1e-14);
+  const auto hull = world.CastRay({8.25, 0.25, 5}, {0, 0, -6});
+  ASSERT_TRUE(hull);
+  EXPECT_EQ(hull->body, 3);
+  EXPECT_NEAR(hull->point_W.z(), 2.5, 1e-14);
+  EXPECT_LT((hull->normal_W - Vector3(1, 1, 1).normalized()).norm(), 1e-14);
+  const auto floor = world.CastRay({-5, 0, 1}, {0, 0, -4});
+  ASSERT_TRUE(floor);
+  EXPECT_EQ(floor->body, 0);
+  EXPECT_EQ(floor->share, 0.25);
+  EXPECT_FALSE(world.CastRay({-5, 0, 1}, {0, 0, -0.5})) << "too short";
+  EXPECT_FALSE(world.CastRay({-5, 0, 1}, {0, 0, 4})) << "away from it";
+  EXPECT_FALSE(world.CastRay({-3, 0.6, 2}, {5, 0, 0})) << "past the ball";
+  const auto inside = world.CastRay({0, 0, 2}, {1, 0, 0});
+  ASSERT_TRUE(inside);
+  EXPECT_EQ(inside->share, 0);
+  EXPECT_EQ(inside->normal_W, Vector3(-1, 0, 0));
+  const auto point = world.CastRay({0, 0, 2}, {0, 0, 0});
+  ASSERT_TRUE(point);
+  EXPECT_EQ(point->body, 1);
+}
+
+// A tiny ball that is cast goes where a ray does.
+TEST(Query, RaysAgreeWithTinyBalls) {
+  const World world = Scene();
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  int met = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vector3 from(4 + 8 * uniform(random), 4 * uniform(random), 4 + 3 * uniform(random));
+    const Vector3 way = Vector3(4 + 4 * uniform(random), uniform(random), 2 + uniform(random)) - from;
+    const auto ray = world.CastRay(from, way);
+    const auto ball = world.CastShape(Shape::Sphere(1e-5), from, Quaternion::Identity(), way);
+    if (ray.has_value() != ball.has_value()) {  // only where it passes by less than the ball
+      ADD_FAILURE() << from.transpose() << ", " << way.transpose();
+      continue;
+    }
+    if (!ray) continue;
+    ++met;
+    EXPECT_EQ(ray->body, ball->body);
+    EXPECT_NEAR(ray->share, ball->share, 1e-3);
+  }
+  EXPECT_GT(met, 80);
+}
+
+TEST(Query, ShapesMeetWhatIsFirst) {
+  const World world = Scene();
+  const auto ball = world.CastShape(Shape::Sphere(0.25), {-3, 0, 2}, Quaternion::Identity(), {10, 0, 0});
+  ASSERT_TRUE(ball);
+  EXPECT_EQ(ball->body, 1);
+  EXPECT_NEAR(ball->share, 0.225, 1e-6);
+  EXPECT_LT((ball->normal_W - Vector3(-1, 0, 0)).norm(), 1e-6);
+  // An edge down, turned by 45 degrees about y: half a diagonal above the floor.
+  const auto box =
+      world.CastShape(Shape::Box({0.5, 0.5, 0.5}), {-5, 0, 3}, testing::Turn(M_PI / 4, Vector3::UnitY()), {0, 0, -3});
+  ASSERT_TRUE(box);
+  EXPECT_EQ(box->body, 0);
+  EXPECT_NEAR(box->share, (3 - std::sqrt(0.5)) / 3, 1e-6);
+  EXPECT_FALSE(world.CastShape(Shape::Sphere(0.25), {-3, 0.76, 2}, Quaternion::Identity(), {6, 0, 0}));
+  const auto inside = world.CastShape(Shape::Sphere(0.25), {0.2, 0, 2}, Quaternion::Identity(), {1, 0, 0});
+  ASSERT_TRUE(inside);
+  EXPECT_EQ(inside->share, 0);
+}
+
+TEST(Query, OverlapsAreFound) {
+  const World world = Scene();
+  EXPECT_EQ(world.Overlapping(Shape::Box({6, 1, 0.1}), {4, 0, 2}, Quaternion::Identity()), (std::vector{1, 2, 3}));
+  EXPECT_EQ(world.Overlapping(Shape::Box({6, 1, 0.1}), {4, 0, 2}, Quaternion::Identity(), 2), std::vector{2});
+  EXPECT_EQ(world.Overlapping(Shape::Sphere(1), {-5, 0, 0.9}, Quaternion::Identity()), std::vector{0});
+  EXPECT_TRUE(world.Overlapping(Shape::Sphere(1), {-5, 0, 1}, Quaternion::Identity()).empty())
+      << "touching is no overlap";
+}
+
+TEST(Query, BadQuestionsAreRefused) {
+  const World world = Scene();
+  EXPECT_THROW(world.CastRay({0, 0, NAN}, {1, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(world.CastRay({0, 0, 0}, {INFINITY, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(world.CastShape(Shape::HalfSpace(), {0, 0, 0}, Quaternion::Identity(), {1, 0, 0}),
+               std::invalid_argument);
+  EXPECT_THROW(world.Overlapping(Shape::Sphere(1), {0, 0, 0}, Quaternion(2, 0, 0, 0)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace islet
