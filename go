@@ -13,6 +13,7 @@ packages=(
   libeigen3-dev libtbb-dev libfcl-dev libsuitesparse-dev
   libbenchmark-dev libgtest-dev librapidcheck-dev libhdf5-dev
   libcli11-dev nlohmann-json3-dev libfmt-dev
+  pybind11-dev python3-dev python3-numpy
 )
 
 say() { printf '\n== %s\n' "$*"; }

@@ -42,6 +42,7 @@ set(rules
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
   "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
+  "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"

@@ -52,6 +52,16 @@ if(PKG_CONFIG)
   run(${SCRATCH}/by_pkg_config)
 endif()
 
+if(PYTHON)
+  file(GLOB_RECURSE module ${prefix}/*/islet.*.so)
+  cmake_path(GET module PARENT_PATH folder)
+  set(ENV{PYTHONPATH} ${folder})
+  run(${PYTHON} -c "import islet\nprint(islet.__version__, islet.__file__)")
+  if(NOT out MATCHES "${prefix}")
+    message(FATAL_ERROR "python imports islet from ${out}")
+  endif()
+endif()
+
 # An unknown component is refused with its name.
 execute_process(COMMAND ${CMAKE_COMMAND} -S ${STRANGER} -B ${SCRATCH}/wrong -DCMAKE_PREFIX_PATH=${prefix} -DKIND=stattic
   RESULT_VARIABLE code OUTPUT_QUIET ERROR_VARIABLE out)

@@ -1,0 +1,403 @@
+// islet for Python: `import islet`. What each name does is told by scenes/python/islet.pyi and by the C++ headers.
+//
+// Arrays of a world are views of its own memory, without copies. While one of them lives, no body can be added: the call is refused, as a
+// bytearray refuses to grow while somebody looks at it. World.step runs without the interpreter's lock.
+#include <array>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/operators.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "engine/world.h"
+#include "scenes/scene.h"
+
+namespace py = pybind11;
+using namespace islet;
+
+namespace {
+
+struct PyWorld {
+  World world;
+  std::shared_ptr<int> views = std::make_shared<int>(0);  // arrays that look into it
+
+  int Add(const BodyDefinition& definition) {
+    if (*views > 0)
+      throw py::buffer_error("islet.World.add: " + std::to_string(*views) +
+                             " arrays of this world are in use; delete or copy them first");
+    return world.Add(definition);
+  }
+};
+
+using Row3 = std::array<double, 3>;
+using Row4 = std::array<double, 4>;  // x, y, z, w
+Vector3 ToVector(const Row3& row) { return {row[0], row[1], row[2]}; }
+Quaternion ToRotation(const Row4& row) { return {row[3], row[0], row[1], row[2]}; }
+
+// A read-only array of one field of all bodies. The world lives as long as the array.
+template <typename Field>
+py::array View(const py::object& self, Field Body::*field, const py::dtype& type, std::vector<py::ssize_t> row) {
+  auto& owner = self.cast<PyWorld&>();
+  const std::span<const Body> bodies = owner.world.bodies();
+  struct Lease {
+    py::object world;
+    std::shared_ptr<int> views;
+  };
+  auto* lease = new Lease{self, owner.views};
+  ++*owner.views;
+  const py::capsule base(lease, [](void* held) {
+    auto* of = static_cast<Lease*>(held);
+    --*of->views;
+    delete of;
+  });
+  static const Body none;
+  const Field& first = (bodies.empty() ? none : bodies[0]).*field;
+  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(bodies.size())},
+      strides{static_cast<py::ssize_t>(sizeof(Body))};
+  for (const py::ssize_t extent : row) shape.push_back(extent), strides.push_back(type.itemsize());
+  py::array array(type, shape, strides, &first, base);
+  array.attr("setflags")(py::arg("write") = false);
+  return array;
+}
+
+template <typename T>
+py::array_t<T> NewArray(size_t rows, size_t columns) {
+  return columns == 1 ? py::array_t<T>(std::vector<size_t>{rows}) : py::array_t<T>(std::vector<size_t>{rows, columns});
+}
+
+// Of contacts: arrays of their own, for the next step replaces the contacts.
+py::dict Contacts(std::span<const Contact> contacts, const Vector3* impulses) {
+  auto bodies = NewArray<int>(contacts.size(), 2);
+  auto points = NewArray<double>(contacts.size(), 3), normals = NewArray<double>(contacts.size(), 3),
+       forces = NewArray<double>(contacts.size(), 3), gaps = NewArray<double>(contacts.size(), 1);
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    bodies.mutable_data(c, 0)[0] = contacts[c].body_a;
+    bodies.mutable_data(c, 0)[1] = contacts[c].body_b;
+    gaps.mutable_data()[c] = contacts[c].gap;
+    for (int k = 0; k < 3; ++k) {
+      points.mutable_data(c, 0)[k] = contacts[c].point_W[k];
+      normals.mutable_data(c, 0)[k] = contacts[c].normal_W[k];
+      if (impulses) forces.mutable_data(c, 0)[k] = impulses[c][k];
+    }
+  }
+  py::dict result;
+  result["bodies"] = bodies;
+  result["points"] = points;
+  result["normals"] = normals;
+  result["gaps"] = gaps;
+  if (impulses) result["impulses"] = forces;
+  return result;
+}
+
+const char* KindName(ContactEventKind kind) {
+  return kind == ContactEventKind::kBegin ? "begin" : kind == ContactEventKind::kPersist ? "persist" : "end";
+}
+
+Shape HullOf(const py::array_t<double, py::array::c_style | py::array::forcecast>& points) {
+  if (points.ndim() != 2 || points.shape(1) != 3)
+    throw std::invalid_argument("convex_hull: points must have shape (n, 3)");
+  std::vector<Vector3> list;
+  for (py::ssize_t i = 0; i < points.shape(0); ++i)
+    list.emplace_back(points.at(i, 0), points.at(i, 1), points.at(i, 2));
+  return Shape::ConvexHull(list);
+}
+
+void BindSettings(py::module_& m) {
+  py::enum_<Model>(m, "Model")
+      .value("KINETIC", Model::kKinetic)
+      .value("CONVEX", Model::kConvex)
+      .value("COULOMB", Model::kCoulomb);
+  py::enum_<Freezing>(m, "Freezing")
+      .value("OFF", Freezing::kOff)
+      .value("PAPER", Freezing::kPaper)
+      .value("CERTIFIED", Freezing::kCertified);
+  py::class_<Settings>(m, "Settings")
+      .def(py::init([](const py::kwargs& fields) {
+        py::object settings = py::cast(Settings{});
+        for (const auto& [name, value] : fields) settings.attr(py::str(name)) = value;
+        settings.cast<Settings&>().Validate();
+        return settings.cast<Settings>();
+      }))
+      .def_property(
+          "gravity", [](const Settings& s) { return s.gravity; },
+          [](Settings& s, const Row3& g) { s.gravity = ToVector(g); })
+      .def_readwrite("model", &Settings::model)
+      .def_readwrite("freezing", &Settings::freezing)
+      .def_readwrite("freeze_seconds", &Settings::freeze_seconds)
+      .def_readwrite("freeze_travel", &Settings::freeze_travel)
+      .def_readwrite("tolerance", &Settings::tolerance)
+      .def_property(
+          "effort",
+          [](const Settings& s) -> py::object {
+            if (s.effort.newton) return py::str("thorough");
+            return py::int_(s.effort.sweeps);
+          },
+          [](Settings& s, const py::object& effort) {
+            if (py::isinstance<py::int_>(effort)) {
+              s.effort = {effort.cast<int>(), false};
+              return;
+            }
+            const std::string name = py::str(effort);
+            if (name == "quick")
+              s.effort = qp::kQuickEffort;
+            else if (name == "normal")
+              s.effort = qp::kNormalEffort;
+            else if (name == "thorough")
+              s.effort = qp::kThoroughEffort;
+            else
+              throw std::invalid_argument("effort = '" + name +
+                                          "' must be 'quick', 'normal', 'thorough' or a number of sweeps");
+          })
+      .def_readwrite("touch_gap", &Settings::touch_gap)
+      .def_readwrite("overlap_tolerance", &Settings::overlap_tolerance)
+      .def_readwrite("threads", &Settings::threads)
+      .def_readwrite("group_bodies", &Settings::group_bodies)
+      .def_static("paper", &Settings::Paper);
+}
+
+void BindReport(py::module_& m) {
+  py::class_<Certificate>(m, "Certificate")
+      .def_readonly("momentum", &Certificate::momentum)
+      .def_readonly("cone", &Certificate::cone)
+      .def_readonly("dual", &Certificate::dual)
+      .def_readonly("gap", &Certificate::gap)
+      .def_readonly("coulomb_map_max", &Certificate::coulomb_map_max)
+      .def_readonly("coulomb_map_rms", &Certificate::coulomb_map_rms);
+  py::class_<LedgerEntry>(m, "LedgerEntry")
+      .def_readonly("value", &LedgerEntry::value)
+      .def_readonly("body", &LedgerEntry::body);
+  py::class_<Ledger>(m, "Ledger")
+      .def_readonly("energy_created", &Ledger::energy_created)
+      .def_readonly("momentum_unexplained", &Ledger::momentum_unexplained)
+      .def_readonly("angular_momentum_unexplained", &Ledger::angular_momentum_unexplained)
+      .def_readonly("displacement_without_velocity", &Ledger::displacement_without_velocity)
+      .def_readonly("sides_changed", &Ledger::sides_changed)
+      .def_property_readonly("clean", &Ledger::Clean);
+  py::class_<StepReport>(m, "StepReport")
+      .def_readonly("contacts", &StepReport::contacts)
+      .def_readonly("active_contacts", &StepReport::active_contacts)
+      .def_readonly("awake", &StepReport::awake)
+      .def_readonly("frozen", &StepReport::frozen)
+      .def_readonly("bounces", &StepReport::bounces)
+      .def_readonly("penetration_max", &StepReport::penetration_max)
+      .def_readonly("kinetic_energy", &StepReport::kinetic_energy)
+      .def_readonly("energy_gain", &StepReport::energy_gain)
+      .def_readonly("certificate", &StepReport::certificate)
+      .def_readonly("ledger", &StepReport::ledger)
+      .def_property_readonly("missed", [](const StepReport& r) { return r.collision_qp.missed + r.static_qp.missed; })
+      .def_property_readonly("failed", &StepReport::Failed)
+      .def("__repr__", [](const StepReport& r) {
+        return "<islet.StepReport: " + std::to_string(r.contacts) + " contacts, " + std::to_string(r.awake) +
+               " awake, " + std::to_string(r.frozen) + " frozen" + (r.Failed() ? ", failed>" : ">");
+      });
+}
+
+void BindWorld(py::module_& m) {
+  py::enum_<BodyKind>(m, "Kind")
+      .value("FIXED", BodyKind::kFixed)
+      .value("KINEMATIC", BodyKind::kKinematic)
+      .value("DYNAMIC", BodyKind::kDynamic);
+  py::class_<Shape>(m, "Shape")
+      .def_static("sphere", &Shape::Sphere, py::arg("radius"))
+      .def_static(
+          "box", [](const Row3& half) { return Shape::Box(ToVector(half)); }, py::arg("half_extents"))
+      .def_static("half_space", &Shape::HalfSpace)
+      .def_static("convex_hull", &HullOf, py::arg("points"))
+      .def_property_readonly("volume", &Shape::Volume)
+      .def_property_readonly("radius", &Shape::radius);
+  py::class_<WorldSnapshot>(m, "Snapshot");
+  py::class_<BodyId>(m, "BodyId")
+      .def_readonly("number", &BodyId::number)
+      .def_readonly("generation", &BodyId::generation)
+      .def(py::self == py::self);
+  const auto numbers = py::dtype::of<double>();
+  py::class_<PyWorld>(m, "World")
+      .def(py::init([](const std::optional<Settings>& settings) {
+             return std::make_unique<PyWorld>(PyWorld{World(settings.value_or(Settings{}))});
+           }),
+           py::arg("settings") = py::none())
+      .def(
+          "add",
+          [](PyWorld& self, const Shape& shape, BodyKind kind, const Row3& position, const Row4& rotation,
+             const Row3& linear, const Row3& angular, std::optional<double> mass, std::optional<Matrix3> inertia,
+             double density, double friction, double restitution, std::uint32_t layers, std::uint32_t collides_with,
+             bool sensor, std::uint64_t user_data) {
+            return self.Add({.shape = shape,
+                             .kind = kind,
+                             .mass = mass,
+                             .inertia_B = inertia,
+                             .density = density,
+                             .position_W = ToVector(position),
+                             .rotation_WB = ToRotation(rotation),
+                             .linear_velocity_W = ToVector(linear),
+                             .angular_velocity_W = ToVector(angular),
+                             .friction = friction,
+                             .restitution = restitution,
+                             .layers = layers,
+                             .collides_with = collides_with,
+                             .sensor = sensor,
+                             .user_data = user_data});
+          },
+          py::arg("shape"), py::arg("kind") = BodyKind::kDynamic, py::kw_only(), py::arg("position") = Row3{},
+          py::arg("rotation") = Row4{0, 0, 0, 1}, py::arg("linear_velocity") = Row3{},
+          py::arg("angular_velocity") = Row3{}, py::arg("mass") = py::none(), py::arg("inertia") = py::none(),
+          py::arg("density") = 1.0, py::arg("friction") = 0.5, py::arg("restitution") = 0.2, py::arg("layers") = 1u,
+          py::arg("collides_with") = 0xffffffffu, py::arg("sensor") = false, py::arg("user_data") = 0)
+      .def(
+          "remove", [](PyWorld& self, int body) { self.world.Remove(body); }, py::arg("body"))
+      .def(
+          "id", [](const PyWorld& self, int body) { return self.world.id(body); }, py::arg("body"))
+      .def(
+          "lives", [](const PyWorld& self, BodyId id) { return self.world.Lives(id); }, py::arg("id"))
+      .def(
+          "teleport",
+          [](PyWorld& self, int body, const Row3& p, const Row4& r) {
+            self.world.Teleport(body, ToVector(p), ToRotation(r));
+          },
+          py::arg("body"), py::arg("position"), py::arg("rotation") = Row4{0, 0, 0, 1})
+      .def(
+          "set_velocity",
+          [](PyWorld& self, int body, const Row3& v, const Row3& w) {
+            self.world.SetVelocity(body, ToVector(v), ToVector(w));
+          },
+          py::arg("body"), py::arg("linear"), py::arg("angular") = Row3{})
+      .def(
+          "set_force",
+          [](PyWorld& self, int body, const Row3& f, const Row3& t) {
+            self.world.SetForce(body, ToVector(f), ToVector(t));
+          },
+          py::arg("body"), py::arg("force"), py::arg("torque") = Row3{})
+      .def(
+          "move_to",
+          [](PyWorld& self, int body, const Row3& p, const Row4& r, double dt) {
+            self.world.MoveTo(body, ToVector(p), ToRotation(r), dt);
+          },
+          py::arg("body"), py::arg("position"), py::arg("rotation"), py::arg("dt"))
+      .def(
+          "set_kind", [](PyWorld& self, int body, BodyKind kind) { self.world.SetKind(body, kind); }, py::arg("body"),
+          py::arg("kind"))
+      .def(
+          "set_mass", [](PyWorld& self, int body, double mass) { self.world.SetMass(body, mass); }, py::arg("body"),
+          py::arg("mass"))
+      .def(
+          "set_material",
+          [](PyWorld& self, int body, double friction, double restitution) {
+            self.world.SetMaterial(body, friction, restitution);
+          },
+          py::arg("body"), py::arg("friction"), py::arg("restitution"))
+      .def(
+          "set_layers",
+          [](PyWorld& self, int body, std::uint32_t layers, std::uint32_t with) {
+            self.world.SetLayers(body, layers, with);
+          },
+          py::arg("body"), py::arg("layers"), py::arg("collides_with"))
+      .def(
+          "set_collision", [](PyWorld& self, int a, int b, bool collide) { self.world.SetCollision(a, b, collide); },
+          py::arg("body"), py::arg("other"), py::arg("collide"))
+      .def(
+          "set_gravity", [](PyWorld& self, const Row3& g) { self.world.SetGravity(ToVector(g)); }, py::arg("gravity"))
+      .def(
+          "step", [](PyWorld& self, double dt) { return self.world.Step(dt); }, py::arg("dt"),
+          py::call_guard<py::gil_scoped_release>())
+      .def("save", [](const PyWorld& self) { return self.world.Save(); })
+      .def(
+          "restore",
+          [](PyWorld& self, const WorldSnapshot& snapshot) {
+            if (*self.views > 0)
+              throw py::buffer_error("islet.World.restore: arrays of this world are in use; delete or copy them first");
+            self.world.Restore(snapshot);
+          },
+          py::arg("snapshot"))
+      .def("__len__", [](const PyWorld& self) { return self.world.bodies().size(); })
+      .def_property_readonly("time", [](const PyWorld& self) { return self.world.time(); })
+      .def_property_readonly("state_hash", [](const PyWorld& self) { return self.world.StateHash(); })
+      .def_property_readonly("positions",
+                             [numbers](const py::object& self) { return View(self, &Body::position_W, numbers, {3}); })
+      .def_property_readonly("rotations",
+                             [numbers](const py::object& self) { return View(self, &Body::rotation_WB, numbers, {4}); })
+      .def_property_readonly(
+          "linear_velocities",
+          [numbers](const py::object& self) { return View(self, &Body::linear_velocity_W, numbers, {3}); })
+      .def_property_readonly(
+          "angular_velocities",
+          [numbers](const py::object& self) { return View(self, &Body::angular_velocity_W, numbers, {3}); })
+      .def_property_readonly("masses",
+                             [numbers](const py::object& self) { return View(self, &Body::mass, numbers, {}); })
+      .def_property_readonly(
+          "frozen", [](const py::object& self) { return View(self, &Body::frozen, py::dtype::of<bool>(), {}); })
+      .def_property_readonly(
+          "removed", [](const py::object& self) { return View(self, &Body::removed, py::dtype::of<bool>(), {}); })
+      .def("contacts", [](const PyWorld& self) { return Contacts(self.world.contacts(), nullptr); })
+      .def("impulses",
+           [](const PyWorld& self) {
+             static const Vector3 none;
+             const std::span<const Vector3> impulses = self.world.impulses();
+             return Contacts(self.world.resolved_contacts(), impulses.empty() ? &none : impulses.data());
+           })
+      .def(
+          "impulse_on", [](const PyWorld& self, int body) { return self.world.ImpulseOn(body); }, py::arg("body"))
+      .def("events",
+           [](const PyWorld& self) {
+             py::list list;
+             for (const ContactEvent& e : self.world.events())
+               list.append(py::make_tuple(KindName(e.kind), e.body_a, e.body_b, e.sensor));
+             return list;
+           })
+      .def("hits",
+           [](const PyWorld& self) {
+             py::list list;
+             for (const HitEvent& h : self.world.hits())
+               list.append(py::make_tuple(h.body_a, h.body_b, h.point_W, h.impulse_W, h.approach));
+             return list;
+           })
+      .def(
+          "cast_ray",
+          [](const PyWorld& self, const Row3& origin, const Row3& way, std::uint32_t layers) -> py::object {
+            const auto hit = self.world.CastRay(ToVector(origin), ToVector(way), layers);
+            if (!hit) return py::none();
+            return py::make_tuple(hit->body, hit->share, hit->point_W, hit->normal_W);
+          },
+          py::arg("origin"), py::arg("way"), py::arg("layers") = 0xffffffffu)
+      .def(
+          "overlapping",
+          [](const PyWorld& self, const Shape& shape, const Row3& p, const Row4& r, std::uint32_t layers) {
+            return self.world.Overlapping(shape, ToVector(p), ToRotation(r), layers);
+          },
+          py::arg("shape"), py::arg("position"), py::arg("rotation") = Row4{0, 0, 0, 1},
+          py::arg("layers") = 0xffffffffu);
+}
+
+}  // namespace
+
+PYBIND11_MODULE(islet, m) {
+  m.doc() = "Contact and friction among thousands of rigid bodies, exactly and fast.";
+  m.attr("__version__") = ISLET_VERSION;
+  BindSettings(m);
+  BindReport(m);
+  BindWorld(m);
+  m.def("scenes", [] {
+    std::vector<std::string> names;
+    for (const Scene& scene : AllScenes()) names.emplace_back(scene.name);
+    return names;
+  });
+  m.def(
+      "scene",
+      [](const std::string& name, const std::optional<Settings>& settings, std::optional<int> count,
+         std::optional<std::uint64_t> seed, std::optional<double> friction, std::optional<double> restitution) {
+        const Scene* scene = FindScene(name);
+        if (!scene)
+          throw std::invalid_argument("scene '" + name + "' is unknown; nearest is '" +
+                                      std::string(NearestScene(name)) + "'");
+        return std::make_unique<PyWorld>(
+            PyWorld{BuildScene(*scene, {.count = count, .seed = seed, .friction = friction, .restitution = restitution},
+                               settings.value_or(Settings{}))
+                        .world});
+      },
+      py::arg("name"), py::arg("settings") = py::none(), py::arg("count") = py::none(), py::arg("seed") = py::none(),
+      py::arg("friction") = py::none(), py::arg("restitution") = py::none());
+}
