@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/suite/contact_suite_impl.h"
+#include "engine/suite/suite_input.h"
 
 namespace islet {
 namespace {
@@ -13,18 +14,6 @@ namespace {
 constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
-
-void CheckContact(const Contact& c, size_t number, size_t num_bodies) {
-  const auto reject = [&](const std::string& field, double value) {
-    throw std::invalid_argument("contact " + std::to_string(number) + ": " + field + " = " + std::to_string(value));
-  };
-  if (c.body_a < 0 || c.body_a >= static_cast<int>(num_bodies)) reject("body_a", c.body_a);
-  if (c.body_b <= c.body_a || c.body_b >= static_cast<int>(num_bodies)) reject("body_b", c.body_b);
-  if (!c.point_W.allFinite()) reject("point", c.point_W.sum());
-  if (!(std::abs(c.normal_W.norm() - 1) < 1e-6)) reject("length of normal", c.normal_W.norm());
-  if (!(c.friction >= 0) || !std::isfinite(c.friction)) reject("friction", c.friction);
-  if (!(c.restitution >= 0 && c.restitution <= 1)) reject("restitution", c.restitution);
-}
 
 bool SameContact(const Contact& x, const Contact& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
@@ -54,7 +43,12 @@ std::span<const Twist> ContactSuite::velocities_before_gravity() const { return 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
-  for (size_t c = 0; c < contacts.size(); ++c) CheckContact(contacts[c], c, bodies.size());
+  CheckSuiteBodies(bodies);
+  CheckSuiteContacts(contacts, bodies.size());
+  std::vector<IslandReport> islands = std::move(report->islands);  // keeps its memory
+  islands.clear();
+  *report = {};
+  report->islands = std::move(islands);
   LapTimer timer;
   Impl& s = *impl_;
   s.Begin(dt, bodies, contacts);

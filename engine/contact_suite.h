@@ -4,8 +4,19 @@
 //   islet::ContactSuite suite(settings, &pool);
 //   each frame:  suite.Resolve(dt, bodies, contacts, &report);    // steps 1 to 4; then move the bodies yourself
 //
-// Contacts must be in canonical order (by body_a, body_b, feature), body_a < body_b. With certified freezing the list must
-// hold the contacts of frozen bodies too, unchanged from frame to frame while nothing there moves.
+// In
+//   bodies    of any kind, by number; of dynamic ones mass, inertia and radius (farthest point from the centre: freezing measures motion by
+//             it), poses, velocities, forces. What the user moves is kinematic
+//   contacts  in canonical order (by body_a, body_b, feature), body_a < body_b, with mixed friction and restitution. Those that touch or
+//             overlap: touches = true; what counts as touching is up to the caller, World takes 1e-3 of the smaller body's size. Those still
+//             open that the step may close: touches = false with their gap, or two supported bodies close it unseen. `feature` tells points
+//             of a pair apart from frame to frame; where it flickers or is always 0, the nearest point inherits the load.
+//             With certified freezing the list holds the contacts of frozen bodies too, unchanged while nothing there moves
+// Out
+//   velocities of bodies, their frozen flags, impulses(), and the report, which starts afresh. Poses are the caller's: move each body by the
+//   mean of velocities_before_gravity() and its final velocity (the trapezoidal rule), frozen ones not at all
+//   Overlaps are the caller's, too: velocities keep contacts from closing, and what one step of rotation closes is not taken back. Undo it by
+//   moving poses along the normals, or use World, whose step leaves none
 //   threads: one caller at a time; the result does not depend on the pool's number of workers
 #pragma once
 
@@ -43,7 +54,8 @@ class ContactSuite {
   // Called for each collision and static problem that a Resolve solves; empty: nobody watches, and nothing is kept for it.
   void SetProblemObserver(ProblemObserver observer);
 
-  // Throws std::invalid_argument if a contact names no body, its numbers are not ordered, or a value is not finite.
+  // Throws std::invalid_argument that names body or contact, field and value: a value that is not finite, a mass or inertia that is not
+  // positive, a rotation or normal that is not of unit length, a contact of no body, or one out of order. Nothing has changed then.
   void Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report);
 
   // What it remembers from frame to frame; to be given to a suite with the same bodies. See World::Save().

@@ -342,6 +342,9 @@ TEST(ContactSuite, BadInputIsNamed) {
       {"friction = nan", [](std::vector<Contact>* c) { (*c)[1].friction = kNan; }},
       {"restitution = 1.5", [](std::vector<Contact>* c) { (*c)[1].restitution = 1.5; }},
       {"restitution = nan", [](std::vector<Contact>* c) { (*c)[1].restitution = kNan; }},
+      {"gap = nan", [](std::vector<Contact>* c) { (*c)[1].gap = kNan; }},
+      {"gap = -inf", [](std::vector<Contact>* c) { (*c)[1].gap = -INFINITY; }},
+      {"order", [](std::vector<Contact>* c) { std::swap((*c)[0], (*c)[1]); }},
   };
   for (const Case& bad : cases) {
     Suite s;
@@ -357,6 +360,38 @@ TEST(ContactSuite, BadInputIsNamed) {
     }
     EXPECT_EQ(s.bodies[1].linear_velocity_W, Vector3::Zero()) << "a refused step changes nothing";
   }
+  struct BodyCase {
+    const char* text;
+    void (*spoil)(Body*);
+  };
+  const BodyCase bodies[] = {
+      {"mass = 0", [](Body* b) { b->mass = 0; }},
+      {"mass = inf", [](Body* b) { b->mass = INFINITY; }},
+      {"inertia", [](Body* b) { b->inertia_B(1, 1) = -1; }},
+      {"inertia", [](Body* b) { b->inertia_B(1, 0) = 1e-3; }},
+      {"inertia", [](Body* b) { b->inertia_B(2, 2) = kNan; }},
+      {"rotation = 2", [](Body* b) { b->rotation_WB.w() = 2; }},
+      {"position = (0, nan, 0.5)", [](Body* b) { b->position_W.y() = kNan; }},
+      {"linear velocity", [](Body* b) { b->linear_velocity_W.z() = INFINITY; }},
+      {"angular velocity", [](Body* b) { b->angular_velocity_W.z() = kNan; }},
+      {"force", [](Body* b) { b->force_W.x() = kNan; }},
+      {"torque", [](Body* b) { b->torque_W.x() = kNan; }},
+      {"radius = -1", [](Body* b) { b->radius = -1; }},
+      {"fixed", [](Body* b) { b->kind = BodyKind::kFixed, b->linear_velocity_W.x() = 1; }},
+  };
+  for (const BodyCase& bad : bodies) {
+    Suite s;
+    s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+    AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+    bad.spoil(&s.bodies[1]);
+    try {
+      s.Resolve();
+      ADD_FAILURE() << bad.text << " was accepted";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_NE(std::string(error.what()).find(bad.text), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("body 1"), std::string::npos) << error.what();
+    }
+  }
   Suite s;
   for (const double dt : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()})
     EXPECT_THROW(s.Resolve(dt), std::invalid_argument);
@@ -364,6 +399,21 @@ TEST(ContactSuite, BadInputIsNamed) {
   Settings settings;
   settings.tolerance = -1;
   EXPECT_THROW(ContactSuite(settings, &s.pool), std::invalid_argument);
+}
+
+// A caller who keeps one report for all steps reads each step, not their sum.
+TEST(ContactSuite, AReportStartsAfresh) {
+  Suite s(NeverFreeze());
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+  AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+  StepReport report;
+  for (int i = 0; i < 3; ++i) {
+    s.suite.Resolve(kDt, s.bodies, s.contacts, &report);
+    EXPECT_EQ(report.contacts, 4);
+    EXPECT_EQ(report.awake, 1);
+    EXPECT_EQ(report.islands.size(), 1u);
+    EXPECT_EQ(report.static_qp.solved, 1);
+  }
 }
 
 }  // namespace
