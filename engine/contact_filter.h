@@ -31,6 +31,7 @@ class ContactFilter {
     if (collide && known) apart_.erase(place);
     if (!collide && !known) apart_.insert(place, pair);
   }
+  std::vector<std::pair<int, int>>& apart() { return apart_; }
   void Forget(int body) {
     std::erase_if(apart_, [&](const auto& pair) { return pair.first == body || pair.second == body; });
   }

@@ -55,6 +55,9 @@ struct Settings {
   double overlap_tolerance =
       2.5e-4;  // contacts closer than this are closed, and what a crowd's gaps may miss their end by; per shape size
 
+  // Every step begins from poses and velocities alone: no impulse is remembered, and nothing freezes. Dearer, for what rests above all.
+  bool stateless = false;
+
   // Performance
   int threads = 0;  // 0: all cores
   // Bodies that may meet in a step and are no more than this move by the law of the step (engine/motion/README.md), exact Coulomb

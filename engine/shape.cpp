@@ -7,19 +7,9 @@
 #include <string>
 
 #include "engine/geometry/convex_hull.h"
+#include "engine/shape_data.h"
 
 namespace islet {
-
-struct Shape::Data {
-  ShapeKind kind = ShapeKind::kSphere;
-  double radius = 0;
-  Vector3 half_extents = Vector3::Zero();
-  double size = 0;
-  Vector3 hull_offset = Vector3::Zero();
-  Polytope polytope;
-  double volume = 0;
-  Matrix3 inertia_per_mass = Matrix3::Zero();  // [m^2]
-};
 
 namespace {
 

@@ -53,9 +53,10 @@ class Shape {
   MassProperties MassFromMass(double mass) const;  // [kg] > 0
 
   struct Data;
+  const Data& data() const { return *data_; }
+  explicit Shape(std::shared_ptr<const Data> data);
 
  private:
-  explicit Shape(std::shared_ptr<const Data> data);
   std::shared_ptr<const Data> data_;
   ShapeKind kind_;  // of data_: every contact asks for these
   double size_;

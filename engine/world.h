@@ -14,6 +14,7 @@
 //   threads: one caller at a time; a step runs on Settings::threads threads and its result does not depend on them
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -118,6 +119,10 @@ class World {
   // Everything that later steps depend on, and back; see engine/world_snapshot.h.
   WorldSnapshot Save() const;
   void Restore(const WorldSnapshot& snapshot);
+  // Poses and velocities alone, 104 bytes a body: with Settings::stateless later steps depend on nothing else, and a world with the same
+  // bodies that restores them goes on bit for bit (rollback). Time, forces and materials are the caller's.
+  std::vector<std::byte> SaveMotion() const;
+  void RestoreMotion(std::span<const std::byte> bytes);
 
   std::span<const Body> bodies() const;  // including removed ones
   const Body& body(int number) const;

@@ -7,12 +7,21 @@
 //   threads: immutable; copies share their data, and any number of worlds may restore from one at a time
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <span>
 #include <utility>
+#include <vector>
 
 namespace islet {
 
 class WorldSnapshot {
+ public:
+  // To files and other machines (little-endian, as all that islet runs on). What is cut off, damaged, or of another version is refused:
+  // std::invalid_argument says which.
+  std::vector<std::byte> ToBytes() const;
+  static WorldSnapshot FromBytes(std::span<const std::byte> bytes);
+
  private:
   friend class World;
   struct Data;

@@ -28,7 +28,7 @@ set(rooms_engine_freezing response)
 set(rooms_engine_suite freezing impact response)
 set(rooms_engine_motion detection freezing geometry impact response)
 set(rooms_engine_query geometry)
-set(rooms_engine_world detection geometry motion query response)
+set(rooms_engine_world detection freezing geometry motion query response)
 
 # Headers of rooms that other libraries may include; of a library's own folder they may include all.
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)

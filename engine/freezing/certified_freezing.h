@@ -46,16 +46,19 @@ class CertifiedFreezing {
   };
   std::span<const Stop> stops() const { return stops_; }
 
-  // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
-  double worst_imbalance() const { return worst_imbalance_; }
-
- private:
   struct Stillness {
     Vector3 position_W = Vector3::Zero();
     Quaternion rotation_WB = Quaternion::Identity();
     Vector3 force_W = Vector3::Zero(), torque_W = Vector3::Zero();  // gravity included
     double seconds = 0;
   };
+  // Per body: since when it stands still, and where. All that one frame leaves for the next.
+  std::vector<Stillness>& stillness() { return still_; }
+
+  // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
+  double worst_imbalance() const { return worst_imbalance_; }
+
+ private:
   struct Load {
     Vector3 linear = Vector3::Zero(), angular = Vector3::Zero();  // [N s], [N m s] of everything
     double size = 0;                                              // [N s] sum of magnitudes
@@ -70,7 +73,7 @@ class CertifiedFreezing {
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 
-  std::vector<Stillness> still_;  // per body: since when, and where
+  std::vector<Stillness> still_;
   double worst_imbalance_ = 0;
   std::vector<int> roots_;                  // islands, per body
   std::vector<std::uint8_t> moves_, held_;  // per root: not all of it rests; per body: a contact holds it

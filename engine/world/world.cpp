@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -13,11 +14,6 @@
 #include "engine/world/world_impl.h"
 
 namespace islet {
-
-struct WorldSnapshot::Data {
-  WorldState world;
-  Vector3 gravity;
-};
 
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
   throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
@@ -309,6 +305,48 @@ void World::Restore(const WorldSnapshot& snapshot) {
   SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
   impl_->rest.reset();
+}
+
+// Positions, rotations, velocities, as they lie in memory.
+static constexpr size_t kMotionBytes = 13 * sizeof(double);
+
+std::vector<std::byte> World::SaveMotion() const {
+  impl_->Idle("SaveMotion");
+  std::vector<std::byte> bytes(kMotionBytes * impl_->bodies.size());
+  std::byte* to = bytes.data();
+  for (const Body& b : impl_->bodies) {
+    std::memcpy(to, b.position_W.data(), 3 * sizeof(double));
+    std::memcpy(to + 3 * sizeof(double), b.rotation_WB.coeffs().data(), 4 * sizeof(double));
+    std::memcpy(to + 7 * sizeof(double), b.linear_velocity_W.data(), 3 * sizeof(double));
+    std::memcpy(to + 10 * sizeof(double), b.angular_velocity_W.data(), 3 * sizeof(double));
+    to += kMotionBytes;
+  }
+  return bytes;
+}
+
+void World::RestoreMotion(std::span<const std::byte> bytes) {
+  impl_->Idle("RestoreMotion");
+  std::vector<Body>& bodies = impl_->bodies;
+  if (bytes.size() != kMotionBytes * bodies.size())
+    throw std::invalid_argument("RestoreMotion: " + std::to_string(bytes.size()) + " bytes for " +
+                                std::to_string(bodies.size()) + " bodies, of which each has 104");
+  std::vector<Body> next = bodies;
+  const std::byte* from = bytes.data();
+  for (size_t i = 0; i < next.size(); ++i, from += kMotionBytes) {
+    Body& b = next[i];
+    std::memcpy(b.position_W.data(), from, 3 * sizeof(double));
+    std::memcpy(b.rotation_WB.coeffs().data(), from + 3 * sizeof(double), 4 * sizeof(double));
+    std::memcpy(b.linear_velocity_W.data(), from + 7 * sizeof(double), 3 * sizeof(double));
+    std::memcpy(b.angular_velocity_W.data(), from + 10 * sizeof(double), 3 * sizeof(double));
+    b.frozen = false;
+    const std::string name = NameOf(static_cast<int>(i));
+    RequireFinite(name, "position", b.position_W);
+    RequireUnit(name, b.rotation_WB);
+    RequireFinite(name, "linear velocity", b.linear_velocity_W);
+    RequireFinite(name, "angular velocity", b.angular_velocity_W);
+  }
+  bodies.swap(next);
+  impl_->Changed();
 }
 
 std::span<const Body> World::bodies() const { return impl_->bodies; }

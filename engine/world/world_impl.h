@@ -48,6 +48,11 @@ struct WorldState {
   double dt_hint = 1.0 / 30;            // [s] of the last step
 };
 
+struct WorldSnapshot::Data {
+  WorldState world;
+  Vector3 gravity;
+};
+
 struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   Settings settings;
   std::unique_ptr<parallel::WorkerPool> own_pool;
@@ -82,6 +87,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void Idle(const char* call) const;
   void WakeAll();
   void Forget(int number);
+  void ForgetAll();
   StepReport StepWhole(double dt);
   void FindEvents();
   void FindSensed();

@@ -265,10 +265,18 @@ void World::Impl::Remember(double dt, const StepReport& report) {
   rest_dt = dt;
 }
 
+void World::Impl::ForgetAll() {
+  groups = {};
+  crowd_memory = {};
+  crowd.clear();
+  Changed();
+}
+
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   dt_hint = dt;
   hits.clear();
+  if (settings.stateless) ForgetAll();
   const double start_seconds = Seconds();
   CheckNewcomers();
   report.seconds.detect += Seconds() - start_seconds;

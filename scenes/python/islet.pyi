@@ -38,6 +38,7 @@ class Settings:
     effort: Any  # 'quick', 'normal', 'thorough' or a number of sweeps
     touch_gap: float
     overlap_tolerance: float
+    stateless: bool
     threads: int  # 0: all cores
     group_bodies: int
     def __init__(self, **fields: Any) -> None: ...
@@ -95,7 +96,10 @@ class StepReport:
     @property
     def failed(self) -> bool: ...  # the bodies did what physics does not allow
 
-class Snapshot: ...
+class Snapshot:
+    def to_bytes(self) -> bytes: ...
+    @staticmethod
+    def from_bytes(data: bytes) -> Snapshot: ...
 
 class BodyId:
     number: int

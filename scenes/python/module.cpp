@@ -155,6 +155,7 @@ void BindSettings(py::module_& m) {
           })
       .def_readwrite("touch_gap", &Settings::touch_gap)
       .def_readwrite("overlap_tolerance", &Settings::overlap_tolerance)
+      .def_readwrite("stateless", &Settings::stateless)
       .def_readwrite("threads", &Settings::threads)
       .def_readwrite("group_bodies", &Settings::group_bodies)
       .def_static("paper", &Settings::Paper);
@@ -210,7 +211,19 @@ void BindWorld(py::module_& m) {
       .def_static("convex_hull", &HullOf, py::arg("points"))
       .def_property_readonly("volume", &Shape::Volume)
       .def_property_readonly("radius", &Shape::radius);
-  py::class_<WorldSnapshot>(m, "Snapshot");
+  py::class_<WorldSnapshot>(m, "Snapshot")
+      .def("to_bytes",
+           [](const WorldSnapshot& self) {
+             const std::vector<std::byte> bytes = self.ToBytes();
+             return py::bytes(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+           })
+      .def_static(
+          "from_bytes",
+          [](const py::bytes& data) {
+            const std::string_view bytes = data;
+            return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
+          },
+          py::arg("data"));
   py::class_<BodyId>(m, "BodyId")
       .def_readonly("number", &BodyId::number)
       .def_readonly("generation", &BodyId::generation)

@@ -3,6 +3,10 @@
 #include <optional>
 #include <vector>
 
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
 #include <gtest/gtest.h>
 
 #include "engine/world.h"
@@ -116,6 +120,104 @@ TEST(WorldSnapshot, StillChecksBodiesThatWereJustAdded) {
   World other(Threads(1));
   other.Restore(world.Save());
   EXPECT_THROW(testing::Step(&other, kDt), std::invalid_argument);
+}
+
+// A pile of everything: hulls, frozen bodies, a removed one, pairs set apart, a sensor; moved as groups or as a crowd.
+World Pile(const Settings& settings) {
+  World world(settings);
+  world.Add(testing::Floor());
+  for (int i = 0; i < 12; ++i) world.Add(testing::Cube({1.3 * (i % 3), 1.3 * (i / 3 % 2), 0.6 + 1.2 * (i / 6)}));
+  world.Add({.shape = Shape::ConvexHull(std::vector<Vector3>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}}),
+             .position_W = {0.5, 0.5, 4},
+             .angular_velocity_W = {1, 2, 3}});
+  world.Add(testing::Ball({1, 0.4, 6}));
+  world.Add({.shape = Shape::Box({9, 9, 0.1}), .kind = BodyKind::kFixed, .position_W = {0, 0, 3}, .sensor = true});
+  world.SetCollision(1, 2, false);
+  world.Remove(7);
+  return world;
+}
+
+TEST(WorldSnapshot, BytesGoOnBitForBit) {
+  for (const bool crowd : {false, true}) {
+    const Settings settings = crowd ? testing::AsCrowd(Threads(1)) : Threads(1);
+    World world = Pile(settings);
+    for (const int frames : {0, 1, 25, 60, 100}) {
+      StepTimes(&world, frames);
+      const std::vector<std::byte> bytes = world.Save().ToBytes();
+      World other(settings);
+      other.Restore(WorldSnapshot::FromBytes(bytes));
+      EXPECT_EQ(other.Save().ToBytes(), bytes);
+      EXPECT_EQ(other.StateHash(), world.StateHash());
+      World twin(settings);
+      twin.Restore(world.Save());
+      EXPECT_EQ(Hashes(&other, 40), Hashes(&twin, 40)) << crowd << ", after " << frames;
+      EXPECT_EQ(other.time(), twin.time());
+      EXPECT_EQ(other.events().size(), twin.events().size());
+    }
+  }
+}
+
+std::string RefusalOf(const std::vector<std::byte>& bytes) {
+  try {
+    WorldSnapshot::FromBytes(bytes);
+    return "";
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+}
+
+TEST(WorldSnapshot, DamagedBytesAreRefused) {
+  World world(Threads(1));
+  world.Add(testing::Floor());
+  world.Add(testing::Cube({0, 0, 0.5}));
+  StepTimes(&world, 20);
+  const std::vector<std::byte> bytes = world.Save().ToBytes();
+  ASSERT_EQ(RefusalOf(bytes), "");
+  for (size_t length = 0; length < bytes.size(); length += 1 + length / 7)
+    EXPECT_NE(RefusalOf({bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(length)}), "") << length;
+  for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    std::vector<std::byte> flipped = bytes;
+    flipped[bit / 8] ^= std::byte{1} << bit % 8;
+    ASSERT_NE(RefusalOf(flipped), "") << "bit " << bit;
+  }
+  std::vector<std::byte> longer = bytes, other = bytes, alien = bytes;
+  longer.push_back(std::byte{0});
+  EXPECT_NE(RefusalOf(longer).find("header"), std::string::npos);
+  other[8] = std::byte{2};
+  EXPECT_NE(RefusalOf(other).find("version 2"), std::string::npos);
+  alien[0] = std::byte{'x'};
+  EXPECT_NE(RefusalOf(alien).find("none of islet's"), std::string::npos);
+}
+
+// With nothing but poses and velocities a world of the same bodies goes on as the first one did, from any frame.
+TEST(WorldSnapshot, StatelessWorldsRollBack) {
+  for (const bool crowd : {false, true}) {
+    Settings settings = crowd ? testing::AsCrowd(Threads(1)) : Threads(1);
+    settings.stateless = true;
+    World world = Pile(settings);
+    std::vector<std::vector<std::byte>> motions;
+    std::vector<std::uint64_t> hashes;
+    for (int i = 0; i < 60; ++i) {
+      motions.push_back(world.SaveMotion());
+      testing::Step(&world, kDt);
+      hashes.push_back(world.StateHash());
+    }
+    EXPECT_EQ(motions[0].size(), 104 * world.bodies().size());
+    World other = Pile(settings);
+    for (const size_t from : {50u, 3u, 29u}) {
+      other.RestoreMotion(motions[from]);
+      for (size_t i = from; i < 60; ++i) {
+        testing::Step(&other, kDt);
+        ASSERT_EQ(other.StateHash(), hashes[i]) << crowd << ", from " << from << ", frame " << i;
+      }
+    }
+    motions[0].pop_back();
+    EXPECT_THROW(other.RestoreMotion(motions[0]), std::invalid_argument);
+    std::memset(motions[1].data(), 0xff, 8);  // NaN
+    const std::uint64_t hash = other.StateHash();
+    EXPECT_THROW(other.RestoreMotion(motions[1]), std::invalid_argument);
+    EXPECT_EQ(other.StateHash(), hash);
+  }
 }
 
 }  // namespace

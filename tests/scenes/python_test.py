@@ -99,6 +99,12 @@ class PythonTest(unittest.TestCase):
         hashes = [(world.step(1 / 30), world.state_hash)[1] for _ in range(20)]
         world.restore(snapshot)
         self.assertEqual([(world.step(1 / 30), world.state_hash)[1] for _ in range(20)], hashes)
+        data = snapshot.to_bytes()
+        other = islet.World()
+        other.restore(islet.Snapshot.from_bytes(data))
+        self.assertEqual([(other.step(1 / 30), other.state_hash)[1] for _ in range(20)], hashes)
+        with self.assertRaisesRegex(ValueError, "snapshot"):
+            islet.Snapshot.from_bytes(data[:-1])
 
     def test_queries(self):
         world = stack()
