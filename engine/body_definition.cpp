@@ -11,6 +11,7 @@ namespace {
 
 // Squares and products of what a user gives must stay finite.
 constexpr double kMost = 1e30;
+constexpr double kLongest = 1e6;       // [s]
 constexpr double kMostFriction = 1e6;  // the product of two must stay finite
 
 std::string Text(double value) {
@@ -62,6 +63,7 @@ void RequireMaterial(const std::string& body, double friction, double restitutio
 void RequireStep(double dt) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  if (dt > kLongest) throw std::invalid_argument("dt = " + Text(dt) + " s is beyond 1e6");
 }
 
 MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
@@ -77,7 +79,12 @@ MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
   return filled;
 }
 
+void RequireKind(const std::string& body, BodyKind kind) {
+  if (kind > BodyKind::kDynamic) Reject(body, "kind", "= " + std::to_string(static_cast<int>(kind)) + " is none");
+}
+
 Body MakeBody(const BodyDefinition& d, const std::string& name) {
+  RequireKind(name, d.kind);
   RequireFinite(name, "position", d.position_W);
   RequireFinite(name, "linear velocity", d.linear_velocity_W);
   RequireFinite(name, "angular velocity", d.angular_velocity_W);

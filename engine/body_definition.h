@@ -15,6 +15,7 @@ void RequireFinite(const std::string& body, const std::string& field, const Vect
 void RequirePositive(const std::string& body, const std::string& field, double value);
 void RequireInertia(const std::string& body, const Matrix3& inertia_B);
 void RequireMaterial(const std::string& body, double friction, double restitution);
+void RequireKind(const std::string& body, BodyKind kind);
 void RequireStep(double dt);  // [s] > 0
 void RequireUnit(const std::string& body, const Quaternion& rotation);
 

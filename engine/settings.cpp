@@ -15,6 +15,14 @@ void Require(bool holds, const std::string& field, double value, const std::stri
 
 void Settings::Validate() const {
   for (int i = 0; i < 3; ++i) Require(std::isfinite(gravity[i]), "gravity", gravity[i], "finite");
+  const auto one_of = [](auto value, auto last, const char* field) {
+    const int number = static_cast<int>(value);
+    Require(number >= 0 && number <= static_cast<int>(last), field, number, "one of its names");
+  };
+  one_of(model, Model::kCoulomb, "model");
+  one_of(cone, Cone::kOctagon, "cone");
+  one_of(bounce_law, BounceLaw::kExact, "bounce_law");
+  one_of(freezing, Freezing::kCertified, "freezing");
   Require(bounce_limit >= 0 || bounce_limit == kAutoBounceLimit, "bounce_limit", bounce_limit, ">= 0, or auto (-1)");
   Require(freeze_count >= 0, "freeze_count", freeze_count, ">= 0 frames");
   Require(freeze_seconds > 0 && std::isfinite(freeze_seconds), "freeze_seconds", freeze_seconds, "> 0 s");

@@ -177,6 +177,7 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
 
 void World::SetKind(int body, BodyKind kind) {
   impl_->Idle("SetKind");
+  RequireKind(NameOf(body), kind);
   Body& b = impl_->At(body);
   if (kind == b.kind) return;
   if (kind == BodyKind::kDynamic) {
@@ -296,6 +297,7 @@ void World::Impl::Changed() {
 }
 
 WorldSnapshot World::Save() const {
+  impl_->Idle("Save");
   return WorldSnapshot(
       std::make_shared<const WorldSnapshot::Data>(WorldSnapshot::Data{*impl_, impl_->settings.gravity}));
 }

@@ -3,12 +3,16 @@
 Units are SI. Frames: W is the world. Rotations are (x, y, z, w), unit length, from a body's frame to W.
 A bad value raises ValueError that names the field and the value; a world that is in a step raises RuntimeError.
 
-Arrays that are properties of a world are read-only views of its memory: they show every later step, and while one of them lives
-add() raises BufferError. Copy what is to stay.
+Arrays that are properties of a world are read-only views of its memory. They show every later step, and unfinished states while another
+thread steps. While one of them lives, also inside an expression or a loop over it, add() and restore() raise BufferError: copy what is to stay,
+world.positions.copy(). A row of a removed body stays until its number is used again. A world that keeps a view of itself as an attribute is
+never collected.
 """
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
+
+Vector = Union[Sequence[float], np.ndarray]  # 3 numbers, or 4 for rotations
 
 __version__: str
 
@@ -29,7 +33,7 @@ class Kind:
 
 class Settings:
     """Settings(field=value, ...); see engine/settings.h."""
-    gravity: Any  # [m/s^2]
+    gravity: Tuple[float, float, float]  # [m/s^2]
     model: Model
     freezing: Freezing
     freeze_seconds: float
@@ -49,11 +53,15 @@ class Shape:
     @staticmethod
     def sphere(radius: float) -> Shape: ...
     @staticmethod
-    def box(half_extents: Sequence[float]) -> Shape: ...
+    def box(half_extents: Vector) -> Shape: ...
     @staticmethod
     def half_space() -> Shape: ...  # below z = 0 of its frame
     @staticmethod
-    def convex_hull(points: np.ndarray) -> Shape: ...  # (n, 3)
+    def convex_hull(points: Any) -> Shape: ...  # (n, 3); position is then that of its centre of mass
+    @property
+    def hull_offset(self) -> np.ndarray: ...  # (3,): centre of mass, the origin of the body's frame, in the points that were given
+    @property
+    def vertices(self) -> np.ndarray: ...  # (n, 3) in the body's frame; of boxes and hulls
     @property
     def volume(self) -> float: ...
     @property
@@ -112,12 +120,12 @@ class World:
         shape: Shape,
         kind: Kind = ...,
         *,
-        position: Sequence[float] = ...,
-        rotation: Sequence[float] = ...,
-        linear_velocity: Sequence[float] = ...,
-        angular_velocity: Sequence[float] = ...,
+        position: Vector = ...,
+        rotation: Vector = ...,
+        linear_velocity: Vector = ...,
+        angular_velocity: Vector = ...,
         mass: Optional[float] = None,
-        inertia: Optional[np.ndarray] = None,
+        inertia: Any = None,
         density: float = 1.0,
         friction: float = 0.5,
         restitution: float = 0.2,
@@ -126,22 +134,33 @@ class World:
         sensor: bool = False,
         user_data: int = 0,
     ) -> int: ...
-    def remove(self, body: int) -> None: ...
+    def remove(self, body: int) -> None: ...  # from the next step on its number may be used again
     def id(self, body: int) -> BodyId: ...
     def lives(self, id: BodyId) -> bool: ...
-    def teleport(self, body: int, position: Sequence[float], rotation: Sequence[float] = ...) -> None: ...
-    def set_velocity(self, body: int, linear: Sequence[float], angular: Sequence[float] = ...) -> None: ...
-    def set_force(self, body: int, force: Sequence[float], torque: Sequence[float] = ...) -> None: ...
-    def move_to(self, body: int, position: Sequence[float], rotation: Sequence[float], dt: float) -> None: ...
+    # What is left out is the identity, or zero.
+    def teleport(self, body: int, position: Vector, rotation: Vector = (0, 0, 0, 1)) -> None: ...
+    def set_velocity(self, body: int, linear: Vector, angular: Vector = (0, 0, 0)) -> None: ...
+    def set_force(self, body: int, force: Vector, torque: Vector = (0, 0, 0)) -> None: ...
+    # Sets the velocities that take a kinematic body there in a step of dt. They stay: call it before each step.
+    def move_to(self, body: int, position: Vector, rotation: Vector, dt: float) -> None: ...
     def set_kind(self, body: int, kind: Kind) -> None: ...
     def set_mass(self, body: int, mass: float) -> None: ...
     def set_material(self, body: int, friction: float, restitution: float) -> None: ...
     def set_layers(self, body: int, layers: int, collides_with: int) -> None: ...
     def set_collision(self, body: int, other: int, collide: bool) -> None: ...
-    def set_gravity(self, gravity: Sequence[float]) -> None: ...
+    def set_gravity(self, gravity: Vector) -> None: ...
     def step(self, dt: float) -> StepReport: ...  # other Python threads run meanwhile
     def save(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
+    def check_initial_overlap(self) -> None: ...  # ValueError names two bodies and the depth; the next step() asks the same
+    def shape(self, body: int) -> Shape: ...
+    def kind(self, body: int) -> Kind: ...
+    def friction(self, body: int) -> float: ...
+    def restitution(self, body: int) -> float: ...
+    def user_data(self, body: int) -> int: ...
+    def set_user_data(self, body: int, data: int) -> None: ...
+    @property
+    def settings(self) -> Settings: ...  # a copy
     def __len__(self) -> int: ...
     @property
     def time(self) -> float: ...
@@ -156,21 +175,21 @@ class World:
     @property
     def angular_velocities(self) -> np.ndarray: ...  # (n, 3) [rad/s], a view
     @property
-    def masses(self) -> np.ndarray: ...  # (n,) [kg], a view
+    def masses(self) -> np.ndarray: ...  # (n,) [kg], a view; 1 of what was never dynamic
     @property
     def frozen(self) -> np.ndarray: ...  # (n,) bool, a view
     @property
     def removed(self) -> np.ndarray: ...  # (n,) bool, a view
-    def contacts(self) -> Dict[str, np.ndarray]: ...  # bodies (n, 2), points, normals (n, 3), gaps (n,): touching now
+    def contacts(self) -> Dict[str, np.ndarray]: ...  # bodies (n, 2), points, normals (n, 3), gaps (n,): touching as the last step left them
     def impulses(self) -> Dict[str, np.ndarray]: ...  # of the last step; also impulses (n, 3) [N s] on the second body
     def impulse_on(self, body: int) -> np.ndarray: ...  # (3,) [N s]
     def events(self) -> List[Tuple[str, int, int, bool]]: ...  # 'begin', 'persist' or 'end', two bodies, of a sensor
     def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...  # bodies, point, impulse, approach [m/s]
     def cast_ray(
-        self, origin: Sequence[float], way: Sequence[float], layers: int = 0xFFFFFFFF
+        self, origin: Vector, way: Vector, layers: int = 0xFFFFFFFF
     ) -> Optional[Tuple[int, float, np.ndarray, np.ndarray]]: ...  # body, share of the way, point, normal
     def overlapping(
-        self, shape: Shape, position: Sequence[float], rotation: Sequence[float] = ..., layers: int = 0xFFFFFFFF
+        self, shape: Shape, position: Vector, rotation: Vector = (0, 0, 0, 1), layers: int = 0xFFFFFFFF
     ) -> List[int]: ...
 
 def scenes() -> List[str]: ...

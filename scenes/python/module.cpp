@@ -1,8 +1,9 @@
 // islet for Python: `import islet`. What each name does is told by scenes/python/islet.pyi and by the C++ headers.
 //
 // Arrays of a world are views of its own memory, without copies. While one of them lives, no body can be added: the call is refused, as a
-// bytearray refuses to grow while somebody looks at it. World.step runs without the interpreter's lock.
+// bytearray refuses to grow while somebody looks at it. World.step runs without the interpreter's lock; whoever calls a world meanwhile gets RuntimeError.
 #include <array>
+#include <exception>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -22,16 +23,47 @@ using namespace islet;
 
 namespace {
 
-struct PyWorld {
-  World world;
-  std::shared_ptr<int> views = std::make_shared<int>(0);  // arrays that look into it
+// The interpreter's lock guards it: whoever has the lock sees a world that is in a step, or one that is in none.
+class PyWorld {
+ public:
+  explicit PyWorld(World world) : world_(std::move(world)) {}
 
-  int Add(const BodyDefinition& definition) {
-    if (*views > 0)
-      throw py::buffer_error("islet.World.add: " + std::to_string(*views) +
-                             " arrays of this world are in use; delete or copy them first");
-    return world.Add(definition);
+  World& world() {
+    if (stepping_) throw std::runtime_error("islet.World: the world is in a step of another thread");
+    return world_;
   }
+
+  // Without the lock. No guard object takes it back: where the interpreter ends meanwhile this thread is unwound from here.
+  StepReport Step(double dt) {
+    World& world = this->world();
+    StepReport report;
+    std::exception_ptr error;
+    stepping_ = true;
+    PyThreadState* const thread = PyEval_SaveThread();
+    try {
+      report = world.Step(dt);
+    } catch (...) {
+      error = std::current_exception();
+    }
+    PyEval_RestoreThread(thread);
+    stepping_ = false;
+    if (error) std::rethrow_exception(error);
+    return report;
+  }
+
+  // What may move the bodies' memory.
+  World& Growing(const char* call) {
+    if (*views_ > 0)
+      throw py::buffer_error(std::string("islet.World.") + call + ": " + std::to_string(*views_) +
+                             " arrays of this world are in use; delete or copy them first");
+    return world();
+  }
+  const std::shared_ptr<int>& views() const { return views_; }
+
+ private:
+  World world_;
+  bool stepping_ = false;
+  std::shared_ptr<int> views_ = std::make_shared<int>(0);  // arrays that look into it
 };
 
 using Row3 = std::array<double, 3>;
@@ -43,13 +75,13 @@ Quaternion ToRotation(const Row4& row) { return {row[3], row[0], row[1], row[2]}
 template <typename Field>
 py::array View(const py::object& self, Field Body::*field, const py::dtype& type, std::vector<py::ssize_t> row) {
   auto& owner = self.cast<PyWorld&>();
-  const std::span<const Body> bodies = owner.world.bodies();
+  const std::span<const Body> bodies = owner.world().bodies();
   struct Lease {
     py::object world;
     std::shared_ptr<int> views;
   };
-  auto* lease = new Lease{self, owner.views};
-  ++*owner.views;
+  auto* lease = new Lease{self, owner.views()};
+  ++*owner.views();
   const py::capsule base(lease, [](void* held) {
     auto* of = static_cast<Lease*>(held);
     --*of->views;
@@ -94,6 +126,9 @@ py::dict Contacts(std::span<const Contact> contacts, const Vector3* impulses) {
   return result;
 }
 
+// The number, if a body has it.
+int Live(PyWorld& self, int body) { return self.world().id(body).number; }
+
 const char* KindName(ContactEventKind kind) {
   return kind == ContactEventKind::kBegin ? "begin" : kind == ContactEventKind::kPersist ? "persist" : "end";
 }
@@ -124,7 +159,10 @@ void BindSettings(py::module_& m) {
         return settings.cast<Settings>();
       }))
       .def_property(
-          "gravity", [](const Settings& s) { return s.gravity; },
+          "gravity",
+          [](const Settings& s) {
+            return py::make_tuple(s.gravity.x(), s.gravity.y(), s.gravity.z());
+          },
           [](Settings& s, const Row3& g) { s.gravity = ToVector(g); })
       .def_readwrite("model", &Settings::model)
       .def_readwrite("freezing", &Settings::freezing)
@@ -138,8 +176,16 @@ void BindSettings(py::module_& m) {
             return py::int_(s.effort.sweeps);
           },
           [](Settings& s, const py::object& effort) {
-            if (py::isinstance<py::int_>(effort)) {
-              s.effort = {effort.cast<int>(), false};
+            if (!py::isinstance<py::str>(effort)) {
+              const py::object number = py::reinterpret_steal<py::object>(PyNumber_Index(effort.ptr()));
+              if (!number) throw py::error_already_set();
+              const long long sweeps = PyLong_AsLongLong(number.ptr());
+              if (PyErr_Occurred() || sweeps < 1 || sweeps > 1'000'000) {
+                PyErr_Clear();
+                throw std::invalid_argument("effort = " + std::string(py::str(number)) +
+                                            " sweeps must lie in 1 to 1000000");
+              }
+              s.effort = {static_cast<int>(sweeps), false};
               return;
             }
             const std::string name = py::str(effort);
@@ -209,6 +255,15 @@ void BindWorld(py::module_& m) {
           "box", [](const Row3& half) { return Shape::Box(ToVector(half)); }, py::arg("half_extents"))
       .def_static("half_space", &Shape::HalfSpace)
       .def_static("convex_hull", &HullOf, py::arg("points"))
+      .def_property_readonly("hull_offset", [](const Shape& shape) { return shape.hull_offset(); })
+      .def_property_readonly("vertices",
+                             [](const Shape& shape) {
+                               const std::vector<Vector3>& vertices = shape.polytope().vertices;
+                               auto rows = NewArray<double>(vertices.size(), 3);
+                               for (size_t v = 0; v < vertices.size(); ++v)
+                                 for (int k = 0; k < 3; ++k) rows.mutable_data(v, 0)[k] = vertices[v][k];
+                               return rows;
+                             })
       .def_property_readonly("volume", &Shape::Volume)
       .def_property_readonly("radius", &Shape::radius);
   py::class_<WorldSnapshot>(m, "Snapshot")
@@ -223,15 +278,28 @@ void BindWorld(py::module_& m) {
             const std::string_view bytes = data;
             return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
           },
-          py::arg("data"));
+          py::arg("data"))
+      .def(py::pickle(
+          [](const WorldSnapshot& self) {
+            const std::vector<std::byte> bytes = self.ToBytes();
+            return py::bytes(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+          },
+          [](const py::bytes& data) {
+            const std::string_view bytes = data;
+            return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
+          }));
   py::class_<BodyId>(m, "BodyId")
       .def_readonly("number", &BodyId::number)
       .def_readonly("generation", &BodyId::generation)
-      .def(py::self == py::self);
+      .def(py::self == py::self)
+      .def("__hash__", [](const BodyId& id) { return py::hash(py::make_tuple(id.number, id.generation)); })
+      .def("__repr__", [](const BodyId& id) {
+        return "<islet.BodyId: " + std::to_string(id.number) + ", generation " + std::to_string(id.generation) + ">";
+      });
   const auto numbers = py::dtype::of<double>();
   py::class_<PyWorld>(m, "World")
       .def(py::init([](const std::optional<Settings>& settings) {
-             return std::make_unique<PyWorld>(PyWorld{World(settings.value_or(Settings{}))});
+             return std::make_unique<PyWorld>(PyWorld(World(settings.value_or(Settings{}))));
            }),
            py::arg("settings") = py::none())
       .def(
@@ -240,21 +308,21 @@ void BindWorld(py::module_& m) {
              const Row3& linear, const Row3& angular, std::optional<double> mass, std::optional<Matrix3> inertia,
              double density, double friction, double restitution, std::uint32_t layers, std::uint32_t collides_with,
              bool sensor, std::uint64_t user_data) {
-            return self.Add({.shape = shape,
-                             .kind = kind,
-                             .mass = mass,
-                             .inertia_B = inertia,
-                             .density = density,
-                             .position_W = ToVector(position),
-                             .rotation_WB = ToRotation(rotation),
-                             .linear_velocity_W = ToVector(linear),
-                             .angular_velocity_W = ToVector(angular),
-                             .friction = friction,
-                             .restitution = restitution,
-                             .layers = layers,
-                             .collides_with = collides_with,
-                             .sensor = sensor,
-                             .user_data = user_data});
+            return self.Growing("add").Add({.shape = shape,
+                                            .kind = kind,
+                                            .mass = mass,
+                                            .inertia_B = inertia,
+                                            .density = density,
+                                            .position_W = ToVector(position),
+                                            .rotation_WB = ToRotation(rotation),
+                                            .linear_velocity_W = ToVector(linear),
+                                            .angular_velocity_W = ToVector(angular),
+                                            .friction = friction,
+                                            .restitution = restitution,
+                                            .layers = layers,
+                                            .collides_with = collides_with,
+                                            .sensor = sensor,
+                                            .user_data = user_data});
           },
           py::arg("shape"), py::arg("kind") = BodyKind::kDynamic, py::kw_only(), py::arg("position") = Row3{},
           py::arg("rotation") = Row4{0, 0, 0, 1}, py::arg("linear_velocity") = Row3{},
@@ -262,73 +330,83 @@ void BindWorld(py::module_& m) {
           py::arg("density") = 1.0, py::arg("friction") = 0.5, py::arg("restitution") = 0.2, py::arg("layers") = 1u,
           py::arg("collides_with") = 0xffffffffu, py::arg("sensor") = false, py::arg("user_data") = 0)
       .def(
-          "remove", [](PyWorld& self, int body) { self.world.Remove(body); }, py::arg("body"))
+          "remove", [](PyWorld& self, int body) { self.world().Remove(body); }, py::arg("body"))
       .def(
-          "id", [](const PyWorld& self, int body) { return self.world.id(body); }, py::arg("body"))
+          "id", [](PyWorld& self, int body) { return self.world().id(body); }, py::arg("body"))
       .def(
-          "lives", [](const PyWorld& self, BodyId id) { return self.world.Lives(id); }, py::arg("id"))
+          "lives", [](PyWorld& self, BodyId id) { return self.world().Lives(id); }, py::arg("id"))
       .def(
           "teleport",
           [](PyWorld& self, int body, const Row3& p, const Row4& r) {
-            self.world.Teleport(body, ToVector(p), ToRotation(r));
+            self.world().Teleport(body, ToVector(p), ToRotation(r));
           },
           py::arg("body"), py::arg("position"), py::arg("rotation") = Row4{0, 0, 0, 1})
       .def(
           "set_velocity",
           [](PyWorld& self, int body, const Row3& v, const Row3& w) {
-            self.world.SetVelocity(body, ToVector(v), ToVector(w));
+            self.world().SetVelocity(body, ToVector(v), ToVector(w));
           },
           py::arg("body"), py::arg("linear"), py::arg("angular") = Row3{})
       .def(
           "set_force",
           [](PyWorld& self, int body, const Row3& f, const Row3& t) {
-            self.world.SetForce(body, ToVector(f), ToVector(t));
+            self.world().SetForce(body, ToVector(f), ToVector(t));
           },
           py::arg("body"), py::arg("force"), py::arg("torque") = Row3{})
       .def(
           "move_to",
           [](PyWorld& self, int body, const Row3& p, const Row4& r, double dt) {
-            self.world.MoveTo(body, ToVector(p), ToRotation(r), dt);
+            self.world().MoveTo(body, ToVector(p), ToRotation(r), dt);
           },
           py::arg("body"), py::arg("position"), py::arg("rotation"), py::arg("dt"))
       .def(
-          "set_kind", [](PyWorld& self, int body, BodyKind kind) { self.world.SetKind(body, kind); }, py::arg("body"),
+          "set_kind", [](PyWorld& self, int body, BodyKind kind) { self.world().SetKind(body, kind); }, py::arg("body"),
           py::arg("kind"))
       .def(
-          "set_mass", [](PyWorld& self, int body, double mass) { self.world.SetMass(body, mass); }, py::arg("body"),
+          "set_mass", [](PyWorld& self, int body, double mass) { self.world().SetMass(body, mass); }, py::arg("body"),
           py::arg("mass"))
       .def(
           "set_material",
           [](PyWorld& self, int body, double friction, double restitution) {
-            self.world.SetMaterial(body, friction, restitution);
+            self.world().SetMaterial(body, friction, restitution);
           },
           py::arg("body"), py::arg("friction"), py::arg("restitution"))
       .def(
           "set_layers",
           [](PyWorld& self, int body, std::uint32_t layers, std::uint32_t with) {
-            self.world.SetLayers(body, layers, with);
+            self.world().SetLayers(body, layers, with);
           },
           py::arg("body"), py::arg("layers"), py::arg("collides_with"))
       .def(
-          "set_collision", [](PyWorld& self, int a, int b, bool collide) { self.world.SetCollision(a, b, collide); },
+          "set_collision", [](PyWorld& self, int a, int b, bool collide) { self.world().SetCollision(a, b, collide); },
           py::arg("body"), py::arg("other"), py::arg("collide"))
       .def(
-          "set_gravity", [](PyWorld& self, const Row3& g) { self.world.SetGravity(ToVector(g)); }, py::arg("gravity"))
+          "set_gravity", [](PyWorld& self, const Row3& g) { self.world().SetGravity(ToVector(g)); }, py::arg("gravity"))
+      .def("step", &PyWorld::Step, py::arg("dt"))
+      .def("save", [](PyWorld& self) { return self.world().Save(); })
       .def(
-          "step", [](PyWorld& self, double dt) { return self.world.Step(dt); }, py::arg("dt"),
-          py::call_guard<py::gil_scoped_release>())
-      .def("save", [](const PyWorld& self) { return self.world.Save(); })
-      .def(
-          "restore",
-          [](PyWorld& self, const WorldSnapshot& snapshot) {
-            if (*self.views > 0)
-              throw py::buffer_error("islet.World.restore: arrays of this world are in use; delete or copy them first");
-            self.world.Restore(snapshot);
-          },
+          "restore", [](PyWorld& self, const WorldSnapshot& snapshot) { self.Growing("restore").Restore(snapshot); },
           py::arg("snapshot"))
-      .def("__len__", [](const PyWorld& self) { return self.world.bodies().size(); })
-      .def_property_readonly("time", [](const PyWorld& self) { return self.world.time(); })
-      .def_property_readonly("state_hash", [](const PyWorld& self) { return self.world.StateHash(); })
+      .def("check_initial_overlap", [](PyWorld& self) { self.world().CheckInitialOverlap(); })
+      .def(
+          "shape", [](PyWorld& self, int body) { return self.world().shape(Live(self, body)); }, py::arg("body"))
+      .def(
+          "kind", [](PyWorld& self, int body) { return self.world().body(Live(self, body)).kind; }, py::arg("body"))
+      .def(
+          "friction", [](PyWorld& self, int body) { return self.world().body(Live(self, body)).friction; },
+          py::arg("body"))
+      .def(
+          "restitution", [](PyWorld& self, int body) { return self.world().body(Live(self, body)).restitution; },
+          py::arg("body"))
+      .def(
+          "user_data", [](PyWorld& self, int body) { return self.world().user_data(body); }, py::arg("body"))
+      .def(
+          "set_user_data", [](PyWorld& self, int body, std::uint64_t data) { self.world().SetUserData(body, data); },
+          py::arg("body"), py::arg("data"))
+      .def_property_readonly("settings", [](PyWorld& self) { return self.world().settings(); })
+      .def("__len__", [](PyWorld& self) { return self.world().bodies().size(); })
+      .def_property_readonly("time", [](PyWorld& self) { return self.world().time(); })
+      .def_property_readonly("state_hash", [](PyWorld& self) { return self.world().StateHash(); })
       .def_property_readonly("positions",
                              [numbers](const py::object& self) { return View(self, &Body::position_W, numbers, {3}); })
       .def_property_readonly("rotations",
@@ -345,41 +423,41 @@ void BindWorld(py::module_& m) {
           "frozen", [](const py::object& self) { return View(self, &Body::frozen, py::dtype::of<bool>(), {}); })
       .def_property_readonly(
           "removed", [](const py::object& self) { return View(self, &Body::removed, py::dtype::of<bool>(), {}); })
-      .def("contacts", [](const PyWorld& self) { return Contacts(self.world.contacts(), nullptr); })
+      .def("contacts", [](PyWorld& self) { return Contacts(self.world().contacts(), nullptr); })
       .def("impulses",
-           [](const PyWorld& self) {
+           [](PyWorld& self) {
              static const Vector3 none;
-             const std::span<const Vector3> impulses = self.world.impulses();
-             return Contacts(self.world.resolved_contacts(), impulses.empty() ? &none : impulses.data());
+             const std::span<const Vector3> impulses = self.world().impulses();
+             return Contacts(self.world().resolved_contacts(), impulses.empty() ? &none : impulses.data());
            })
       .def(
-          "impulse_on", [](const PyWorld& self, int body) { return self.world.ImpulseOn(body); }, py::arg("body"))
+          "impulse_on", [](PyWorld& self, int body) { return self.world().ImpulseOn(body); }, py::arg("body"))
       .def("events",
-           [](const PyWorld& self) {
+           [](PyWorld& self) {
              py::list list;
-             for (const ContactEvent& e : self.world.events())
+             for (const ContactEvent& e : self.world().events())
                list.append(py::make_tuple(KindName(e.kind), e.body_a, e.body_b, e.sensor));
              return list;
            })
       .def("hits",
-           [](const PyWorld& self) {
+           [](PyWorld& self) {
              py::list list;
-             for (const HitEvent& h : self.world.hits())
+             for (const HitEvent& h : self.world().hits())
                list.append(py::make_tuple(h.body_a, h.body_b, h.point_W, h.impulse_W, h.approach));
              return list;
            })
       .def(
           "cast_ray",
-          [](const PyWorld& self, const Row3& origin, const Row3& way, std::uint32_t layers) -> py::object {
-            const auto hit = self.world.CastRay(ToVector(origin), ToVector(way), layers);
+          [](PyWorld& self, const Row3& origin, const Row3& way, std::uint32_t layers) -> py::object {
+            const auto hit = self.world().CastRay(ToVector(origin), ToVector(way), layers);
             if (!hit) return py::none();
             return py::make_tuple(hit->body, hit->share, hit->point_W, hit->normal_W);
           },
           py::arg("origin"), py::arg("way"), py::arg("layers") = 0xffffffffu)
       .def(
           "overlapping",
-          [](const PyWorld& self, const Shape& shape, const Row3& p, const Row4& r, std::uint32_t layers) {
-            return self.world.Overlapping(shape, ToVector(p), ToRotation(r), layers);
+          [](PyWorld& self, const Shape& shape, const Row3& p, const Row4& r, std::uint32_t layers) {
+            return self.world().Overlapping(shape, ToVector(p), ToRotation(r), layers);
           },
           py::arg("shape"), py::arg("position"), py::arg("rotation") = Row4{0, 0, 0, 1},
           py::arg("layers") = 0xffffffffu);
@@ -407,9 +485,9 @@ PYBIND11_MODULE(islet, m) {
           throw std::invalid_argument("scene '" + name + "' is unknown; nearest is '" +
                                       std::string(NearestScene(name)) + "'");
         return std::make_unique<PyWorld>(
-            PyWorld{BuildScene(*scene, {.count = count, .seed = seed, .friction = friction, .restitution = restitution},
+            PyWorld(BuildScene(*scene, {.count = count, .seed = seed, .friction = friction, .restitution = restitution},
                                settings.value_or(Settings{}))
-                        .world});
+                        .world));
       },
       py::arg("name"), py::arg("settings") = py::none(), py::arg("count") = py::none(), py::arg("seed") = py::none(),
       py::arg("friction") = py::none(), py::arg("restitution") = py::none());

@@ -2,6 +2,7 @@
 import ast
 import gc
 import pathlib
+import pickle
 import subprocess
 import sys
 import threading
@@ -87,6 +88,11 @@ class PythonTest(unittest.TestCase):
             (lambda: islet.Settings(tolerence=1), AttributeError, "tolerence"),
             (lambda: islet.Shape.convex_hull(np.zeros((4, 2))), ValueError, "(n, 3)"),
             (lambda: islet.scene("cubeglas"), ValueError, "cubeglass"),
+            (lambda: islet.Settings(effort=2**40), ValueError, "1099511627776"),
+            (lambda: world.add(islet.Shape.sphere(1), islet.Kind(7)), ValueError, "kind = 7"),
+            (lambda: islet.Settings(model=islet.Model(9)), ValueError, "model = 9"),
+            (lambda: world.step(1e300), ValueError, "1e+300"),
+            (lambda: islet.Settings().gravity.__setitem__(2, 0), AttributeError, "tuple"),
             (lambda: world.set_velocity(1, (0, 0, float("nan"))), ValueError, "nan"),
         ]:
             with self.assertRaises(error) as caught:
@@ -105,6 +111,71 @@ class PythonTest(unittest.TestCase):
         self.assertEqual([(other.step(1 / 30), other.state_hash)[1] for _ in range(20)], hashes)
         with self.assertRaisesRegex(ValueError, "snapshot"):
             islet.Snapshot.from_bytes(data[:-1])
+
+    def test_what_is_set_can_be_read(self):
+        world = stack(islet.Settings(effort=np.int64(50), gravity=np.array([0, 0, -1.0])))
+        self.assertEqual((world.settings.effort, world.settings.gravity), (50, (0, 0, -1)))
+        hull = islet.Shape.convex_hull([[5, 0, 0], [6, 0, 0], [5, 1, 0], [5, 0, 1]])
+        np.testing.assert_allclose(hull.hull_offset, (5.25, 0.25, 0.25))
+        np.testing.assert_allclose(sorted(map(tuple, hull.vertices + hull.hull_offset)), [(5, 0, 0), (5, 0, 1), (5, 1, 0), (6, 0, 0)], atol=1e-12)
+        body = world.add(hull, islet.Kind.FIXED, position=(9, 9, 9), friction=0.3, restitution=0.7, user_data=5)
+        self.assertEqual((world.kind(body), world.friction(body), world.restitution(body)), (islet.Kind.FIXED, 0.3, 0.7))
+        self.assertEqual(world.user_data(body), 5)
+        world.set_user_data(body, 6)
+        self.assertEqual(world.user_data(body), 6)
+        self.assertEqual(world.shape(body).volume, hull.volume)
+        identity = world.id(body)
+        self.assertEqual({identity: 1}[world.id(body)], 1)
+        snapshot = pickle.loads(pickle.dumps(world.save()))
+        other = islet.World()
+        other.restore(snapshot)
+        self.assertEqual(other.state_hash, world.state_hash)
+
+    # Whoever calls a world that another thread steps is told so, and nothing breaks.
+    def test_other_threads_are_kept_out(self):
+        world = islet.scene("cubeglass", count=200)
+        refused, answered = [0], [0]
+        done = threading.Event()
+
+        def step():
+            for _ in range(25):
+                try:
+                    world.step(1 / 30)
+                except RuntimeError:
+                    refused[0] += 1
+            done.set()
+
+        def look():
+            while not done.is_set():
+                for act in (world.save, world.contacts, world.hits, lambda: world.state_hash, lambda: len(world), lambda: world.impulse_on(0),
+                            lambda: world.remove(world.add(islet.Shape.sphere(0.1), position=(0, 0, 500)))):
+                    try:
+                        act()
+                        answered[0] += 1
+                    except RuntimeError as error:
+                        self.assertIn("in a step", str(error))
+                        refused[0] += 1
+
+        threads = [threading.Thread(target=act) for act in (step, look, look)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertGreater(refused[0], 0)
+        self.assertGreater(answered[0], 0)
+
+    def test_a_daemon_that_steps_does_not_disturb_the_end(self):
+        script = """
+import islet, threading, time
+world = islet.scene("cubeglass", count=200)
+def forever():
+    while True:
+        world.step(1 / 30)
+threading.Thread(target=forever, daemon=True).start()
+time.sleep(0.3)
+"""
+        run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
 
     def test_queries(self):
         world = stack()
