@@ -66,6 +66,13 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
   timer.Lap(&report->seconds.freeze);
 }
 
+double ContactSuite::Project(std::span<const Body> bodies, std::span<const Contact> contacts) {
+  CheckSuiteBodies(bodies);
+  CheckSuiteContacts(contacts, bodies.size());
+  return impl_->projection.Project(bodies, contacts, impl_->settings, impl_->pool);
+}
+std::span<const Twist> ContactSuite::displacements() const { return impl_->projection.displacements(); }
+
 // What steps 1 to 3 leave where nothing moves.
 void ContactSuite::Impl::StandStill() {
   frame.after_bounces.assign(frame.bodies.size(), {});

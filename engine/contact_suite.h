@@ -15,8 +15,8 @@
 // Out
 //   velocities of bodies, their frozen flags, impulses(), and the report, which starts afresh. Poses are the caller's: move each body by the
 //   mean of velocities_before_gravity() and its final velocity (the trapezoidal rule), frozen ones not at all
-//   Overlaps are the caller's, too: velocities keep contacts from closing, and what one step of rotation closes is not taken back. Undo it by
-//   moving poses along the normals, or use World, whose step leaves none
+//   Overlaps are the caller's, too: velocities keep contacts from closing, and what one step of rotation closes is not taken back. Project()
+//   tells the smallest displacements that undo them; World's step leaves none
 //   threads: one caller at a time; the result does not depend on the pool's number of workers
 #pragma once
 
@@ -57,6 +57,13 @@ class ContactSuite {
   // Throws std::invalid_argument that names body or contact, field and value: a value that is not finite, a mass or inertia that is not
   // positive, a rotation or normal that is not of unit length, a contact of no body, or one out of order. Nothing has changed then.
   void Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report);
+
+  // The smallest displacements, measured by mass and inertia, that leave no contact closer than it touches: those of gap < 0 open, the others
+  // stay open, to first order. They are of poses alone: velocities, impulses and memory stay. Frozen bodies do not move. Checks its input
+  // as Resolve does. Returns [m] the deepest overlap that is left to first order, more than 0 where walls leave no room.
+  double Project(std::span<const Body> bodies, std::span<const Contact> contacts);
+  // Of the last Project, per body: [m] by which to move it, and the vector [rad] by which to turn it about its centre, W.
+  std::span<const Twist> displacements() const;
 
   // What it remembers from frame to frame; to be given to a suite with the same bodies. See World::Save().
   const SuiteMemory& memory() const;

@@ -13,6 +13,7 @@
 #include "engine/response/suite_frame.h"
 #include "engine/stopwatch.h"
 #include "engine/suite/suite_memory.h"
+#include "engine/suite/suite_projection.h"
 #include "islands/partition.h"
 #include "parallel/schedule.h"
 #include "parallel/worker_pool.h"
@@ -41,6 +42,7 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
     std::vector<int> held;  // contacts of an island that its static problem may hold
   };
   std::vector<Worker> workers;
+  SuiteProjection projection;
   struct Outcome {
     ResponseOutcome collision, resting;
   };
@@ -66,19 +68,19 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   void CutAtImmovable();
   bool Approaches(const IslandView& view) const;
   void StandStill();
-  void Bounce(StepReport* report);
+  void Bounce(StepReport * report);
   void WakeByBounce();
   IslandView HeldView(const IslandView& view, Worker* worker);
   void ResolveIsland(int island, Worker* worker);
   void Record(int island, Stage stage, QpStatus status, const IslandResponder& responder);
-  void ResolveIslands(StepReport* report, LapTimer* timer);
-  void ReportIslands(StepReport* report) const;
-  void Freeze(StepReport* report);
+  void ResolveIslands(StepReport * report, LapTimer * timer);
+  void ReportIslands(StepReport * report) const;
+  void Freeze(StepReport * report);
   void SettleCaughtBodies();
   bool Catches(size_t contact) const;
   void Settle(const Contact& contact);
   void SettleRiders();
-  void Finish(StepReport* report);
+  void Finish(StepReport * report);
 };
 
 // Islands of the bodies that are not cut, joined by the contacts for which link(contact) holds.

@@ -416,5 +416,45 @@ TEST(ContactSuite, AReportStartsAfresh) {
   }
 }
 
+// A cube sunk into the floor and a second one into it: each rises by what closes below it, and nobody turns.
+TEST(ContactSuite, ProjectionUndoesOverlaps) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.49}), UnitCube({0, 0, 1.47})};
+  AddFace(0, 1, {0, 0, 0}, 0.5, 0.3, &s.contacts);
+  for (Contact& c : s.contacts) c.gap = -0.01;
+  AddFace(1, 2, {0, 0, 0.98}, 0.5, 0.3, &s.contacts);
+  for (size_t c = 4; c < 8; ++c) s.contacts[c].gap = -0.02;
+  const std::vector<Body> before = s.bodies;
+  EXPECT_LT(s.suite.Project(s.bodies, s.contacts), 1e-8);
+  const std::span<const Twist> w = s.suite.displacements();
+  EXPECT_EQ(w[0].linear_W, Vector3::Zero());
+  EXPECT_LT((w[1].linear_W - Vector3(0, 0, 0.01)).norm(), 1e-8);
+  EXPECT_LT((w[2].linear_W - Vector3(0, 0, 0.03)).norm(), 1e-8);
+  EXPECT_LT(w[1].angular_W.norm() + w[2].angular_W.norm(), 1e-8);
+  EXPECT_EQ(s.bodies[2].position_W, before[2].position_W) << "poses are the caller's";
+  // Open contacts stay open: a lid 5 mm above the upper cube leaves no room, and says so.
+  s.bodies.push_back(Wall());
+  AddFace(2, 3, {0, 0, 1.97}, 0.5, 0.3, &s.contacts);
+  for (size_t c = 8; c < 12; ++c) s.contacts[c].gap = 0.005;
+  EXPECT_GT(s.suite.Project(s.bodies, s.contacts), 1e-3);
+  for (size_t c = 8; c < 12; ++c) s.contacts[c].gap = 0.05;
+  EXPECT_LT(s.suite.Project(s.bodies, s.contacts), 1e-8);
+}
+
+// Two free bodies part by their masses, and their common centre stays.
+TEST(ContactSuite, ProjectionKeepsTheCentreOfMass) {
+  Suite s;
+  s.bodies = {UnitCube({0, 0, 0}), UnitCube({0, 0, 0.9})};
+  s.bodies[1].mass = 3;
+  s.bodies[1].inertia_B *= 3;
+  AddFace(0, 1, {0, 0, 0.45}, 0.5, 0, &s.contacts);
+  for (Contact& c : s.contacts) c.gap = -0.1;
+  EXPECT_LT(s.suite.Project(s.bodies, s.contacts), 1e-7);
+  EXPECT_NEAR(s.suite.displacements()[0].linear_W.z(), -0.075, 1e-7);
+  EXPECT_NEAR(s.suite.displacements()[1].linear_W.z(), 0.025, 1e-7);
+  s.bodies[1].mass = kNan;
+  EXPECT_THROW(s.suite.Project(s.bodies, s.contacts), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace islet
