@@ -1,5 +1,5 @@
 // Bullet: btDiscreteDynamicsWorld, dynamic AABB trees. Lines: SI (sequential impulses, the default), NNCG, Dantzig (the
-// direct MLCP solver; with it one island per batch, as Bullet's documentation asks). Default: 10 iterations at 1/60 s.
+// direct MLCP solver; with it one island per batch, as Bullet's documentation asks), islet (our contact suite as its solver). Default: 10 iterations at 1/60 s.
 //
 // Bullet multiplies the coefficients of two bodies, so each gets the root. Damping is 0 by default. The collision margin
 // (4 cm, inside the box; around a hull, where it would hold wedges apart: 1 mm there) and the restitution threshold (0.2 m/s)
@@ -7,12 +7,14 @@
 // woken, as Bullet asks of whoever applies a force.
 #include <btBulletDynamicsCommon.h>
 
+#include <BulletCollision/CollisionDispatch/btSimulationIslandManager.h>
 #include <BulletDynamics/ConstraintSolver/btNNCGConstraintSolver.h>
 #include <BulletDynamics/MLCPSolvers/btDantzigSolver.h>
 #include <BulletDynamics/MLCPSolvers/btMLCPSolver.h>
 
 #include <cmath>
 
+#include "bench/clients/bullet_solver.h"
 #include "bench/peers/peer.h"
 #include "bench/peers/sweeps.h"
 
@@ -33,6 +35,8 @@ class BulletPeer final : public Peer {
     } else if (setting.solver == "Dantzig") {
       direct_ = std::make_unique<btDantzigSolver>();
       solver_ = std::make_unique<btMLCPSolver>(direct_.get());
+    } else if (setting.solver == "islet") {
+      solver_ = std::make_unique<clients::BulletSolver>(plan.gravity, 1);
     } else {
       solver_ = std::make_unique<btSequentialImpulseConstraintSolver>();
     }
@@ -40,6 +44,7 @@ class BulletPeer final : public Peer {
     world_ = std::make_unique<btDiscreteDynamicsWorld>(dispatcher_.get(), &broadphase_, solver_.get(), &configuration_);
     world_->setGravity(ToBullet(plan.gravity));
     if (setting.iterations > 0) world_->getSolverInfo().m_numIterations = setting.iterations;
+    if (setting.solver == "islet") world_->getSimulationIslandManager()->setSplitIslands(false);
     if (setting.solver == "Dantzig") world_->getSolverInfo().m_minimumSolverBatchSize = 1;
     for (const BodyPlan& body : plan.bodies) Add(plan, body, setting.sleeping);
   }
@@ -122,6 +127,7 @@ std::unique_ptr<Peer> Make(const WorldPlan& plan, const Setting& setting) {
 }  // namespace
 
 Engine TheEngine() {
+  constexpr int kClientRates[] = {30, 60, 120, 240};
   constexpr int kRates[] = {30, 60, 120, 240, 480, 960}, kQuickRates[] = {60, 240};
   constexpr int kCounts[] = {5, 20, 50, 100, 200, 500}, kQuickCounts[] = {50};
 #ifdef BT_USE_DOUBLE_PRECISION
@@ -140,6 +146,7 @@ Engine TheEngine() {
   AddTimeSteps({.solver = "NNCG", .iterations = 10}, kRates, kQuickRates, &engine.settings);
   if (engine.precision == "float") AddIterations({.solver = "NNCG"}, kCounts, {}, &engine.settings);
   AddTimeSteps({.solver = "Dantzig"}, kRates, kQuickRates, &engine.settings);
+  AddTimeSteps({.solver = "islet"}, kClientRates, kQuickRates, &engine.settings);
   return engine;
 }
 
