@@ -11,6 +11,7 @@ namespace {
 
 // Squares and products of what a user gives must stay finite.
 constexpr double kMost = 1e30;
+constexpr double kMostInertia = 1e40;
 constexpr double kLongest = 1e6;       // [s]
 constexpr double kMostFriction = 1e6;  // the product of two must stay finite
 
@@ -34,13 +35,12 @@ void RequireFinite(const std::string& body, const std::string& field, const Vect
 
 void RequireUnit(const std::string& body, const Quaternion& rotation) {
   const double length = rotation.norm();
-  if (!(std::abs(length - 1) < 1e-6)) Reject(body, "rotation", "has length " + std::to_string(length) + ", not 1");
+  if (!(std::abs(length - 1) < 1e-6)) Reject(body, "rotation", "has length " + Text(length) + ", not 1");
 }
 
 void RequirePositive(const std::string& body, const std::string& field, double value) {
-  if (!(value > 0) || !std::isfinite(value))
-    Reject(body, field, "= " + std::to_string(value) + " must be positive and finite");
-  if (value > kMost) Reject(body, field, "= " + Text(value) + " is beyond 1e30");
+  if (!(value > 0) || !std::isfinite(value)) Reject(body, field, "= " + Text(value) + " must be positive and finite");
+  if (value > kMost || value < 1 / kMost) Reject(body, field, "= " + Text(value) + " is beyond 1e-30 to 1e30");
 }
 
 // Also refuses moments that no mass distribution has: each at most the sum of the other two.
@@ -48,21 +48,23 @@ void RequireInertia(const std::string& body, const Matrix3& inertia) {
   const Eigen::SelfAdjointEigenSolver<Matrix3> solver(inertia);
   const Vector3 moments = solver.eigenvalues();
   if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9) || !(moments[0] > 0))
-    Reject(body, "inertia", "is not symmetric positive definite (smallest moment " + std::to_string(moments[0]) + ")");
+    Reject(body, "inertia", "is not symmetric positive definite (smallest moment " + Text(moments[0]) + ")");
+  if (moments[0] < 1 / kMostInertia || moments[2] > kMostInertia)
+    Reject(body, "inertia",
+           "has moments of " + Text(moments[0]) + " to " + Text(moments[2]) + ", beyond 1e-40 to 1e40");
   if (moments[2] > (moments[0] + moments[1]) * (1 + 1e-9))
-    Reject(body, "inertia", "breaks the triangle inequality: largest moment " + std::to_string(moments[2]));
+    Reject(body, "inertia", "breaks the triangle inequality: largest moment " + Text(moments[2]));
 }
 
 void RequireMaterial(const std::string& body, double friction, double restitution) {
   if (!(friction >= 0 && friction <= kMostFriction))
-    Reject(body, "friction", "= " + std::to_string(friction) + " must lie in [0, 1e6]");
+    Reject(body, "friction", "= " + Text(friction) + " must lie in [0, 1e6]");
   if (!(restitution >= 0 && restitution <= 1))
-    Reject(body, "restitution", "= " + std::to_string(restitution) + " must lie in [0, 1]");
+    Reject(body, "restitution", "= " + Text(restitution) + " must lie in [0, 1]");
 }
 
 void RequireStep(double dt) {
-  if (!(dt > 0) || !std::isfinite(dt))
-    throw std::invalid_argument("dt = " + std::to_string(dt) + " must be a positive time");
+  if (!(dt > 0) || !std::isfinite(dt)) throw std::invalid_argument("dt = " + Text(dt) + " must be a positive time");
   if (dt > kLongest) throw std::invalid_argument("dt = " + Text(dt) + " s is beyond 1e6");
 }
 
@@ -74,8 +76,12 @@ MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
     RequirePositive(name, "mass", *d.mass);
   else
     RequirePositive(name, "density", d.density);
+  if (!d.mass) RequirePositive(name, "mass of its density", d.density * d.shape.Volume());
   MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
-  if (d.inertia_B) filled.inertia_B = *d.inertia_B;
+  if (d.inertia_B) {
+    RequireInertia(name, *d.inertia_B);
+    filled.inertia_B = *d.inertia_B;
+  }
   return filled;
 }
 

@@ -24,7 +24,7 @@ struct ContactEvent {
 struct HitEvent {
   int body_a, body_b;                   // a < b
   Vector3 point_W = Vector3::Zero();    // [m]
-  Vector3 impulse_W = Vector3::Zero();  // [N s] on body_b, all of the pair's points
+  Vector3 impulse_W = Vector3::Zero();  // [N s] on body_b: all that the pair's points gave in the step
   double approach = 0;                  // [m/s] at which they closed as the step began, 0: they did not
 };
 

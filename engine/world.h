@@ -10,7 +10,8 @@
 //
 //   errors: a bad value throws std::invalid_argument that names the field, the body and the value; a step never throws
 //           for numerical reasons, it reports. What a callback throws reaches the caller, and the world is as it was before the step.
-//           To call a world that is in a step, from a callback or another thread, throws std::logic_error
+//           To change, save or ask a world that is in a step, from a callback or another thread, throws std::logic_error; spans and
+//           bodies that are read meanwhile are unfinished
 //   threads: one caller at a time; a step runs on Settings::threads threads and its result does not depend on them
 #pragma once
 
@@ -138,7 +139,8 @@ class World {
   std::span<const ContactEvent> events() const;
   std::span<const HitEvent> hits() const;
 
-  // What a ray from origin to origin + way meets first; the smaller number where two are met together. layers: of the bodies looked at.
+  // What a ray from origin to origin + way meets first, sensors too; the smaller number where two are met together. layers: of the bodies
+  // looked at.
   std::optional<CastHit> CastRay(const Vector3& origin_W, const Vector3& way_W,
                                  std::uint32_t layers = 0xffffffff) const;
   // The same of a shape that moves without turning, which is no half-space. The share is good to 1e-6 of its size.

@@ -7,6 +7,8 @@
 namespace islet {
 namespace {
 
+constexpr double kOnBody = 1e-3;  // of a radius: how far outside of it a point may lie and be the body's
+
 bool Before(const ContactEvent& x, const ContactEvent& y) {
   return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
 }
@@ -45,34 +47,52 @@ void World::Impl::RepeatEvents() {
   for (ContactEvent& e : events) e.kind = ContactEventKind::kPersist;
 }
 
+// [m/s] at which the bodies of an impulse closed as the step began, at the point where it acted. Where that point was on a body: as if it had
+// flown freely until then, or else evenly from where it was to where it is.
+double World::Impl::ApproachOf(const LedgerImpulse& j, double dt) const {
+  const double when = j.time + 0.5 * j.duration;
+  const auto velocity = [&](int i) -> Vector3 {
+    const Body& b = before[i];
+    const Vector3 free = b.position_W + when * b.linear_velocity_W;
+    const Vector3 even = b.position_W + when / dt * (bodies[i].position_W - b.position_W);
+    for (const Vector3& centre : {free, even}) {
+      const Vector3 lever = j.contact.point_W - centre;
+      if (lever.norm() <= (1 + kOnBody) * b.radius) return b.linear_velocity_W + b.angular_velocity_W.cross(lever);
+    }
+    return b.linear_velocity_W;
+  };
+  return j.contact.normal_W.dot(velocity(j.contact.body_a) - velocity(j.contact.body_b));
+}
+
 // What approached faster than gravity makes anything in the step, or got a blow of more than the lighter body's weight in it: slower and
 // weaker ones come with all that rests.
 void World::Impl::AddHits(double dt) {
   const size_t begin = hits.size();
   const double fall = settings.gravity.norm() * dt;
   const auto mass = [](const Body& b) { return b.kind == BodyKind::kDynamic ? b.mass : INFINITY; };
-  for (const LedgerImpulse& j : ledger_impulses) {
-    const int a = j.contact.body_a, b = j.contact.body_b;
-    const double approach = -NormalVelocity(j.contact, before[a], before[b]),
-                 pressed = j.contact.normal_W.dot(j.impulse_W);
-    const bool blow = j.duration == 0 && j.corrects < 0 && pressed > std::min(mass(bodies[a]), mass(bodies[b])) * fall;
-    if (blow || (approach > fall && !j.impulse_W.isZero(0)))
-      hits.push_back({a, b, j.contact.point_W, j.impulse_W, std::max(0.0, approach)});
-  }
-  const auto part = hits.begin() + static_cast<std::ptrdiff_t>(begin);
-  std::stable_sort(part, hits.end(), [](const HitEvent& x, const HitEvent& y) {
+  const auto earlier = [](const HitEvent& x, const HitEvent& y) {
     return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-  });
-  auto end = part;
-  for (auto hit = part; hit != hits.end(); ++hit) {
-    if (end != part && (end - 1)->body_a == hit->body_a && (end - 1)->body_b == hit->body_b) {
-      (end - 1)->impulse_W += hit->impulse_W;
-      if (hit->approach > (end - 1)->approach) (end - 1)->approach = hit->approach, (end - 1)->point_W = hit->point_W;
-    } else {
-      *end++ = *hit;
-    }
+  };
+  for (const LedgerImpulse& j : ledger_impulses) {
+    if (j.corrects >= 0) continue;
+    const int a = j.contact.body_a, b = j.contact.body_b;
+    const double approach = ApproachOf(j, dt), pressed = j.contact.normal_W.dot(j.impulse_W);
+    const bool blow = j.duration == 0 && pressed > std::min(mass(bodies[a]), mass(bodies[b])) * fall;
+    if (blow || (approach > fall && pressed > 0))
+      hits.push_back({a, b, j.contact.point_W, Vector3::Zero(), std::max(0.0, approach)});
   }
-  hits.erase(end, hits.end());
+  // Once a pair, told of its fastest point, with all that its points gave.
+  const auto part = hits.begin() + static_cast<std::ptrdiff_t>(begin);
+  std::stable_sort(part, hits.end(), [&](const HitEvent& x, const HitEvent& y) {
+    return earlier(x, y) || (!earlier(y, x) && x.approach > y.approach);
+  });
+  const auto same = [&](const HitEvent& x, const HitEvent& y) { return !earlier(x, y) && !earlier(y, x); };
+  hits.erase(std::unique(part, hits.end(), same), hits.end());
+  for (const LedgerImpulse& j : ledger_impulses) {
+    const HitEvent pair{j.contact.body_a, j.contact.body_b};
+    const auto hit = std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, earlier);
+    if (hit != hits.end() && same(*hit, pair)) hit->impulse_W += j.impulse_W;
+  }
 }
 
 }  // namespace islet

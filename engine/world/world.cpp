@@ -31,13 +31,18 @@ World::Impl::Impl(const Settings& s, parallel::WorkerPool* p)
         c->friction = MixFriction(a.friction, b.friction);
         c->restitution = MixRestitution(a.restitution, b.restitution);
         if (!material) return;
-        const Material m = material(*c, a, b);
+        const Material m = MaterialOf(*c, a, b);
         c->friction = m.friction;
         c->restitution = m.restitution;
-        if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(*c, "friction", m.friction);
-        if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(*c, "restitution", m.restitution);
       }),
       ledger(pool) {}
+
+Material World::Impl::MaterialOf(const Contact& c, const Body& a, const Body& b) const {
+  const Material m = material(c, a, b);
+  if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(c, "friction", m.friction);
+  if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(c, "restitution", m.restitution);
+  return m;
+}
 
 World::World(const Settings& settings) : World(settings, nullptr) {}
 World::World(const Settings& settings, parallel::WorkerPool* pool) {
@@ -49,6 +54,9 @@ World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
 
 // Who calls a world in its step, from a callback or another thread, would see it half done.
+World::Impl::Busy::Busy(Impl* w, const char* call) : world(w) {
+  if (world->stepping.exchange(true)) throw std::logic_error(std::string(call) + ": the world is in a step");
+}
 void World::Impl::Idle(const char* call) const {
   if (stepping) throw std::logic_error(std::string(call) + ": the world is in a step");
 }
@@ -154,6 +162,7 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
 }
 
 void World::MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt) {
+  impl_->Idle("MoveTo");
   const Body& b = impl_->At(body);
   RequireFinite(NameOf(body), "position", position_W);
   RequireUnit(NameOf(body), rotation_WB);
@@ -240,6 +249,7 @@ void World::SetCollision(int body, int other, bool collide) {
 }
 
 void World::SetUserData(int body, std::uint64_t data) {
+  impl_->Idle("SetUserData");
   impl_->At(body);
   impl_->user_data[body] = data;
 }
@@ -274,7 +284,7 @@ void World::Impl::WakeAll() {
 }
 
 void World::CheckInitialOverlap() {
-  impl_->Idle("CheckInitialOverlap");
+  const Impl::Busy busy(impl_.get(), "CheckInitialOverlap");
   impl_->CheckNewcomers();
 }
 
@@ -352,8 +362,18 @@ void World::RestoreMotion(std::span<const std::byte> bytes) {
 }
 
 std::span<const Body> World::bodies() const { return impl_->bodies; }
-const Body& World::body(int number) const { return impl_->bodies.at(number); }
-const Shape& World::shape(int number) const { return impl_->shapes.at(number); }
+static void RequireNumber(int number, size_t count) {
+  if (number < 0 || number >= static_cast<int>(count))
+    throw std::invalid_argument("no body has number " + std::to_string(number));
+}
+const Body& World::body(int number) const {
+  RequireNumber(number, impl_->bodies.size());
+  return impl_->bodies[number];
+}
+const Shape& World::shape(int number) const {
+  RequireNumber(number, impl_->shapes.size());
+  return impl_->shapes[number];
+}
 std::span<const Contact> World::contacts() const { return impl_->touching; }
 std::span<const Contact> World::resolved_contacts() const { return impl_->resolved; }
 std::span<const Vector3> World::impulses() const { return impl_->impulses; }

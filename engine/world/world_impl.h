@@ -85,6 +85,13 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   Body& At(int number);
   const Body& At(int number) const;
   void Idle(const char* call) const;
+  struct Busy {  // for as long as it lives the world is in a step
+    Busy(Impl* w, const char* call);
+    ~Busy() { world->stepping = false; }
+    Busy(const Busy&) = delete;
+    Busy& operator=(const Busy&) = delete;
+    Impl* world;
+  };
   void WakeAll();
   void Forget(int number);
   void ForgetAll();
@@ -93,6 +100,8 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void FindSensed();
   void RepeatEvents();
   void AddHits(double dt);
+  double ApproachOf(const LedgerImpulse& j, double dt) const;
+  Material MaterialOf(const Contact& c, const Body& a, const Body& b) const;
   std::vector<int> BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const;
   template <typename Look>
   void LookAt(std::uint32_t layers, const Box& box, const Look& look) const;

@@ -74,7 +74,7 @@ std::optional<CastHit> World::CastShape(const Shape& shape, const Vector3& posit
     if (share >= (first ? first->share : 1)) return;
     contacts.clear();
     CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(share).placement(), kNear * shape.size(),
-                  &contacts, way_W);
+                  &contacts);
     if (contacts.empty()) return;
     const Contact& deepest = *std::min_element(contacts.begin(), contacts.end(),
                                                [](const Contact& x, const Contact& y) { return x.gap < y.gap; });
@@ -93,10 +93,15 @@ std::vector<int> World::Overlapping(const Shape& shape, const Vector3& position_
 std::vector<int> World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const {
   std::vector<int> inside;
   std::vector<Contact> contacts;
-  LookAt(layers, motion::BoxAround(shape, pose.position_W, pose.rotation_WB), [&](int i) {
+  const Vector3 everywhere = Vector3::Constant(INFINITY);
+  const Box box = shape.kind() == ShapeKind::kHalfSpace ? Box{-everywhere, everywhere}
+                                                        : motion::BoxAround(shape, pose.position_W, pose.rotation_WB);
+  LookAt(layers, box, [&](int i) {
+    if (shape.kind() == ShapeKind::kHalfSpace && shapes[i].kind() == ShapeKind::kHalfSpace) return;
     contacts.clear();
     CollideShapes(shapes[i], PlaceOf(bodies[i]), shape, pose.placement(), 0, &contacts);
-    if (std::any_of(contacts.begin(), contacts.end(), [&](const Contact& c) { return c.gap < -kTiny * shape.size(); }))
+    if (std::any_of(contacts.begin(), contacts.end(),
+                    [&](const Contact& c) { return c.gap < -kTiny * std::min(shape.size(), shapes[i].size()); }))
       inside.push_back(i);
   });
   return inside;

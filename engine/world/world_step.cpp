@@ -32,7 +32,7 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
 void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
   if (!material) return;
   for (Contact& c : *contacts) {
-    const Material m = material(c, bodies[c.body_a], bodies[c.body_b]);
+    const Material m = MaterialOf(c, bodies[c.body_a], bodies[c.body_b]);
     c.friction = m.friction;
     c.restitution = m.restitution;
   }
@@ -275,10 +275,10 @@ void World::Impl::ForgetAll() {
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   dt_hint = dt;
-  hits.clear();
-  if (settings.stateless) ForgetAll();
   const double start_seconds = Seconds();
   CheckNewcomers();
+  hits.clear();
+  if (settings.stateless) ForgetAll();
   report.seconds.detect += Seconds() - start_seconds;
   if (StepOnce(dt, false, &report)) {
     Remember(dt, report);
@@ -300,11 +300,7 @@ StepReport World::Impl::StepWhole(double dt) {
 StepReport World::Step(double dt) {
   RequireStep(dt);
   Impl& w = *impl_;
-  if (w.stepping.exchange(true)) throw std::logic_error("Step: the world is in a step");
-  struct Leave {
-    std::atomic<bool>& stepping;
-    ~Leave() { stepping = false; }
-  } leave{w.stepping};
+  const Impl::Busy busy(&w, "Step");
   if (w.rest && w.rest_dt == dt) {
     w.time += dt;
     w.RepeatEvents();

@@ -23,7 +23,7 @@ folder.mkdir(parents=True, exist_ok=True)
 (folder / "guide.cpp").write_text(source)
 subprocess.run([compiler, "-std=c++20", "-Wall", "-Wextra", "-Werror", str(folder / "guide.cpp"), "-o", str(folder / "guide"), *flags], check=True)
 out = subprocess.run([folder / "guide"], check=True, capture_output=True, text=True, timeout=60).stdout
-for expected in ["the cube lies at 0.5", "it is gone", "9.81 N carry the cube", "0 and 1 touch now", "body 0 at 0.4 of the way", "friction = -1.000000"]:
+for expected in ["the cube lies at 0.5", "it is gone", "9.81 N carry the cube", "0 and 1 touch now", "body 0 at 0.4 of the way", "friction = -1 must"]:
     assert expected in out, f"'{expected}' is not in:\n{out}"
 if os.environ.get("PYTHONPATH"):
     for page, text in scripts:

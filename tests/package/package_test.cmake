@@ -17,7 +17,7 @@ set(prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
 run(${prefix}/bin/islet scenes)
 
-# A package can be moved: no file names this machine's folders. pkg-config's prefix is the one of configuration, and --define-prefix moves it.
+# A package can be moved: no file names this machine's folders.
 file(GLOB_RECURSE texts ${prefix}/include/* ${prefix}/lib/*.cmake)
 foreach(text IN LISTS texts)
   file(READ ${text} content)
@@ -42,7 +42,7 @@ find_program(PKG_CONFIG pkg-config)
 if(PKG_CONFIG)
   cmake_path(GET pc PARENT_PATH folder)
   set(ENV{PKG_CONFIG_PATH} ${folder})
-  run(${PKG_CONFIG} --define-prefix --cflags --libs islet)
+  run(${PKG_CONFIG} --cflags --libs islet)
   string(STRIP "${out}" flags)
   separate_arguments(flags UNIX_COMMAND "${flags}")
   list(GET COMPILERS 0 compiler)

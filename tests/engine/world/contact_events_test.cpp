@@ -132,5 +132,65 @@ TEST(ContactEvents, FrozenBodiesPersist) {
   EXPECT_EQ(KindsOf(world, 0, 1), std::vector{Kind::kPersist});
 }
 
+// A smooth ball that spins and flies past along a wall hits it as one that does neither.
+TEST(ContactEvents, ASpinIsNoApproach) {
+  for (const bool crowd : {false, true})
+    for (const double along : {-7.0, -3.0, 0.0, 7.0})
+      for (const double spin : {-5.0, 0.0, 5.0}) {
+        Settings settings = crowd ? AsCrowd(Awake()) : Awake();
+        settings.gravity.setZero();
+        World world(settings);
+        world.Add(Floor(0, 1));
+        const int ball = world.Add({.shape = Shape::Sphere(0.5),
+                                    .mass = 1,
+                                    .position_W = {0, 0, 0.52},
+                                    .linear_velocity_W = {along, 0, -1},
+                                    .angular_velocity_W = {0, spin, 0},
+                                    .friction = 0,
+                                    .restitution = 1});
+        testing::Step(&world, 0.05);
+        ASSERT_EQ(world.hits().size(), 1u) << crowd << ", " << along << ", " << spin;
+        EXPECT_NEAR(world.hits()[0].approach, 1, 1e-9) << crowd << ", " << along << ", " << spin;
+        EXPECT_NEAR(world.hits()[0].impulse_W.z(), 2, 1e-6);
+        EXPECT_LT((world.hits()[0].impulse_W - world.ImpulseOn(ball)).norm(), 1e-12);
+      }
+}
+
+// A tumbling box lands on one corner, then another: the hit tells of all.
+TEST(ContactEvents, AHitHasAllPointsOfItsPair) {
+  for (const bool crowd : {false, true}) {
+    Settings settings = crowd ? AsCrowd(Awake()) : Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    world.Add(Floor());
+    BodyDefinition box = Cube({0, 0, 0.6});
+    box.rotation_WB = testing::Turn(0.05, Vector3(1, 2, 0));
+    box.linear_velocity_W = {0.3, 0, -2};
+    box.angular_velocity_W = {1, -2, 0.5};
+    const int number = world.Add(box);
+    for (int i = 0; i < 20; ++i) {
+      testing::Step(&world, 0.02);
+      for (const HitEvent& hit : world.hits()) EXPECT_LT((hit.impulse_W - world.ImpulseOn(number)).norm(), 1e-12) << i;
+    }
+  }
+}
+
+TEST(ContactEvents, AHalfSpaceSenses) {
+  World world(Awake());
+  const int pit =
+      world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .position_W = {0, 0, -2}, .sensor = true});
+  const int ball = world.Add({.shape = Shape::Sphere(0.5)});
+  int begins = 0;
+  for (int i = 0; i < 60; ++i) {
+    testing::Step(&world, kDt);
+    for (const ContactEvent& e : world.events()) {
+      begins += e.kind == Kind::kBegin;
+      EXPECT_EQ(e.body_a, pit);
+      EXPECT_EQ(e.body_b, ball);
+    }
+  }
+  EXPECT_EQ(begins, 1);
+}
+
 }  // namespace
 }  // namespace islet

@@ -292,5 +292,47 @@ TEST(Editing, NumbersBeyondReasonAreRefused) {
   ExpectThrown<std::invalid_argument>([&] { world.id(3); }, "3");
 }
 
+TEST(Editing, WhatACallbackReturnsIsChecked) {
+  for (const bool crowd : {false, true})
+    for (const Material bad :
+         {Material{-1, 0}, Material{NAN, 0}, Material{0.5, 2}, Material{0.5, NAN}, Material{INFINITY, 0}}) {
+      World world(crowd ? AsCrowd(OneThread()) : OneThread());
+      world.Add(Floor());
+      world.Add(Cube({0, 0, 0.5}));
+      world.SetMaterialCallback([&](const Contact&, const Body&, const Body&) { return bad; });
+      ExpectThrown<std::invalid_argument>([&] { world.Step(kDt); }, "bodies 0 and 1");
+    }
+}
+
+TEST(Editing, ACallbackOfTheOverlapCheckLeavesTheWorldAlone) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  world.SetMaterialCallback([&](const Contact& c, const Body&, const Body&) -> Material {
+    world.Add(Cube({5, 5, 5}));
+    return {c.friction, c.restitution};
+  });
+  ExpectThrown<std::logic_error>([&] { world.CheckInitialOverlap(); }, "in a step");
+  EXPECT_EQ(world.bodies().size(), 2u);
+}
+
+TEST(Editing, MassesBeyondReasonAreRefused) {
+  World world(OneThread());
+  const int cube = world.Add(Cube({0, 0, 5}));
+  ExpectThrown<std::invalid_argument>([&] { world.SetMass(cube, 1e-300); }, "1e-300");
+  ExpectThrown<std::invalid_argument>([&] { world.SetMass(cube, 1, 1e-300 * Matrix3::Identity()); }, "inertia");
+  ExpectThrown<std::invalid_argument>([&] { world.SetMass(cube, 1, 1e300 * Matrix3::Identity()); }, "inertia");
+  EXPECT_EQ(world.body(cube).mass, 1);
+  BodyDefinition wall = Cube({0, 0, 0});
+  wall.kind = BodyKind::kFixed;
+  wall.inertia_B = -Matrix3::Identity();
+  ExpectThrown<std::invalid_argument>([&] { world.Add(wall); }, "body 1: inertia");
+  ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1e-100)}); }, "body 1: mass");
+  ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1), .kind = static_cast<BodyKind>(7)}); },
+                                      "kind");
+  ExpectThrown<std::invalid_argument>([&] { world.body(9); }, "9");
+  ExpectThrown<std::invalid_argument>([&] { world.shape(-1); }, "-1");
+}
+
 }  // namespace
 }  // namespace islet

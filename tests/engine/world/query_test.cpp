@@ -95,6 +95,19 @@ TEST(Query, ShapesMeetWhatIsFirst) {
   EXPECT_EQ(inside->share, 0);
 }
 
+// A box that flies into a face which it overlaps sideways by very little meets that face.
+TEST(Query, AFaceIsMetHeadOn) {
+  World world(testing::Awake());
+  world.Add({.shape = Shape::Box({0.5, 0.5, 0.5}), .kind = BodyKind::kFixed});
+  for (const double sideways : {1e-5, 3e-4, 1e-2}) {
+    const auto hit =
+        world.CastShape(Shape::Box({0.25, 0.25, 0.25}), {-3, 0.75 - sideways, 0}, Quaternion::Identity(), {5, 0, 0});
+    ASSERT_TRUE(hit) << sideways;
+    EXPECT_NEAR(hit->share, 0.45, 1e-6);
+    EXPECT_LT((hit->normal_W - Vector3(-1, 0, 0)).norm(), 1e-9) << sideways;
+  }
+}
+
 TEST(Query, OverlapsAreFound) {
   const World world = Scene();
   EXPECT_EQ(world.Overlapping(Shape::Box({6, 1, 0.1}), {4, 0, 2}, Quaternion::Identity()), (std::vector{1, 2, 3}));
