@@ -33,7 +33,7 @@ void Settings::Validate() const {
   Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance,
           "in (0, touch_gap]");
   Require(group_bodies >= 0, "group_bodies", group_bodies, ">= 0 (0: all move as a crowd)");
-  Require(threads >= 0, "threads", threads, ">= 0 (0: all cores)");
+  Require(threads >= 0 && threads <= 1024, "threads", threads, "in 0 (all cores) to 1024");
   for (const Region& region : cold_volumes)
     for (int i = 0; i < 3; ++i)
       Require(region.lower[i] <= region.upper[i], "cold_volumes: lower corner", region.lower[i],

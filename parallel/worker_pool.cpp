@@ -95,9 +95,12 @@ class Run {
   FirstException first_exception_;
 };
 
+constexpr int kMostWorkers = 1024;
+
 int CheckedNumWorkers(int num_workers) {
-  if (num_workers < 0) {
-    throw std::invalid_argument("WorkerPool: num_workers = " + std::to_string(num_workers) + " must be >= 0");
+  if (num_workers < 0 || num_workers > kMostWorkers) {
+    throw std::invalid_argument("WorkerPool: num_workers = " + std::to_string(num_workers) + " must lie in 0 to " +
+                                std::to_string(kMostWorkers));
   }
   return num_workers == 0 ? tbb::info::default_concurrency() : num_workers;
 }

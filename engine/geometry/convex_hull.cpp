@@ -59,6 +59,9 @@ void CheckSpread(const std::vector<Vector3>& points, double tolerance) {
   if (thickness <= tolerance) Reject("all lie in one plane (thickness " + std::to_string(thickness) + ")");
 }
 
+constexpr size_t kMostFaces = 4096;     // 2,000 corners take 0.3 s to wrap, and 0.4 s a step in which two of them meet
+constexpr size_t kMostPoints = 100000;  // inside of it
+
 // Gift wrapping of one cloud at one tolerance. Fails (ok() false) if round-off makes the faces disagree.
 class Wrapping {
  public:
@@ -85,6 +88,9 @@ class Wrapping {
     if (third < 0 || !AddFace(first, second, third)) return;
     for (size_t f = 0; f < faces_.size(); ++f) {
       if (faces_.size() > 4 * points_.size()) return;
+      if (faces_.size() > kMostFaces)
+        Reject("these " + std::to_string(points_.size()) + " points make more than " + std::to_string(kMostFaces) +
+               " faces; take fewer corners");
       const Face face = faces_[f];
       for (size_t k = 0; k < face.loop.size(); ++k) {
         const int from = face.loop[(k + 1) % face.loop.size()];
@@ -259,6 +265,8 @@ Polytope ToPolytope(const std::vector<Vector3>& points, const Wrapping& wrapping
 
 Polytope BuildConvexHull(std::span<const Vector3> points) {
   CheckPoints(points);
+  if (points.size() > kMostPoints)
+    Reject(std::to_string(points.size()) + " points are more than " + std::to_string(kMostPoints));
   Vector3 lower = points[0], upper = points[0];
   for (const Vector3& point : points) lower = lower.cwiseMin(point), upper = upper.cwiseMax(point);
   const double extent = (upper - lower).maxCoeff();

@@ -4,7 +4,8 @@
 //   in:  points in any order, duplicates and inner points allowed      out: a closed polytope, in the points' frame
 //   cost: faces x points; meant for shapes (up to some thousand points), not for clouds
 //   order: vertices keep the order of the points; the result depends on the points alone
-//   errors: std::invalid_argument for fewer than four points, a coordinate that is not finite, points in one plane
+//   errors: std::invalid_argument for fewer than four points, a coordinate that is not finite, points in one plane, more than 4,096 faces
+//           or 100,000 points
 #pragma once
 
 #include <span>

@@ -224,5 +224,26 @@ TEST(Errors, NameFieldAndValue) {
   });
 }
 
+// A cloud of which all points are corners would take minutes; it is refused in a second or so.
+TEST(Shape, HullsOfTooManyCornersAreRefused) {
+  std::vector<Vector3> points;
+  constexpr int kCount = 20000;
+  for (int i = 0; i < kCount; ++i) {  // evenly over a sphere
+    const double z = 1 - (2 * i + 1.0) / kCount, turn = 2.399963229728653 * i, r = std::sqrt(1 - z * z);
+    points.emplace_back(r * std::cos(turn), r * std::sin(turn), z);
+  }
+  try {
+    Shape::ConvexHull(points);
+    ADD_FAILURE() << "was accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("4096 faces"), std::string::npos) << error.what();
+  }
+  for (Vector3& point : points) point *= 0.5;  // inside of a cube they cost little
+  for (const double x : {-1.0, 1.0})
+    for (const double y : {-1.0, 1.0})
+      for (const double z : {-1.0, 1.0}) points.emplace_back(x, y, z);
+  EXPECT_EQ(Shape::ConvexHull(points).polytope().vertices.size(), 8u);
+}
+
 }  // namespace
 }  // namespace islet
