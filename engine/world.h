@@ -98,11 +98,12 @@ class World {
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);  // stays until changed
   // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
-  void SetKind(int body,
-               BodyKind kind);          // a fixed body loses its velocity; a dynamic one has the mass of its definition
+  // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass of its definition. Wakes all bodies.
+  void SetKind(int body, BodyKind kind);
   void SetMass(int body, double mass);  // [kg]; the inertia changes with it
   void SetMass(int body, double mass, const Matrix3& inertia_B);
   void SetMaterial(int body, double friction, double restitution);
+  // Who touches whom. Both wake all bodies.
   void SetLayers(int body, std::uint32_t layers, std::uint32_t collides_with);
   void SetCollision(int body, int other, bool collide);  // of these two alone; until one of them is removed
   void SetUserData(int body, std::uint64_t data);

@@ -27,8 +27,8 @@ struct WorldState {
   std::vector<MassProperties> masses;  // of each, were it dynamic
   std::vector<std::uint32_t> generations;
   std::vector<std::uint64_t> user_data;
-  std::vector<int> leaving,
-      vacant;  // numbers of removed bodies: this step still runs without them; free again, descending
+  std::vector<int> leaving;  // numbers of bodies removed since the last step: a step must run without them
+  std::vector<int> vacant;   // numbers that are free again, descending
   ContactFilter filter;
   std::vector<ContactEvent> events;
   std::vector<HitEvent> hits;
