@@ -1,10 +1,11 @@
 #include "engine/body_definition.h"
 
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
+
+#include "engine/number_text.h"
 
 namespace islet {
 namespace {
@@ -15,12 +16,6 @@ constexpr double kMostInertia = 1e40;
 constexpr double kLongest = 1e6;       // [s]
 constexpr double kMostFriction = 1e6;  // the product of two must stay finite
 
-std::string Text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
 }  // namespace
 
 void Reject(const std::string& body, const std::string& field, const std::string& problem) {
@@ -29,8 +24,7 @@ void Reject(const std::string& body, const std::string& field, const std::string
 
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
   if (v.allFinite() && v.cwiseAbs().maxCoeff() <= kMost) return;
-  const std::string value = "= (" + Text(v.x()) + ", " + Text(v.y()) + ", " + Text(v.z()) + ")";
-  Reject(body, field, value + (v.allFinite() ? " is beyond 1e30" : " is not finite"));
+  Reject(body, field, "= " + Text(v) + (v.allFinite() ? " is beyond 1e30" : " is not finite"));
 }
 
 void RequireUnit(const std::string& body, const Quaternion& rotation) {
@@ -68,45 +62,40 @@ void RequireStep(double dt) {
   if (dt > kLongest) throw std::invalid_argument("dt = " + Text(dt) + " s is beyond 1e6");
 }
 
-MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
-  if (d.shape.kind() == ShapeKind::kHalfSpace) return {};
-  const auto weighs = [](double value) { return value > 0 && value <= kMost; };
-  if (d.kind != BodyKind::kDynamic && !weighs(d.mass.value_or(d.density))) return d.shape.MassFromDensity(1);
-  if (d.mass)
-    RequirePositive(name, "mass", *d.mass);
-  else
-    RequirePositive(name, "density", d.density);
-  if (!d.mass) RequirePositive(name, "mass of its density", d.density * d.shape.Volume());
-  MassProperties filled = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
-  if (d.inertia_B) {
-    RequireInertia(name, *d.inertia_B);
-    filled.inertia_B = *d.inertia_B;
-  }
-  return filled;
-}
-
 void RequireKind(const std::string& body, BodyKind kind) {
   if (kind > BodyKind::kDynamic) Reject(body, "kind", "= " + std::to_string(static_cast<int>(kind)) + " is none");
 }
 
-Body MakeBody(const BodyDefinition& d, const std::string& name) {
+MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
   RequireKind(name, d.kind);
+  const bool dynamic = d.kind == BodyKind::kDynamic;
+  if (d.shape.kind() == ShapeKind::kHalfSpace) {
+    if (dynamic) Reject(name, "kind", "= dynamic: a half-space has no mass");
+    return {};
+  }
+  const double given = d.mass.value_or(d.density);
+  if (!dynamic && !(given > 0 && given <= kMost)) return d.shape.MassFromDensity(1);
+  if (d.mass) RequirePositive(name, "mass", *d.mass);
+  if (dynamic || !d.mass) RequirePositive(name, "density", d.density);
+  if (!d.mass) RequirePositive(name, "mass of its density", d.density * d.shape.Volume());
+  MassProperties mass = d.mass ? d.shape.MassFromMass(*d.mass) : d.shape.MassFromDensity(d.density);
+  mass.inertia_B = d.inertia_B.value_or(mass.inertia_B);
+  if (dynamic || d.inertia_B) RequireInertia(name, mass.inertia_B);
+  return mass;
+}
+
+Body MakeBody(const BodyDefinition& d, const MassProperties& mass, const std::string& name) {
   RequireFinite(name, "position", d.position_W);
   RequireFinite(name, "linear velocity", d.linear_velocity_W);
   RequireFinite(name, "angular velocity", d.angular_velocity_W);
   RequireUnit(name, d.rotation_WB);
   RequireMaterial(name, d.friction, d.restitution);
-  if (d.shape.kind() == ShapeKind::kHalfSpace && d.kind == BodyKind::kDynamic)
-    Reject(name, "kind", "= dynamic: a half-space has no mass");
   Body body;
   body.kind = d.kind;
   body.radius = d.shape.radius();
   if (d.kind == BodyKind::kDynamic) {
-    RequirePositive(name, "density", d.density);
-    const MassProperties mass = MassOf(d, name);
     body.mass = mass.mass;
     body.inertia_B = mass.inertia_B;
-    RequireInertia(name, body.inertia_B);
   }
   body.position_W = d.position_W;
   body.rotation_WB = d.rotation_WB.normalized();

@@ -19,9 +19,10 @@ void RequireKind(const std::string& body, BodyKind kind);
 void RequireStep(double dt);  // [s] > 0
 void RequireUnit(const std::string& body, const Quaternion& rotation);
 
-// The body of a definition; `name` is what messages call it.
-Body MakeBody(const BodyDefinition& definition, const std::string& name);
-// What it weighs, or would were it dynamic; of a fixed body whose mass or density is no number to go by: that of density 1.
+// What the body of a definition weighs, or would were it dynamic; of a fixed body whose mass or density is no number to go by: that of density 1.
+// `name` is what messages call it.
 MassProperties MassOf(const BodyDefinition& definition, const std::string& name);
+// The body, of that mass where it is dynamic.
+Body MakeBody(const BodyDefinition& definition, const MassProperties& mass, const std::string& name);
 
 }  // namespace islet

@@ -189,6 +189,11 @@ Vector3 LedgerKeeper::PositionAt(const Account& account, double time) const {
   return a.position_W + u * h * a.velocity_W + u * u * (b.position_W - a.position_W - h * a.velocity_W);
 }
 
+Vector3 LedgerKeeper::CentreAt(const Account& account, const LedgerImpulse& j) const {
+  if (j.duration == 0) return PositionAt(account, j.time);
+  return 0.5 * (PositionAt(account, j.time) + PositionAt(account, j.time + j.duration));
+}
+
 Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time, Spin* last) const {
   const Body& body = step.before[number];
   const std::vector<Spin>& spins = accounts_[number].spins;
@@ -219,9 +224,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   kicks.clear();
   for (const int k : own) {
     const LedgerImpulse& j = step.impulses[k];
-    const Vector3 centre =
-        j.duration == 0 ? PositionAt(*account, j.time)
-                        : Vector3(0.5 * (PositionAt(*account, j.time) + PositionAt(*account, j.time + j.duration)));
+    const Vector3 centre = CentreAt(*account, j);
     kicks.push_back({j.time + 0.5 * j.duration, SignOn(j, number) * (j.contact.point_W - centre).cross(j.impulse_W)});
     pushed += j.impulse_W.norm();
     turned += kicks.back().moment.norm();

@@ -44,7 +44,7 @@ struct LedgerStep {
   std::span<const Shape> shapes;
   std::span<const LedgerImpulse> impulses;
   const ContactFilter* filter = nullptr;  // pairs that may go through each other
-  double accuracy = 0;  // [m/s] to which the impulses of the step obey the law, as reported
+  double accuracy = 0;                    // [m/s] to which the impulses of the step obey the law, as reported
 };
 
 class LedgerKeeper {
@@ -52,6 +52,8 @@ class LedgerKeeper {
   explicit LedgerKeeper(parallel::WorkerPool* pool) : pool_(pool) {}
   Ledger Judge(const LedgerStep& step);
 
+  // [m] where a body's centre was when an impulse of the last step acted; of a spread one: halfway.
+  Vector3 CentreAt(const LedgerImpulse& impulse, int body) const { return CentreAt(accounts_[body], impulse); }
   double energy_gain() const { return energy_gain_; }  // [J] of the last step, all islands that gained some
 
  private:
@@ -73,6 +75,7 @@ class LedgerKeeper {
   void JudgeBody(const LedgerStep& step, int body, Account* account);
   void FindCourse(const LedgerStep& step, int body, Account* account) const;
   Vector3 PositionAt(const Account& account, double time) const;
+  Vector3 CentreAt(const Account& account, const LedgerImpulse& impulse) const;
   // last: what was asked last, no later; is set to what is answered.
   Quaternion RotationAt(const LedgerStep& step, int body, double time, Spin* last) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);

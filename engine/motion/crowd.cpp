@@ -12,22 +12,21 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kPerTask = 256;      // bodies or contacts
-constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
-constexpr int kPasses = 8;         // of the carrying problem
-constexpr int kLevels = 3;         // times that a piece is halved
-constexpr int kLettingGo = 3;      // of these, that go on because something was let go
-constexpr double kDeep = 2e-3;     // of a size: overlap that a piece may not make
-constexpr int kOpenings = 2;       // of a pair that an old plane presses: then that plane is let go
-constexpr double kTouch = 1e-6;    // of a size: contacts so near are closed; others that do not press may close
-constexpr double kMoving = 0.1;    // of the tolerance: what of their speed answers may be wrong by where bodies move
-constexpr int kAttempts = 3;       // of blows, before none rebounds
-constexpr double kReach = 0.02;    // of a size: contacts nearer than that may carry in a pass
-constexpr double kGain = 1e-7;     // of the energy at hand: what a piece may make
-constexpr double kPushOut = 0.2;   // of an overlap: what a piece takes back
-constexpr double kAstray = 0.01;   // of a size: an overlap whose way out begins so far inside is not that of the way in
-constexpr double kFast = 20;       // times |g| dt: fastest that a way out of an overlap may ask for
-constexpr double kAlike = 0.999;   // cosine: normals that are the same
+constexpr int kPerTask = 256;     // bodies or contacts
+constexpr int kPasses = 8;        // of the carrying problem
+constexpr int kLevels = 3;        // times that a piece is halved
+constexpr int kLettingGo = 3;     // of these, that go on because something was let go
+constexpr double kDeep = 2e-3;    // of a size: overlap that a piece may not make
+constexpr int kOpenings = 2;      // of a pair that an old plane presses: then that plane is let go
+constexpr double kTouch = 1e-6;   // of a size: contacts so near are closed; others that do not press may close
+constexpr double kMoving = 0.1;   // of the tolerance: what of their speed answers may be wrong by where bodies move
+constexpr int kAttempts = 3;      // of blows, before none rebounds
+constexpr double kReach = 0.02;   // of a size: contacts nearer than that may carry in a pass
+constexpr double kGain = 1e-7;    // of the energy at hand: what a piece may make
+constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back
+constexpr double kAstray = 0.01;  // of a size: an overlap whose way out begins so far inside is not that of the way in
+constexpr double kFast = 20;      // times |g| dt: fastest that a way out of an overlap may ask for
+constexpr double kAlike = 0.999;  // cosine: normals that are the same
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
 
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }

@@ -10,6 +10,8 @@
 
 namespace islet {
 
+inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
+
 struct SuiteFrame {
   double dt = 0;                      // [s]
   Vector3 gravity = Vector3::Zero();  // [m/s^2]

@@ -20,8 +20,6 @@
 
 namespace islet {
 
-inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a task
-
 struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;

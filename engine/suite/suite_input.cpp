@@ -1,21 +1,16 @@
 #include "engine/suite/suite_input.h"
 
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 #include <string>
+
+#include "engine/number_text.h"
 
 namespace islet {
 namespace {
 
 constexpr double kUnit = 1e-6;       // what a length may be off 1
 constexpr double kSymmetric = 1e-9;  // of the largest entry
-
-std::string Text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
 
 [[noreturn]] void Reject(const char* what, size_t number, const char* field, const std::string& value,
                          const char* must) {
@@ -27,8 +22,7 @@ void Require(bool holds, const char* what, size_t number, const char* field, dou
 }
 
 void RequireFinite(const char* what, size_t number, const char* field, const Vector3& v) {
-  if (!v.allFinite())
-    Reject(what, number, field, "(" + Text(v.x()) + ", " + Text(v.y()) + ", " + Text(v.z()) + ")", " is not finite");
+  if (!v.allFinite()) Reject(what, number, field, Text(v), " is not finite");
 }
 
 // Symmetric, with positive leading minors.

@@ -7,7 +7,6 @@
 namespace islet {
 namespace {
 
-constexpr double kBatch = 64;      // contacts: smaller islands share a task
 constexpr double kGiving = 0.1;    // of the displacement that a push makes at its own contact
 constexpr double kTrivial = 1e-9;  // of a body's radius: overlap that is none
 
@@ -36,7 +35,7 @@ double SuiteProjection::Project(std::span<const Body> bodies, std::span<const Co
   costs_.resize(partition_.num_islands());
   for (int i = 0; i < partition_.num_islands(); ++i)
     costs_[i] = 1.0 + partition_.contact_start[i + 1] - partition_.contact_start[i];
-  pool->ForEachByCost(costs_, kBatch, &schedule_,
+  pool->ForEachByCost(costs_, kBatchCost, &schedule_,
                       [&](int island, int worker) { ProjectIsland(island, settings, &workers_[worker]); });
   double left = 0;
   for (const Worker& worker : workers_) left = std::max(left, worker.left);

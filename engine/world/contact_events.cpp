@@ -7,10 +7,14 @@
 namespace islet {
 namespace {
 
-constexpr double kOnBody = 1e-3;  // of a radius: how far outside of it a point may lie and be the body's
-
-bool Before(const ContactEvent& x, const ContactEvent& y) {
+// By pair: of contact events and of hits.
+template <typename Event>
+bool Before(const Event& x, const Event& y) {
   return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
+}
+template <typename Event>
+bool OfOnePair(const Event& x, const Event& y) {
+  return x.body_a == y.body_a && x.body_b == y.body_b;
 }
 
 }  // namespace
@@ -26,18 +30,18 @@ void World::Impl::FindEvents() {
       events.push_back({ContactEventKind::kBegin, c.body_a, c.body_b});
   }
   for (const auto& [a, b] : sensed) events.push_back({ContactEventKind::kBegin, a, b, true});
-  if (!sensed.empty()) std::sort(events.begin(), events.end(), Before);
+  if (!sensed.empty()) std::sort(events.begin(), events.end(), Before<ContactEvent>);
   const size_t now = events.size();
   size_t next = 0;
   for (const ContactEvent& old : events_before) {
     while (next < now && Before(events[next], old)) ++next;
-    if (next < now && !Before(old, events[next])) {
+    if (next < now && OfOnePair(old, events[next])) {
       events[next].kind = ContactEventKind::kPersist;
     } else {
       events.push_back({ContactEventKind::kEnd, old.body_a, old.body_b, old.sensor});
     }
   }
-  if (events.size() > now) std::sort(events.begin(), events.end(), Before);
+  if (events.size() > now) std::sort(events.begin(), events.end(), Before<ContactEvent>);
 }
 
 // A step that does again what the one before did: what touches goes on.
@@ -47,19 +51,10 @@ void World::Impl::RepeatEvents() {
   for (ContactEvent& e : events) e.kind = ContactEventKind::kPersist;
 }
 
-// [m/s] at which the bodies of an impulse closed as the step began, at the point where it acted. Where that point was on a body: as if it had
-// flown freely until then, or else evenly from where it was to where it is.
-double World::Impl::ApproachOf(const LedgerImpulse& j, double dt) const {
-  const double when = j.time + 0.5 * j.duration;
+// [m/s] at which the bodies of an impulse closed as the step began, at the point where it acted.
+double World::Impl::ApproachOf(const LedgerImpulse& j) const {
   const auto velocity = [&](int i) -> Vector3 {
-    const Body& b = before[i];
-    const Vector3 free = b.position_W + when * b.linear_velocity_W;
-    const Vector3 even = b.position_W + when / dt * (bodies[i].position_W - b.position_W);
-    for (const Vector3& centre : {free, even}) {
-      const Vector3 lever = j.contact.point_W - centre;
-      if (lever.norm() <= (1 + kOnBody) * b.radius) return b.linear_velocity_W + b.angular_velocity_W.cross(lever);
-    }
-    return b.linear_velocity_W;
+    return before[i].linear_velocity_W + before[i].angular_velocity_W.cross(j.contact.point_W - ledger.CentreAt(j, i));
   };
   return j.contact.normal_W.dot(velocity(j.contact.body_a) - velocity(j.contact.body_b));
 }
@@ -70,28 +65,25 @@ void World::Impl::AddHits(double dt) {
   const size_t begin = hits.size();
   const double fall = settings.gravity.norm() * dt;
   const auto mass = [](const Body& b) { return b.kind == BodyKind::kDynamic ? b.mass : INFINITY; };
-  const auto earlier = [](const HitEvent& x, const HitEvent& y) {
-    return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-  };
   for (const LedgerImpulse& j : ledger_impulses) {
     if (j.corrects >= 0) continue;
     const int a = j.contact.body_a, b = j.contact.body_b;
-    const double approach = ApproachOf(j, dt), pressed = j.contact.normal_W.dot(j.impulse_W);
+    const double approach = ApproachOf(j), pressed = j.contact.normal_W.dot(j.impulse_W);
     const bool blow = j.duration == 0 && pressed > std::min(mass(bodies[a]), mass(bodies[b])) * fall;
     if (blow || (approach > fall && pressed > 0))
       hits.push_back({a, b, j.contact.point_W, Vector3::Zero(), std::max(0.0, approach)});
   }
   // Once a pair, told of its fastest point, with all that its points gave.
   const auto part = hits.begin() + static_cast<std::ptrdiff_t>(begin);
-  std::stable_sort(part, hits.end(), [&](const HitEvent& x, const HitEvent& y) {
-    return earlier(x, y) || (!earlier(y, x) && x.approach > y.approach);
+  std::stable_sort(part, hits.end(), [](const HitEvent& x, const HitEvent& y) {
+    return Before(x, y) || (OfOnePair(x, y) && x.approach > y.approach);
   });
-  const auto same = [&](const HitEvent& x, const HitEvent& y) { return !earlier(x, y) && !earlier(y, x); };
-  hits.erase(std::unique(part, hits.end(), same), hits.end());
+  hits.erase(std::unique(part, hits.end(), OfOnePair<HitEvent>), hits.end());
   for (const LedgerImpulse& j : ledger_impulses) {
     const HitEvent pair{j.contact.body_a, j.contact.body_b};
-    const auto hit = std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, earlier);
-    if (hit != hits.end() && same(*hit, pair)) hit->impulse_W += j.impulse_W;
+    const auto hit =
+        std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, Before<HitEvent>);
+    if (hit != hits.end() && OfOnePair(*hit, pair)) hit->impulse_W += j.impulse_W;
   }
 }
 

@@ -51,7 +51,7 @@ class Writer {
     const auto* begin = reinterpret_cast<const std::byte*>(&value);
     bytes_->insert(bytes_->end(), begin, begin + sizeof value);
   }
-  size_t Size(size_t size, size_t) {
+  size_t Size(size_t size) {
     (*this)(static_cast<std::uint64_t>(size));
     return size;
   }
@@ -74,11 +74,11 @@ class Reader {
     }
     bytes_ = bytes_.subspan(sizeof value);
   }
-  // Of a list whose entries take at least so many bytes each: no claim is believed that the bytes cannot hold.
-  size_t Size(size_t, size_t least_each) {
+  // Of a list. No claim is believed that the bytes cannot hold.
+  size_t Size(size_t) {
     std::uint64_t size = 0;
     (*this)(size);
-    if (size > bytes_.size() / least_each) Refuse("a list of " + std::to_string(size) + " entries is cut off");
+    if (size > bytes_.size()) Refuse("a list of " + std::to_string(size) + " entries is cut off");
     return size;
   }
   bool AtEnd() const { return bytes_.empty(); }
@@ -109,7 +109,7 @@ void Visit(A& a, std::pair<First, Second>& pair) {
 }
 template <typename A, typename T>
 void Visit(A& a, std::vector<T>& list) {
-  list.resize(a.Size(list.size(), 1));
+  list.resize(a.Size(list.size()));
   for (T& entry : list) Visit(a, entry);
 }
 template <typename A>
@@ -154,11 +154,11 @@ void Visit(A& a, Shape::Data& shape) {
   Visit(a, shape.inertia_per_mass);
 }
 void Visit(Writer& a, std::vector<Shape>& shapes) {
-  a.Size(shapes.size(), 1);
+  a.Size(shapes.size());
   for (const Shape& shape : shapes) Visit(a, const_cast<Shape::Data&>(shape.data()));
 }
 void Visit(Reader& a, std::vector<Shape>& shapes) {
-  const size_t size = a.Size(0, 1);
+  const size_t size = a.Size(0);
   shapes.clear();
   for (size_t i = 0; i < size; ++i) {
     auto data = std::make_shared<Shape::Data>();

@@ -75,8 +75,8 @@ int World::Add(const BodyDefinition& definition) {
   w.Idle("Add");
   const bool again = !w.vacant.empty();
   const int number = again ? w.vacant.back() : static_cast<int>(w.bodies.size());
-  const Body body = MakeBody(definition, NameOf(number));
   const MassProperties mass = MassOf(definition, NameOf(number));
+  const Body body = MakeBody(definition, mass, NameOf(number));
   if (again) {
     w.vacant.pop_back();
     w.Forget(number);
@@ -203,8 +203,9 @@ void World::SetKind(int body, BodyKind kind) {
 
 void World::SetMass(int body, double mass) {
   RequirePositive(NameOf(body), "mass", mass);
-  const Matrix3 inertia_B = mass / impl_->masses[(impl_->At(body), body)].mass * impl_->masses[body].inertia_B;
-  SetMass(body, mass, inertia_B);
+  impl_->At(body);
+  const MassProperties& now = impl_->masses[body];
+  SetMass(body, mass, mass / now.mass * now.inertia_B);
 }
 
 void World::SetMass(int body, double mass, const Matrix3& inertia_B) {
@@ -379,7 +380,10 @@ std::span<const Contact> World::resolved_contacts() const { return impl_->resolv
 std::span<const Vector3> World::impulses() const { return impl_->impulses; }
 const Settings& World::settings() const { return impl_->settings; }
 double World::time() const { return impl_->time; }
-std::uint64_t World::user_data(int number) const { return impl_->user_data[(impl_->At(number), number)]; }
+std::uint64_t World::user_data(int number) const {
+  impl_->At(number);
+  return impl_->user_data[number];
+}
 Vector3 World::ImpulseOn(int body) const {
   impl_->At(body);
   Vector3 sum = Vector3::Zero();

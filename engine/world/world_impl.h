@@ -100,7 +100,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void FindSensed();
   void RepeatEvents();
   void AddHits(double dt);
-  double ApproachOf(const LedgerImpulse& j, double dt) const;
+  double ApproachOf(const LedgerImpulse& j) const;
   Material MaterialOf(const Contact& c, const Body& a, const Body& b) const;
   std::vector<int> BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const;
   template <typename Look>

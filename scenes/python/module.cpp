@@ -133,6 +133,15 @@ const char* KindName(ContactEventKind kind) {
   return kind == ContactEventKind::kBegin ? "begin" : kind == ContactEventKind::kPersist ? "persist" : "end";
 }
 
+py::bytes BytesOf(const WorldSnapshot& snapshot) {
+  const std::vector<std::byte> bytes = snapshot.ToBytes();
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+WorldSnapshot SnapshotOf(const py::bytes& data) {
+  const std::string_view bytes = data;
+  return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
+}
+
 Shape HullOf(const py::array_t<double, py::array::c_style | py::array::forcecast>& points) {
   if (points.ndim() != 2 || points.shape(1) != 3)
     throw std::invalid_argument("convex_hull: points must have shape (n, 3)");
@@ -159,10 +168,7 @@ void BindSettings(py::module_& m) {
         return settings.cast<Settings>();
       }))
       .def_property(
-          "gravity",
-          [](const Settings& s) {
-            return py::make_tuple(s.gravity.x(), s.gravity.y(), s.gravity.z());
-          },
+          "gravity", [](const Settings& s) { return py::make_tuple(s.gravity.x(), s.gravity.y(), s.gravity.z()); },
           [](Settings& s, const Row3& g) { s.gravity = ToVector(g); })
       .def_readwrite("model", &Settings::model)
       .def_readwrite("freezing", &Settings::freezing)
@@ -267,27 +273,9 @@ void BindWorld(py::module_& m) {
       .def_property_readonly("volume", &Shape::Volume)
       .def_property_readonly("radius", &Shape::radius);
   py::class_<WorldSnapshot>(m, "Snapshot")
-      .def("to_bytes",
-           [](const WorldSnapshot& self) {
-             const std::vector<std::byte> bytes = self.ToBytes();
-             return py::bytes(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-           })
-      .def_static(
-          "from_bytes",
-          [](const py::bytes& data) {
-            const std::string_view bytes = data;
-            return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
-          },
-          py::arg("data"))
-      .def(py::pickle(
-          [](const WorldSnapshot& self) {
-            const std::vector<std::byte> bytes = self.ToBytes();
-            return py::bytes(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-          },
-          [](const py::bytes& data) {
-            const std::string_view bytes = data;
-            return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
-          }));
+      .def("to_bytes", &BytesOf)
+      .def_static("from_bytes", &SnapshotOf, py::arg("data"))
+      .def(py::pickle(&BytesOf, &SnapshotOf));
   py::class_<BodyId>(m, "BodyId")
       .def_readonly("number", &BodyId::number)
       .def_readonly("generation", &BodyId::generation)

@@ -61,6 +61,17 @@ struct Suite {
   std::vector<Contact> contacts;
 };
 
+// A step is refused by a message that names what is wrong and whose it is.
+void ExpectRefused(Suite* s, const std::string& text, const std::string& whose) {
+  try {
+    s->Resolve();
+    ADD_FAILURE() << text << " was accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find(whose), std::string::npos) << error.what();
+  }
+}
+
 Settings NeverFreeze() {
   Settings settings;
   settings.freezing = Freezing::kOff;
@@ -351,13 +362,7 @@ TEST(ContactSuite, BadInputIsNamed) {
     s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
     AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
     bad.spoil(&s.contacts);
-    try {
-      s.Resolve();
-      ADD_FAILURE() << bad.text << " was accepted";
-    } catch (const std::invalid_argument& error) {
-      EXPECT_NE(std::string(error.what()).find(bad.text), std::string::npos) << error.what();
-      EXPECT_NE(std::string(error.what()).find("contact 1"), std::string::npos) << error.what();
-    }
+    ExpectRefused(&s, bad.text, "contact 1");
     EXPECT_EQ(s.bodies[1].linear_velocity_W, Vector3::Zero()) << "a refused step changes nothing";
   }
   struct BodyCase {
@@ -384,13 +389,7 @@ TEST(ContactSuite, BadInputIsNamed) {
     s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
     AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
     bad.spoil(&s.bodies[1]);
-    try {
-      s.Resolve();
-      ADD_FAILURE() << bad.text << " was accepted";
-    } catch (const std::invalid_argument& error) {
-      EXPECT_NE(std::string(error.what()).find(bad.text), std::string::npos) << error.what();
-      EXPECT_NE(std::string(error.what()).find("body 1"), std::string::npos) << error.what();
-    }
+    ExpectRefused(&s, bad.text, "body 1");
   }
   Suite s;
   for (const double dt : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()})

@@ -16,12 +16,9 @@ using testing::Awake;
 using testing::Cube;
 using testing::Floor;
 using testing::kGravity;
+using testing::StepTimes;
 
 constexpr double kDt = 1.0 / 60;
-
-void StepTimes(World* world, int times) {
-  for (int i = 0; i < times; ++i) testing::Step(world, kDt);
-}
 
 Settings OneThread() {
   Settings settings;
