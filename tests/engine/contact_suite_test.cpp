@@ -440,15 +440,16 @@ TEST(ContactSuite, ProjectionUndoesOverlaps) {
   EXPECT_LT(s.suite.Project(s.bodies, s.contacts), 1e-8);
 }
 
-// Between walls that leave no room the cube gives way to both, and what is left is shared.
+// Between walls that leave no room the cube gives way to both, and what is left is shared: half of the 3 cm on either side, but for the share
+// 1 / (1 + 8 m / c) of the 5 mm that it moves, where a contact gives way by c < 0.5 m/(N s): the bound is that share.
 TEST(ContactSuite, ProjectionSharesWhatHasNoRoom) {
   Suite s;
   s.bodies = {Wall(), UnitCube({0, 0, 0.5}), Wall()};
   AddFace(0, 1, {0, 0, 0.02}, 0.5, 0, &s.contacts);
   AddFace(1, 2, {0, 0, 0.99}, 0.5, 0, &s.contacts);
   for (size_t c = 0; c < 8; ++c) s.contacts[c].gap = c < 4 ? -0.02 : -0.01;
-  EXPECT_NEAR(s.suite.Project(s.bodies, s.contacts), 0.015, 1e-6);
-  EXPECT_LT((s.suite.displacements()[1].linear_W - Vector3(0, 0, 0.005)).norm(), 1e-6);
+  EXPECT_NEAR(s.suite.Project(s.bodies, s.contacts), 0.015, 3e-4);
+  EXPECT_LT((s.suite.displacements()[1].linear_W - Vector3(0, 0, 0.005)).norm(), 3e-4);
 }
 
 // Two free bodies part by their masses, and their common centre stays.
