@@ -440,8 +440,8 @@ TEST(ContactSuite, ProjectionUndoesOverlaps) {
   EXPECT_LT(s.suite.Project(s.bodies, s.contacts), 1e-8);
 }
 
-// Between walls that leave no room the cube gives way to both, and what is left is shared: half of the 3 cm on either side, but for the share
-// 1 / (1 + 8 m / c) of the 5 mm that it moves, where a contact gives way by c < 0.5 m/(N s): the bound is that share.
+// Between walls that leave no room the cube gives way to both. By hand it moves by 0.04 / (8 + c), where each of the eight contacts gives way by
+// c < 0.5 m/(N s): 5 mm, which leaves 15 on either side, less c / 8 of it. The bound is that part.
 TEST(ContactSuite, ProjectionSharesWhatHasNoRoom) {
   Suite s;
   s.bodies = {Wall(), UnitCube({0, 0, 0.5}), Wall()};
