@@ -10,6 +10,7 @@
 
 namespace islet {
 
+// What moves a body.
 enum class BodyKind : std::uint8_t {
   kFixed,      // wall: never moves, carries any load
   kKinematic,  // moved by the user: prescribed velocity, carries any load
@@ -17,8 +18,8 @@ enum class BodyKind : std::uint8_t {
 };
 
 struct Body {
-  BodyKind kind = BodyKind::kDynamic;
-  bool frozen = false;   // [SM04 Sec. 5.2]; only dynamic bodies freeze
+  BodyKind kind = BodyKind::kDynamic;  // what moves it
+  bool frozen = false;                 // [SM04 Sec. 5.2]; only dynamic bodies freeze
   bool removed = false;  // the slot of a removed body stays, so that the numbers of the others do not change
 
   double mass = 1;                          // [kg], > 0 for dynamic bodies
@@ -26,6 +27,7 @@ struct Body {
   double radius = 0;                        // [m] farthest point of the body from its centre of mass
 
   Vector3 position_W = Vector3::Zero();  // [m] centre of mass
+  // Unit length; takes vectors from B to W.
   Quaternion rotation_WB = Quaternion::Identity();
   Vector3 linear_velocity_W = Vector3::Zero();   // [m/s]
   Vector3 angular_velocity_W = Vector3::Zero();  // [rad/s]

@@ -14,8 +14,8 @@
 namespace islet {
 
 struct Contact {
-  int body_a = -1;  // body_a < body_b always
-  int body_b = -1;
+  int body_a = -1;                      // body_a < body_b always
+  int body_b = -1;                      // the normal points into it
   Vector3 point_W = Vector3::Zero();    // [m] midway between the two surfaces
   Vector3 normal_W = Vector3::UnitZ();  // unit, from a into b
   double gap = 0;                       // [m] signed distance along the normal; < 0 overlaps
@@ -50,17 +50,18 @@ inline double SlightApproach(const Contact& contact, const Vector3& gravity_W, d
   return contact.restitution > 0 ? std::min(fall, rebound / contact.restitution) : fall;
 }
 
-// The order in which contacts are kept: by pair, then by feature.
+// The order in which contacts are kept is by pair, then by feature. Here by pair alone.
 inline bool EarlierPair(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
 }
+// The whole of that order.
 inline bool Earlier(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
 }
 
-// How the coefficients of two bodies become those of their contact: friction sqrt(mu_a mu_b), restitution max(e_a, e_b).
-double MixFriction(double friction_a, double friction_b);
-double MixRestitution(double restitution_a, double restitution_b);
+// How the coefficients of two bodies become those of their contact.
+double MixFriction(double friction_a, double friction_b);           // sqrt(mu_a mu_b)
+double MixRestitution(double restitution_a, double restitution_b);  // max(e_a, e_b)
 
 // Columns (n, t1, t2), right-handed, W. t1 and t2 depend on the normal alone, so two runs choose the same ones.
 Matrix3 ContactFrame(const Vector3& normal_W);

@@ -7,16 +7,18 @@
 
 namespace islet {
 
+// What became of a contact of two bodies in a step.
 enum class ContactEventKind : std::uint8_t {
   kBegin,    // touches at the end of the step, and did not at its start
   kPersist,  // touches at both
   kEnd,      // touched at its start, and does not at its end
 };
 
+// Two bodies that touch after a step, or did before it.
 struct ContactEvent {
-  ContactEventKind kind;
-  int body_a, body_b;   // a < b
-  bool sensor = false;  // one of them is a sensor: they overlap, and neither feels it
+  ContactEventKind kind;  // began, went on or ended
+  int body_a, body_b;     // a < b
+  bool sensor = false;    // one of them is a sensor: they overlap, and neither feels it
 };
 
 // What bounced or landed in a step, once a pair. Approaches slower than gravity makes anything in a step are told of only where a blow of

@@ -14,9 +14,9 @@
 //             With certified freezing the list holds the contacts of frozen bodies too, unchanged while nothing there moves
 // Out
 //   velocities of bodies, their frozen flags, impulses(), and the report, which starts afresh. Poses are the caller's: move each body by the
-//   mean of velocities_before_gravity() and its final velocity (the trapezoidal rule), frozen ones not at all
+//     mean of velocities_before_gravity() and its final velocity (the trapezoidal rule), frozen ones not at all
 //   Overlaps are the caller's, too: velocities keep contacts from closing, and what one step of rotation closes is not taken back. Project()
-//   tells the smallest displacements that undo them; World's step leaves none
+//     tells the smallest displacements that undo them; World's step leaves none
 //   threads: one caller at a time; the result does not depend on the pool's number of workers
 #pragma once
 
@@ -38,22 +38,24 @@ class WorkerPool;
 
 struct SuiteMemory;  // engine/suite/suite_memory.h
 
+// Velocity of a body, or a small displacement.
 struct Twist {
-  Vector3 linear_W = Vector3::Zero();   // [m/s]
-  Vector3 angular_W = Vector3::Zero();  // [rad/s]
+  Vector3 linear_W = Vector3::Zero();   // [m/s] of its centre of mass; [m]
+  Vector3 angular_W = Vector3::Zero();  // [rad/s]; [rad]
 };
 
 class ContactSuite {
  public:
-  ContactSuite(const Settings& settings, parallel::WorkerPool* pool);
+  ContactSuite(const Settings& settings, parallel::WorkerPool* pool);  // the pool, not null, must outlive it
   ~ContactSuite();
   ContactSuite(const ContactSuite&) = delete;
   ContactSuite& operator=(const ContactSuite&) = delete;
 
-  void SetGravity(const Vector3& gravity_W);
+  void SetGravity(const Vector3& gravity_W);  // [m/s^2]
   // Called for each collision and static problem that a Resolve solves; empty: nobody watches, and nothing is kept for it.
   void SetProblemObserver(ProblemObserver observer);
 
+  // Steps 1 to 4 over dt > 0 [s]: changes velocities and frozen flags.
   // Throws std::invalid_argument that names body or contact, field and value: a value that is not finite, a mass or inertia that is not
   // positive, a rotation or normal that is not of unit length, a contact of no body, or one out of order. Nothing has changed then.
   void Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report);
@@ -67,7 +69,7 @@ class ContactSuite {
 
   // What it remembers from frame to frame; to be given to a suite with the same bodies. See World::Save().
   const SuiteMemory& memory() const;
-  void SetMemory(const SuiteMemory& memory);
+  void SetMemory(const SuiteMemory& memory);  // goes on from there
 
   // [N s] on body_b of each contact of the last Resolve, W: bounces, collision and static impulses together. The contacts of
   // a frozen body carry the impulses that hold it.

@@ -12,19 +12,24 @@
 
 namespace islet {
 
-enum class Stage { kCollision, kStatic };
+// Which problem of a step.
+enum class Stage {
+  kCollision,  // step 2: what comes of blows
+  kStatic      // step 3: what carries weight
+};
 
 struct ProblemRecord {
   // Of a small group: which of its problems in this step. Of a crowd: 0.
   int round = 0;
   int island =
       0;  // of a small group: its smallest body; of a crowd: in the partition of this step, numbered by smallest body
-  Stage stage = Stage::kCollision;
-  QpStatus status = QpStatus::kNone;
-  qp::Problem problem;  // with the bounces that were asked for in the end
-  qp::Solution solution;
+  Stage stage = Stage::kCollision;    // which of its two problems
+  QpStatus status = QpStatus::kNone;  // how it ended
+  qp::Problem problem;                // with the bounces that were asked for in the end
+  qp::Solution solution;              // the answer, where the status tells of one
 };
 
+// Whom World and ContactSuite show their problems to.
 using ProblemObserver = std::function<void(const ProblemRecord& record)>;
 
 }  // namespace islet

@@ -13,33 +13,37 @@ using qp::Effort;
 using qp::Ladder;
 using qp::Model;
 
+// What a blow at one contact does.
 enum class BounceLaw {
   kEq5,    // frictionless normal impulse, then friction opposite to the slip                     [SM04 Eq. 2, 5]
   kEq6,    // normal impulse that accounts for the friction's direction                           [SM04 Eq. 6]
   kExact,  // one-contact Coulomb: sticks if it can, else slides on the cone; never adds energy
 };
 
+// When bodies are frozen.
 enum class Freezing {
-  kOff,
+  kOff,        // never
   kPaper,      // kinetic energy below Eq. 15 for more than freeze_count frames; wakes by collision only
   kCertified,  // frozen while a static-contact solution holds the body; design in engine/README.md
 };
 
-struct Region {  // axis-aligned box
-  Vector3 lower, upper;
+// Box along the world's axes.
+struct Region {
+  Vector3 lower, upper;  // [m] corners, W; lower <= upper
 };
 
+// Value of Settings::bounce_limit: chosen for each island.
 inline constexpr int kAutoBounceLimit = -1;
 
 struct Settings {
   // Behaviour
-  Vector3 gravity{0, 0, -9.81};  // [m/s^2]
-  Model model = Model::kCoulomb;
-  Cone cone = Cone::kCircular;
-  BounceLaw bounce_law = BounceLaw::kExact;
+  Vector3 gravity{0, 0, -9.81};              // [m/s^2]
+  Model model = Model::kCoulomb;             // law of the contact problems
+  Cone cone = Cone::kCircular;               // of friction
+  BounceLaw bounce_law = BounceLaw::kExact;  // of blows
   int bounce_limit =
       kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
-  Freezing freezing = Freezing::kCertified;
+  Freezing freezing = Freezing::kCertified;  // when bodies are frozen
   int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
   double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still
   double freeze_travel = 1e-3;       // kCertified: farthest a point may have moved in that time, per body radius

@@ -16,8 +16,15 @@
 
 namespace islet {
 
-enum class ShapeKind { kSphere, kBox, kHalfSpace, kConvexHull };
+// Which factory of Shape made it.
+enum class ShapeKind {
+  kSphere,     // Shape::Sphere()
+  kBox,        // Shape::Box()
+  kHalfSpace,  // Shape::HalfSpace()
+  kConvexHull  // Shape::ConvexHull()
+};
 
+// How a body resists forces.
 struct MassProperties {
   double mass = 0;                      // [kg]
   Matrix3 inertia_B = Matrix3::Zero();  // [kg m^2] about the centre of mass
@@ -36,22 +43,23 @@ class Shape {
  public:
   static Shape Sphere(double radius);             // [m] > 0
   static Shape Box(const Vector3& half_extents);  // [m] each > 0
-  static Shape HalfSpace();
+  static Shape HalfSpace();                       // all that lies below its surface
   // Hull of at least four points that are not coplanar. The points may be given in any frame: the shape moves its
   // origin to the centre of mass and tells by how much, in hull_offset().
   static Shape ConvexHull(std::span<const Vector3> points);
 
-  ShapeKind kind() const { return kind_; }
-  double radius() const;                 // [m] farthest point from the centre of mass (half-space: infinity)
-  const Vector3& half_extents() const;   // of a box; of the others: of the bounding box in B
-  double size() const { return size_; }  // [m] smallest extent, scales contact tolerances (half-space: infinity)
-  const Vector3& hull_offset() const;    // centre of mass in the frame the hull's points were given in
-  const Polytope& polytope() const;      // box and hull; empty for the others
-  double Volume() const;                 // [m^3] (half-space: infinity)
+  ShapeKind kind() const { return kind_; }  // which it is
+  double radius() const;                    // [m] farthest point from the centre of mass (half-space: infinity)
+  const Vector3& half_extents() const;      // of a box; of the others: of the bounding box in B
+  double size() const { return size_; }     // [m] smallest extent, scales contact tolerances (half-space: infinity)
+  const Vector3& hull_offset() const;       // centre of mass in the frame the hull's points were given in
+  const Polytope& polytope() const;         // box and hull; empty for the others
+  double Volume() const;                    // [m^3], of a half-space infinity
   MassProperties MassFromDensity(double density) const;  // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
   MassProperties MassFromMass(double mass) const;  // [kg] > 0
 
+  // Internal.
   struct Data;
   const Data& data() const { return *data_; }
   explicit Shape(std::shared_ptr<const Data> data);

@@ -17,9 +17,9 @@ namespace islet {
 
 class WorldSnapshot {
  public:
-  // To files and other machines (little-endian, as all that islet runs on). What is cut off, damaged, or of another version is refused:
-  // std::invalid_argument says which.
+  // To files and other machines (little-endian, as all that islet runs on).
   std::vector<std::byte> ToBytes() const;
+  // What is cut off, damaged, or of another version is refused: std::invalid_argument says which.
   static WorldSnapshot FromBytes(std::span<const std::byte> bytes);
 
  private:

@@ -17,11 +17,14 @@ namespace islet::parallel {
 // Indices of the costs, largest cost first; of equal costs, smaller index first.
 [[nodiscard]] std::vector<int> LargestFirst(std::span<const double> costs);
 
+// Tasks in the order in which they are to be started, cut into batches.
 struct Schedule {
   std::vector<int> order;        // every task once, largest cost first
   std::vector<int> batch_start;  // size num_batches() + 1; batch b runs order[batch_start[b] .. batch_start[b + 1])
 
+  // One batch is one task of the pool.
   int num_batches() const { return batch_start.empty() ? 0 : static_cast<int>(batch_start.size()) - 1; }
+  // The tasks of one batch, 0 <= index < num_batches().
   std::span<const int> batch(int index) const {
     assert(0 <= index && index < num_batches());
     const auto i = static_cast<std::size_t>(index);

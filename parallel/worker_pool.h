@@ -24,15 +24,15 @@ class WorkerPool {
   // Runs inside the caller's own tbb::task_arena, without a TBB type in this header:
   //   WorkerPool pool(arena.max_concurrency(), [&](const std::function<void()>& work) { arena.execute(work); });
   using Enter = std::function<void(const std::function<void()>&)>;
-  WorkerPool(int num_workers, Enter enter);
+  WorkerPool(int num_workers, Enter enter);  // see Enter
 
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  int num_workers() const;
+  int num_workers() const;  // >= 1
 
-  // task(index, worker) for index = 0 .. num_tasks-1, worker in [0, num_workers). Returns when all are done; the first
+  // task(index, worker) for index = 0 to num_tasks - 1, worker in [0, num_workers). Returns when all are done; the first
   // exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
 

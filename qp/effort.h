@@ -9,6 +9,8 @@ struct Effort {
   bool newton = false;  // these islands go on by Newton's method; smaller ones always do
 };
 
-inline constexpr Effort kQuickEffort{20, false}, kNormalEffort{100, false}, kThoroughEffort{3000, true};
+inline constexpr Effort kQuickEffort{20, false},  // games, first looks
+    kNormalEffort{100, false},                    // the default
+    kThoroughEffort{3000, true};                  // forces that are to be trusted
 
 }  // namespace islet::qp

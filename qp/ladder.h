@@ -9,6 +9,7 @@
 
 namespace islet::qp {
 
+// A way to an answer, cheapest first.
 enum class Rung : std::uint8_t {
   kNothing,        // no contact, or nothing approaches
   kClosedForm,     // one contact: a formula
@@ -21,9 +22,12 @@ enum class Rung : std::uint8_t {
   kKeptPairs,  // contacts of two bodies that have not moved since they were found
   kReach,      // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 7, kNumRungs = 9;
+inline constexpr int kNumProblemRungs = 7,  // without those of detection
+    kNumRungs = 9;                          // all
+// Names of the rungs in options and reports, by Rung.
 inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form",    "column",     "held", "sweeps",
                                                       "newton",  "interior_point", "kept_pairs", "reach"};
+// The same without those of detection.
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};
   for (std::size_t rung = 0; rung < names.size(); ++rung) names[rung] = kRungNames[rung];
@@ -33,11 +37,11 @@ inline constexpr auto kProblemRungNames = [] {
 // Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {
  public:
-  constexpr Ladder() = default;
-  static constexpr Ladder Off() { return Ladder(Bit(Rung::kInteriorPoint)); }
-  constexpr bool Has(Rung rung) const { return (bits_ & Bit(rung)) != 0; }
-  constexpr Ladder With(Rung rung) const { return Ladder(bits_ | Bit(rung)); }
-  constexpr Ladder Without(Rung rung) const { return Ladder(bits_ & ~Bit(rung)); }
+  constexpr Ladder() = default;                                                     // all rungs
+  static constexpr Ladder Off() { return Ladder(Bit(Rung::kInteriorPoint)); }       // the interior point alone
+  constexpr bool Has(Rung rung) const { return (bits_ & Bit(rung)) != 0; }          // whether it may be used
+  constexpr Ladder With(Rung rung) const { return Ladder(bits_ | Bit(rung)); }      // this one and that rung
+  constexpr Ladder Without(Rung rung) const { return Ladder(bits_ & ~Bit(rung)); }  // this one but that rung
 
  private:
   static constexpr std::uint32_t Bit(Rung rung) { return 1U << static_cast<int>(rung); }

@@ -14,35 +14,37 @@
 
 namespace islet::qp {
 
-using Vector3 = Eigen::Matrix<double, 3, 1>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Matrix3 = Eigen::Matrix<double, 3, 3>;
-using Jacobian = Eigen::Matrix<double, 3, 6>;
+using Vector3 = Eigen::Matrix<double, 3, 1>;   // of a contact: (n, t1, t2)
+using Vector6 = Eigen::Matrix<double, 6, 1>;   // of a body: (linear, angular), world frame
+using Matrix3 = Eigen::Matrix<double, 3, 3>;   // of a body or of a contact
+using Jacobian = Eigen::Matrix<double, 3, 6>;  // takes a body's velocity to its part of a contact's
 
+// A body that moves.
 struct BodyTerm {
-  double mass = 1;                        // > 0
-  Matrix3 inertia = Matrix3::Identity();  // symmetric positive definite
-  Matrix3 inverse_inertia = Matrix3::Identity();
-  Vector6 velocity = Vector6::Zero();  // v0
+  double mass = 1;                                // > 0
+  Matrix3 inertia = Matrix3::Identity();          // symmetric positive definite
+  Matrix3 inverse_inertia = Matrix3::Identity();  // of `inertia`
+  Vector6 velocity = Vector6::Zero();             // v0
 };
 
+// A contact point of one or two of them.
 struct ContactTerm {
   int body_a = -1, body_b = -1;            // at least one >= 0, never equal
   Jacobian jacobian_a = Jacobian::Zero();  // zero if body_a is -1
-  Jacobian jacobian_b = Jacobian::Zero();
-  Vector3 drift = Vector3::Zero();  // contact velocity that the unknown bodies do not make
-  double friction = 0;              // mu >= 0
-  double target = 0;                // b: normal velocity required while the contact presses
-  double compliance = 0;            // >= 0; u + compliance j takes the place of u (0: rigid)
+  Jacobian jacobian_b = Jacobian::Zero();  // zero if body_b is -1
+  Vector3 drift = Vector3::Zero();         // contact velocity that the unknown bodies do not make
+  double friction = 0;                     // mu >= 0
+  double target = 0;                       // b: normal velocity required while the contact presses
+  double compliance = 0;                   // >= 0; u + compliance j takes the place of u (0: rigid)
 };
 
 struct Problem {
-  std::vector<BodyTerm> bodies;
-  std::vector<ContactTerm> contacts;
+  std::vector<BodyTerm> bodies;       // by the numbers that contacts name
+  std::vector<ContactTerm> contacts;  // in any order
 
-  int num_bodies() const { return static_cast<int>(bodies.size()); }
-  int num_contacts() const { return static_cast<int>(contacts.size()); }
-  void Clear() { bodies.clear(), contacts.clear(); }  // keeps the memory
+  int num_bodies() const { return static_cast<int>(bodies.size()); }      // that move
+  int num_contacts() const { return static_cast<int>(contacts.size()); }  // points
+  void Clear() { bodies.clear(), contacts.clear(); }                      // keeps the memory
 
   // Throws std::invalid_argument that names the field, its place and the value.
   void Validate() const;

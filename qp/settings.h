@@ -8,20 +8,22 @@
 
 namespace islet::qp {
 
+// The law between impulses and velocities of contacts.
 enum class Model {
   kKinetic,  // least kinetic energy, u_n >= b as an inequality                          [SM04 Eq. 9, 13, 14]
   kConvex,   // cone complementarity: K in j, perpendicular to u - b n in K*             [AP97]
   kCoulomb,  // exact Signorini-Coulomb-Newton: K in j, perpendicular to u - b n + mu |u_t| n in K*   [DS91]
 };
 
+// The friction cone K.
 enum class Cone {
   kCircular,  // |j_t| <= mu j_n
   kOctagon,   // the eight-sided pyramid inscribed in it                                 [SM04 Eq. 8]
 };
 
 struct Settings {
-  Model model = Model::kCoulomb;
-  Cone cone = Cone::kCircular;
+  Model model = Model::kCoulomb;  // the law
+  Cone cone = Cone::kCircular;    // of friction
   Effort effort = kNormalEffort;  // of exact Coulomb friction
   // Exact Coulomb: natural map over v_ref, as by NaturalMap::Meets. Other models: see gap_tolerance.
   double tolerance = 1e-6;
