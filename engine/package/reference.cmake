@@ -1,5 +1,6 @@
-# The reference: public headers and the guide as pages of HTML. Whatever is documented nowhere is an error.
+# The reference: public headers and the guide as pages of HTML. A public declaration without a comment is an error.
 #   cmake --build build/release --target reference    -> build/release/reference/html/index.html
+# Headers are read as they are installed, by the lines of the originals; reference.awk tells whose a comment is.
 find_package(Doxygen QUIET)
 find_program(AWK NAMES awk)
 if(NOT DOXYGEN_FOUND OR NOT AWK)
@@ -12,7 +13,8 @@ set(DOXYGEN_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/reference)
 set(DOXYGEN_USE_MDFILE_AS_MAINPAGE ${guide}/README.md)
 set(DOXYGEN_STRIP_FROM_PATH ${install_include} ${guide})
 set(DOXYGEN_STRIP_FROM_INC_PATH ${install_include})
-set(DOXYGEN_FILTER_PATTERNS "*.h=${AWK} -f ${CMAKE_CURRENT_LIST_DIR}/reference.awk")
+set(filter "${AWK} -f ${CMAKE_CURRENT_LIST_DIR}/reference.awk")
+set(DOXYGEN_FILTER_PATTERNS "*.h=${filter}" "*.md=${filter}")
 set(DOXYGEN_WARN_AS_ERROR FAIL_ON_WARNINGS)
 set(DOXYGEN_WARN_NO_PARAMDOC NO)
 set(DOXYGEN_QUIET YES)
