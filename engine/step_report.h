@@ -66,7 +66,7 @@ struct QpSummary {
   int iterations = 0;      // factorisations, sum
   int iterations_max = 0;  // in one problem
   double seconds = 0;      // wall time of the stage's solves, summed over islands
-  void Include(const QpSummary& other);  // counts and times add up, the worse of worst_map stays
+  void Include(const QpSummary& other);  // counts and times add up, what is worst or most stays
 };
 
 // How the problems of a step were answered, by rung of the ladder (qp/ladder.h). Drafts are not counted. Of detection:

@@ -32,8 +32,8 @@ class WorkerPool {
 
   int num_workers() const;  // >= 1
 
-  // task(index, worker) for index = 0 to num_tasks - 1, worker in [0, num_workers). Returns when all are done; the first
-  // exception (by index) is rethrown then.
+  // task(index, worker) for index = 0 to num_tasks - 1, worker in [0, num_workers). Returns when all are done; the
+  // first exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
 
   // f(i) for i = 0 .. count-1, per_task of them in one task; what fits into one runs in the calling thread.

@@ -40,7 +40,7 @@ struct ContactTerm {
 
 struct Problem {
   std::vector<BodyTerm> bodies;       // by the numbers that contacts name
-  std::vector<ContactTerm> contacts;  // in any order
+  std::vector<ContactTerm> contacts;  // points, each by itself
 
   int num_bodies() const { return static_cast<int>(bodies.size()); }      // that move
   int num_contacts() const { return static_cast<int>(contacts.size()); }  // points
