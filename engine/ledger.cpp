@@ -72,6 +72,22 @@ int RootOf(std::vector<int>* parent, int i) {
   return i;
 }
 
+// The core of a capsule or cylinder: what is within kCore of its girth of its axis, as far as kCore of its length.
+bool CrossesRoundCore(const Shape& shape, const Vector3& a, const Vector3& way) {
+  double enter = 0, leave = 1;  // of the way, while it is between the ends
+  const double length = kCore * shape.half_extents().z(), girth = kCore * shape.girth();
+  for (const double sign : {-1.0, 1.0}) {
+    const double beyond = sign * a.z() - length, slope = sign * way.z();
+    if (slope == 0 && beyond > 0) return false;
+    if (slope < 0) enter = std::max(enter, -beyond / slope);
+    if (slope > 0) leave = std::min(leave, -beyond / slope);
+  }
+  if (enter >= leave) return false;
+  const Eigen::Vector2d from = (a + enter * way).head<2>(), on = (leave - enter) * way.head<2>();
+  const double u = std::clamp(-from.dot(on) / std::max(on.squaredNorm(), 1e-300), 0.0, 1.0);
+  return (from + u * on).norm() < girth;
+}
+
 // Whether the straight way from a to b, in the frame of a shape, goes through its core.
 bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
   const Vector3 way = b - a;
@@ -80,6 +96,7 @@ bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
     return (a + u * way).norm() < kDeepSphere * shape.radius();
   }
   double enter = 0, leave = 1;  // of the way
+  if (shape.HasAxis()) return CrossesRoundCore(shape, a, way);
   const Polytope& polytope = shape.polytope();
   for (size_t f = 0; f < polytope.faces.size(); ++f) {
     const Vector3& normal = polytope.face_normals[f];

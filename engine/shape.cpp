@@ -96,6 +96,7 @@ Shape Shape::Sphere(double radius) {
   auto data = std::make_shared<Data>();
   data->kind = ShapeKind::kSphere;
   data->radius = radius;
+  data->girth = radius;
   data->half_extents.setConstant(radius);
   data->size = 2 * radius;
   data->volume = 4.0 / 3.0 * kPi * radius * radius * radius;
@@ -129,6 +130,43 @@ Shape Shape::HalfSpace() {
   return Shape(std::move(data));
 }
 
+Shape Shape::Capsule(double radius, double half_length) {
+  RequirePositive("Capsule radius", radius);
+  RequirePositive("Capsule half_length", half_length);
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kCapsule;
+  data->radius = half_length + radius;
+  data->girth = radius;
+  data->half_length = half_length;
+  data->half_extents = {radius, radius, half_length + radius};
+  data->size = 2 * radius;
+  const double r2 = radius * radius, h2 = half_length * half_length;
+  const double middle = 2 * kPi * r2 * half_length, caps = 4.0 / 3.0 * kPi * r2 * radius;  // [m^3]
+  data->volume = middle + caps;
+  // Half a ball has its centre of mass 3/8 of the radius from its flat side.
+  const double along = middle * 0.5 * r2 + caps * 0.4 * r2;
+  const double across = middle * (0.25 * r2 + h2 / 3) + caps * (0.4 * r2 + h2 + 0.75 * half_length * radius);
+  data->inertia_per_mass = Vector3(across, across, along).asDiagonal();
+  data->inertia_per_mass /= data->volume;
+  return Shape(std::move(data));
+}
+
+Shape Shape::Cylinder(double radius, double half_length) {
+  RequirePositive("Cylinder radius", radius);
+  RequirePositive("Cylinder half_length", half_length);
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kCylinder;
+  data->radius = std::hypot(radius, half_length);
+  data->girth = radius;
+  data->half_length = half_length;
+  data->half_extents = {radius, radius, half_length};
+  data->size = 2 * std::min(radius, half_length);
+  const double r2 = radius * radius, h2 = half_length * half_length;
+  data->volume = 2 * kPi * r2 * half_length;
+  data->inertia_per_mass = Vector3(0.25 * r2 + h2 / 3, 0.25 * r2 + h2 / 3, 0.5 * r2).asDiagonal();
+  return Shape(std::move(data));
+}
+
 Shape Shape::ConvexHull(std::span<const Vector3> points) {
   auto data = std::make_shared<Data>();
   data->kind = ShapeKind::kConvexHull;
@@ -154,6 +192,8 @@ double Shape::radius() const { return data_->radius; }
 const Vector3& Shape::half_extents() const { return data_->half_extents; }
 const Vector3& Shape::hull_offset() const { return data_->hull_offset; }
 const Polytope& Shape::polytope() const { return data_->polytope; }
+double Shape::girth() const { return data_->girth; }
+double Shape::half_length() const { return data_->half_length; }
 double Shape::Volume() const { return data_->volume; }
 
 MassProperties Shape::MassFromDensity(double density) const {

@@ -18,10 +18,12 @@ namespace islet {
 
 // Which factory of Shape made it.
 enum class ShapeKind {
-  kSphere,     // Shape::Sphere()
-  kBox,        // Shape::Box()
-  kHalfSpace,  // Shape::HalfSpace()
-  kConvexHull  // Shape::ConvexHull()
+  kSphere,      // Shape::Sphere()
+  kBox,         // Shape::Box()
+  kHalfSpace,   // Shape::HalfSpace()
+  kConvexHull,  // Shape::ConvexHull()
+  kCapsule,     // Shape::Capsule()
+  kCylinder     // Shape::Cylinder()
 };
 
 // How a body resists forces.
@@ -44,6 +46,9 @@ class Shape {
   static Shape Sphere(double radius);             // [m] > 0
   static Shape Box(const Vector3& half_extents);  // [m] each > 0
   static Shape HalfSpace();                       // all that lies below its surface
+  // All that is within `radius` of a segment of 2 half_length on the z axis of B.
+  static Shape Capsule(double radius, double half_length);   // [m] each > 0
+  static Shape Cylinder(double radius, double half_length);  // [m] each > 0; about the z axis of B, with flat ends
   // Hull of at least four points that are not coplanar. The points may be given in any frame: the shape moves its
   // origin to the centre of mass and tells by how much, in hull_offset().
   static Shape ConvexHull(std::span<const Vector3> points);
@@ -51,10 +56,14 @@ class Shape {
   ShapeKind kind() const { return kind_; }  // which it is
   double radius() const;                    // [m] farthest point from the centre of mass (half-space: infinity)
   const Vector3& half_extents() const;      // of a box; of the others: of the bounding box in B
+  double girth() const;                     // [m] radius of a sphere, capsule or cylinder; of the others 0
+  double half_length() const;               // [m] of a cylinder, of a capsule without its caps; of the others 0
   double size() const { return size_; }     // [m] smallest extent, scales contact tolerances (half-space: infinity)
   const Vector3& hull_offset() const;       // centre of mass in the frame the hull's points were given in
   const Polytope& polytope() const;         // box and hull; empty for the others
-  double Volume() const;                    // [m^3], of a half-space infinity
+  // Whether a turn about the z axis of B leaves it as it is: capsules and cylinders. (Any turn leaves a sphere.)
+  bool HasAxis() const { return kind_ == ShapeKind::kCapsule || kind_ == ShapeKind::kCylinder; }
+  double Volume() const;  // [m^3], of a half-space infinity
   MassProperties MassFromDensity(double density) const;  // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
   MassProperties MassFromMass(double mass) const;  // [kg] > 0

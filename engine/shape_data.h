@@ -10,6 +10,8 @@ struct Shape::Data {
   double radius = 0;
   Vector3 half_extents = Vector3::Zero();
   double size = 0;
+  double girth = 0;
+  double half_length = 0;
   Vector3 hull_offset = Vector3::Zero();
   Polytope polytope;
   double volume = 0;

@@ -2,12 +2,13 @@
 
 #include "engine/geometry/box_box.h"
 #include "engine/geometry/polytope_contact.h"
+#include "engine/geometry/round_contact.h"
 #include "engine/geometry/sphere_contact.h"
 
 namespace islet {
 namespace {
 
-// The rank in which the two-shape functions take their arguments: half-space, polytope, sphere.
+// The rank in which the two-shape functions take their arguments: half-space, polytope, sphere, capsule, cylinder.
 int Rank(ShapeKind kind) {
   switch (kind) {
     case ShapeKind::kHalfSpace:
@@ -18,13 +19,21 @@ int Rank(ShapeKind kind) {
       return 2;
     case ShapeKind::kSphere:
       return 3;
+    case ShapeKind::kCapsule:
+      return 4;
+    case ShapeKind::kCylinder:
+      return 5;
   }
-  return 3;
+  return 5;
 }
 
 // Requires Rank(a) <= Rank(b).
 void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
                    const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
+  if (b.HasAxis()) {
+    if (a.kind() == ShapeKind::kHalfSpace) return CollideHalfSpaceRound(pose_a, b, pose_b, reach, contacts);
+    return CollideRound(a, pose_a, b, pose_b, reach, contacts);
+  }
   const bool b_is_sphere = b.kind() == ShapeKind::kSphere;
   switch (a.kind()) {
     case ShapeKind::kHalfSpace:
@@ -44,6 +53,9 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
       return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
     case ShapeKind::kSphere:
       return CollideSphereSphere(a.radius(), pose_a.position_W, b.radius(), pose_b.position_W, reach, contacts);
+    case ShapeKind::kCapsule:
+    case ShapeKind::kCylinder:
+      return;  // what ranks as high has an axis, too
   }
 }
 

@@ -1,9 +1,9 @@
 // The contact points of one pair of shapes. Spheres and half-spaces by closed forms; boxes and hulls by separating axes
-// and clipping of the two faces that meet.
+// and clipping of the two faces that meet; capsules and cylinders by the curves and faces that meet.
 //
 // Every function appends contacts whose normal points from a into b, with signed gaps (negative = overlap), up to
 // `reach` apart. Face against face gives the whole clipped polygon; edge against edge, and bodies whose nearest
-// features face each other at a slant, one point. All points of a pair share one normal n. Bodies that are apart stay
+// features face each other at a slant, one point. All points of a pair share one normal n (round_contact.h: almost). Bodies that are apart stay
 // apart, to within 1e-4 of the smaller one's size, if they keep n . (relative displacement) >= -gap at each point and
 // do not turn.
 //

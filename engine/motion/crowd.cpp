@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/freezing/paper_freezing.h"
+#include "engine/motion/visible_turn.h"
 #include "engine/rotation.h"
 #include "engine/stopwatch.h"
 #include "islands/disjoint_sets.h"
@@ -175,9 +176,9 @@ void Crowd::Select() {
     // At the lever of halfway, as far as bodies move and turn on.
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
-      if (TurnsInItself(i) || body.angular_velocity_W.isZero(0)) return contact.point_W + ahead(body);
-      return contact.point_W + ahead(body) +
-             0.5 * (TurnLessOne(dt_ * body.angular_velocity_W) * (contact.point_W - body.position_W));
+      const Vector3 spin = VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W);
+      if (TurnsInItself(i) || spin.isZero(0)) return contact.point_W + ahead(body);
+      return contact.point_W + ahead(body) + 0.5 * (TurnLessOne(dt_ * spin) * (contact.point_W - body.position_W));
     };
     centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
     held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
@@ -544,13 +545,18 @@ bool Crowd::Gains() {
   return gains;
 }
 
+// A rotation that has the body where this one has it, reached without a turn about its own axis.
+Quaternion Crowd::SeenAs(int i, const Quaternion& rotation_WB) const {
+  return VisibleRotation(shapes_[i], begin_[i].pose.rotation_WB, rotation_WB);
+}
+
 // A point of a body in its frame, and back; what turns in itself has none of its own.
 Vector3 Crowd::Inside(int i, const Pose& pose, const Vector3& point) const {
   const Vector3 r = point - pose.position_W;
-  return TurnsInItself(i) ? r : Vector3(pose.rotation_WB.conjugate() * r);
+  return TurnsInItself(i) ? r : Vector3(SeenAs(i, pose.rotation_WB).conjugate() * r);
 }
 Vector3 Crowd::Outside(int i, const Pose& pose, const Vector3& point) const {
-  return pose.position_W + (TurnsInItself(i) ? point : Vector3(pose.rotation_WB * point));
+  return pose.position_W + (TurnsInItself(i) ? point : Vector3(SeenAs(i, pose.rotation_WB) * point));
 }
 
 // [m] between the points of a contact at the end, along its normal.
@@ -573,8 +579,9 @@ double Crowd::TargetOf(const Contact& contact, double gap, double allowed) const
 
 Path Crowd::PathOf(int i) const {
   const State& s = begin_[i];
-  return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W), s.angular_W, bodies_[i].rotation_WB,
-                     dt_, TurnsInItself(i) ? 0 : shapes_[i].radius());
+  return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W),
+                     VisibleSpin(shapes_[i], s.pose.rotation_WB, s.angular_W), SeenAs(i, bodies_[i].rotation_WB), dt_,
+                     TurnsInItself(i) ? 0 : shapes_[i].radius());
 }
 
 // A contact that is not found again, or was not disturbed, as it is.
@@ -607,8 +614,13 @@ const Contact* Crowd::AtStart(const Contact& end) const {
 
 // Of a body, in the pass as it is now.
 Course Crowd::CourseOf(int i) const {
-  return {begin_[i].pose,  middle_[i],       {bodies_[i].position_W, bodies_[i].rotation_WB}, mean_W_[i],
-          mean_spin_W_[i], TurnsInItself(i), shapes_[i].kind() == ShapeKind::kSphere};
+  return {begin_[i].pose,
+          middle_[i],
+          {bodies_[i].position_W, SeenAs(i, bodies_[i].rotation_WB)},
+          mean_W_[i],
+          mean_spin_W_[i],
+          TurnsInItself(i),
+          shapes_[i].kind() == ShapeKind::kSphere};
 }
 
 // A contact at the end, at the lever of halfway: on the chord of each body's point.
@@ -620,7 +632,7 @@ void Crowd::Aim(size_t e) {
   const auto halfway = [&](int i) -> Vector3 {
     const Vector3 r = contact.point_W - bodies_[i].position_W;
     if (TurnsInItself(i)) return middle_[i].position_W + r;
-    const Vector3 before = begin_[i].pose.rotation_WB * (bodies_[i].rotation_WB.conjugate() * r);
+    const Vector3 before = begin_[i].pose.rotation_WB * (SeenAs(i, bodies_[i].rotation_WB).conjugate() * r);
     return middle_[i].position_W + 0.5 * (r + before);
   };
   const Vector3 half = 0.5 * contact.gap * contact.normal_W;

@@ -133,6 +133,7 @@ class Crowd {
   bool TurnsInItself(int i) const {
     return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace;
   }
+  Quaternion SeenAs(int i, const Quaternion& rotation_WB) const;
   Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
   Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
   double GapAlong(const Contact& contact, const Held& held) const;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/freezing/certified_freezing.h"
+#include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 
 namespace islet::motion {
@@ -37,9 +38,10 @@ double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape
   const Body &small = x_is_small ? x : y, &large = x_is_small ? y : x;
   const Vector3 turn =
       (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
-  const double radius = (x_is_small ? of_x : of_y).kind() == ShapeKind::kSphere ? 0 : small.radius;
+  const Shape& of_small = x_is_small ? of_x : of_y;
+  const double radius = of_small.kind() == ShapeKind::kSphere ? 0 : small.radius;
   return (small.linear_velocity_W - large.linear_velocity_W - turn.cross(small.position_W - large.position_W)).norm() +
-         radius * (small.angular_velocity_W - turn).norm();
+         radius * VisibleSpin(of_small, small.rotation_WB, small.angular_velocity_W - turn).norm();
 }
 
 // [m] farthest that a point of the body has moved from there, at most.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 #include "islands/disjoint_sets.h"
 
@@ -22,7 +23,7 @@ Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& r
     return {position_W - half, position_W + half};
   }
   const Matrix3 rotation = rotation_WB.toRotationMatrix();
-  if (shape.kind() == ShapeKind::kBox) {
+  if (shape.kind() == ShapeKind::kBox || shape.HasAxis()) {
     const Vector3 half = rotation.cwiseAbs() * shape.half_extents();
     return {position_W - half, position_W + half};
   }
@@ -60,7 +61,8 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
       room += gravity_W.norm() * dt * dt;
       if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
       if (shapes[i].kind() != ShapeKind::kSphere)
-        room += std::min(1.0, 1.2 * dt * body.angular_velocity_W.norm()) * shapes[i].radius();
+        room += std::min(1.0, 1.2 * dt * VisibleSpin(shapes[i], body.rotation_WB, body.angular_velocity_W).norm()) *
+                shapes[i].radius();
     }
     const Vector3 margin = Vector3::Constant(room);
     rooms_[i] = {now.lower.cwiseMin(now.lower + way) - margin, now.upper.cwiseMax(now.upper + way) + margin};
@@ -157,8 +159,8 @@ bool Groups::ComeNear(double dt, int i, int k, std::span<const Body> bodies, std
   const auto path = [&](int n) -> Path {
     const Body& b = bodies[n];
     const double radius = shapes[n].kind() == ShapeKind::kSphere ? 0 : shapes[n].radius();
-    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(),
-            b.angular_velocity_W,          Vector3::Zero(),     radius};
+    const Vector3 spin = VisibleSpin(shapes[n], b.rotation_WB, b.angular_velocity_W);
+    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), spin, Vector3::Zero(), radius};
   };
   const double margin = kMargin * (shapes[i].size() + shapes[k].size());
   return motion::ComeNear({&shapes[i], &shapes[k], path(i), path(k), dt, margin, 0.5 * margin}, &meeting_);

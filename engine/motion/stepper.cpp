@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 
 namespace islet::motion {
@@ -218,9 +219,13 @@ void Stepper::Recall() {
   }
 }
 
+Vector3 Stepper::VisibleSpinOf(int i) const {
+  return VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, state_[i].angular_W);
+}
+
 // [m/s] fastest that the turn moves a point of the box around a body.
 double Stepper::WhirlOf(int i) const {
-  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W).cwiseAbs(),
+  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * VisibleSpinOf(i)).cwiseAbs(),
                 e = group_->shapes[i]->half_extents();
   return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
 }
@@ -236,7 +241,7 @@ double Stepper::ChooseLength(double rest) {
     for (const int i : {pair.a, pair.b}) {
       if (near_at >= most) break;
       if (BodyRadius(i) == 0) continue;
-      const double turn = state_[i].angular_W.norm(), size = group_->shapes[i]->size();
+      const double turn = VisibleSpinOf(i).norm(), size = group_->shapes[i]->size();
       const double bend = turn * WhirlOf(i) / 8;  // [m/s^2]
       if (turn * most > kTurn) most = std::max(near_at, kTurn / turn);
       if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
@@ -466,12 +471,13 @@ void Stepper::Fly(double h) {
 
 Path Stepper::PathOf(int i, double h) const {
   const Body& b = group_->bodies[i];
+  const Shape& shape = *group_->shapes[i];
   const State &s = state_[i], &e = end_state_[i];
   if (!b.Moves())
     return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
   // By its mean velocity: that at the end may be the one after a blow.
-  return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, s.angular_W, e.pose.rotation_WB, h,
-                     BodyRadius(i));
+  return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, VisibleSpinOf(i),
+                     VisibleRotation(shape, s.pose.rotation_WB, e.pose.rotation_WB), h, BodyRadius(i));
 }
 
 // [s] of the first blow within the piece, h if there is none.
@@ -716,7 +722,7 @@ bool Stepper::LeversMove(double h) const {
       const bool moves = group_->bodies[i].Moves();
       if (moves && BodyRadius(i) == 0) continue;
       const Vector3& spin = moves ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
-      if (h * spin.norm() > kLeverMoves) return true;
+      if (h * VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, spin).norm() > kLeverMoves) return true;
     }
     if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
     const Vector3& n = held_[c].normal_W;
@@ -780,13 +786,18 @@ void Stepper::FollowHeld() {
   }
 }
 
-// Where a point of a body, or of two, is at another time of the piece.
+// A rotation that has the body where this pose has it, reached without a turn about its own axis.
+Quaternion Stepper::SeenAs(int i, const Pose& pose) const {
+  return VisibleRotation(*group_->shapes[i], state_[i].pose.rotation_WB, pose.rotation_WB);
+}
+
+// Where a point of the surface of a body, or of two, is at another time of the piece.
 Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to) const {
   const auto at = [&](Moment moment) -> const Pose& {
     return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
   };
   const Pose &x = at(from), &y = at(to);
-  return y.position_W + y.rotation_WB * (x.rotation_WB.conjugate() * (point - x.position_W));
+  return y.position_W + SeenAs(i, y) * (SeenAs(i, x).conjugate() * (point - x.position_W));
 }
 
 Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
@@ -804,7 +815,7 @@ Course Stepper::CourseOf(int i) const {
   const Body& b = group_->bodies[i];
   return {state_[i].pose,
           middle_[i],
-          end_state_[i].pose,
+          {end_state_[i].pose.position_W, SeenAs(i, end_state_[i].pose)},
           b.Moves() ? mean_W_[i] : b.linear_velocity_W,
           MeanSpin(i),
           BodyRadius(i) == 0,

@@ -102,6 +102,7 @@ class Stepper {
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
   void LoadState();
+  Vector3 VisibleSpinOf(int i) const;
   double WhirlOf(int i) const;
   double ChooseLength(double rest);
   double Apart(const GroupPair& pair, std::span<const State> at) const;
@@ -178,6 +179,7 @@ class Stepper {
   double BendOf(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
+  Quaternion SeenAs(int i, const Pose& pose) const;
   bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.

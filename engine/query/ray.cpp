@@ -21,6 +21,41 @@ struct Interval {
   }
 };
 
+// The part of a ball that the ray is in.
+void CutBall(const Vector3& centre, double radius, const Vector3& origin, const Vector3& way, Interval* inside) {
+  const Vector3 from = origin - centre;
+  const double a = way.squaredNorm(), b = from.dot(way), c = (from.norm() - radius) * (from.norm() + radius);
+  const double discriminant = b * b - a * c;
+  if (discriminant < 0 || (a == 0 && c > 0)) {
+    inside->leave = -1;
+    return;
+  }
+  if (a == 0) return;
+  const double root = std::sqrt(discriminant), near = b < 0 ? c / (-b + root) : (-b - root) / a;
+  const double far = b < 0 ? (-b + root) / a : -c / (b + root);
+  if (near > inside->enter) inside->enter = near, inside->normal = (from + near * way).normalized();
+  inside->leave = std::min(inside->leave, far);
+}
+
+// The shape is its middle, a cylinder between two flat ends, and of a capsule two balls at them: the ray is in where it is in one of them.
+void EnterRound(const Shape& shape, const Vector3& origin, const Vector3& way, Interval* inside) {
+  const Vector3 across(1, 1, 0), end = shape.half_length() * Vector3::UnitZ();
+  Interval middle;
+  CutBall(Vector3::Zero(), shape.girth(), origin.cwiseProduct(across), way.cwiseProduct(across), &middle);
+  middle.Cut(Vector3::UnitZ(), origin.z() - end.z(), way.z());
+  middle.Cut(-Vector3::UnitZ(), -origin.z() - end.z(), -way.z());
+  Interval first = middle;
+  if (shape.kind() == ShapeKind::kCapsule) {
+    for (const Vector3& centre : {Vector3(-end), end}) {
+      Interval ball;
+      CutBall(centre, shape.girth(), origin, way, &ball);
+      if (ball.enter > ball.leave || ball.leave < 0) continue;
+      if (first.enter > first.leave || ball.enter < first.enter) first = ball;
+    }
+  }
+  *inside = first;
+}
+
 }  // namespace
 
 std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, const Vector3& origin_W,
@@ -41,6 +76,8 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
     }
   } else if (shape.kind() == ShapeKind::kHalfSpace) {
     inside.Cut(Vector3::UnitZ(), origin.z(), way.z());
+  } else if (shape.HasAxis()) {
+    EnterRound(shape, origin, way, &inside);
   } else {
     const Polytope& polytope = shape.polytope();
     for (size_t f = 0; f < polytope.faces.size(); ++f) {

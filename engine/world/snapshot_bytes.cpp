@@ -19,7 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::array<char, 8> kMagic{'i', 's', 'l', 'e', 't', 's', 'n', 'p'};
-constexpr std::uint64_t kVersion = 1;
+constexpr std::uint64_t kVersion = 2;
 struct Header {
   std::array<char, 8> magic;
   std::uint64_t version, length, checksum;
@@ -146,7 +146,7 @@ template <typename A>
 void Visit(A& a, Shape::Data& shape) {
   a(shape.kind), a(shape.radius);
   Visit(a, shape.half_extents);
-  a(shape.size);
+  a(shape.size), a(shape.girth), a(shape.half_length);
   Visit(a, shape.hull_offset);
   Visit(a, shape.polytope.vertices), Visit(a, shape.polytope.faces), Visit(a, shape.polytope.face_normals);
   Visit(a, shape.polytope.edges), Visit(a, shape.polytope.edge_faces);
@@ -163,7 +163,7 @@ void Visit(Reader& a, std::vector<Shape>& shapes) {
   for (size_t i = 0; i < size; ++i) {
     auto data = std::make_shared<Shape::Data>();
     Visit(a, *data);
-    if (data->kind > ShapeKind::kConvexHull) Refuse("a shape is of no known kind");
+    if (data->kind > ShapeKind::kCylinder) Refuse("a shape is of no known kind");
     const int vertices = static_cast<int>(data->polytope.vertices.size());
     for (const std::vector<int>& face : data->polytope.faces)
       for (const int v : face)

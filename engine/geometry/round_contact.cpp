@@ -1,0 +1,438 @@
+#include "engine/geometry/round_contact.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "engine/geometry/curve_distance.h"
+
+namespace islet {
+namespace {
+
+constexpr double kTie =
+    1e-9;  // of a size: a direction is taken for one found later only if it separates by this much more
+constexpr double kFlat = 0.95;   // cosine: a face that looks along the normal so well may lie flat
+constexpr double kLevel = 0.3;   // sine: so may a long side that is across the normal
+constexpr int kRimPoints = 8;    // of an end that stands flat, beside its lowest point
+constexpr double kSame = 1e-6;   // of a size: points of contact as near as this are one
+constexpr double kTouch = 1e-9;  // of a size: nearer points have no direction between them
+constexpr double kNone = -1e300;
+
+// What a body may meet others with, about an origin that both bodies share. Bodies are as thick as `girth` around their points and lines.
+struct Solid {
+  const Shape* shape;
+  Vector3 centre;
+  Matrix3 rotation;
+  double girth = 0;                    // around points: of spheres and capsules
+  double wall = 0;                     // around lines: of capsules and of the axis of a cylinder
+  std::vector<Vector3> points, faces;  // faces: their normals
+  std::vector<Line> lines;
+  std::vector<Circle> circles;
+
+  Vector3 axis() const { return rotation.col(2); }
+  void Load(const Shape& of, const Vector3& at, const Matrix3& turned);
+  Vector3 Farthest(const Vector3& direction) const;
+  double Extent(const Vector3& direction) const { return direction.dot(Farthest(direction)); }
+};
+
+void Solid::Load(const Shape& of, const Vector3& at, const Matrix3& turned) {
+  shape = &of;
+  centre = at;
+  rotation = turned;
+  girth = wall = 0;
+  points.clear(), faces.clear(), lines.clear(), circles.clear();
+  const Vector3 half = of.half_length() * axis();
+  switch (of.kind()) {
+    case ShapeKind::kSphere:
+      girth = of.girth();
+      points.push_back(at);
+      return;
+    case ShapeKind::kCapsule:
+      girth = wall = of.girth();
+      points = {at - half, at + half};
+      lines.push_back({at - half, 2 * half});
+      return;
+    case ShapeKind::kCylinder:
+      wall = of.girth();
+      faces = {-axis(), axis()};
+      lines.push_back({at - half, 2 * half});
+      circles = {{at - half, axis(), of.girth()}, {at + half, axis(), of.girth()}};
+      return;
+    default:
+      for (const Vector3& v : of.polytope().vertices) points.push_back(at + turned * v);
+      for (const Vector3& n : of.polytope().face_normals) faces.push_back(turned * n);
+      for (const auto& [from, to] : of.polytope().edges) lines.push_back({points[from], points[to] - points[from]});
+  }
+}
+
+Vector3 Solid::Farthest(const Vector3& direction) const {
+  if (shape->kind() == ShapeKind::kCylinder)
+    return FarthestOnCircle(circles[axis().dot(direction) > 0], direction, rotation.col(0));
+  size_t best = 0;
+  double height = -1e300;
+  for (size_t i = 0; i < points.size(); ++i)
+    if (const double h = direction.dot(points[i]); h > height) height = h, best = i;
+  return points[best] + girth * direction;
+}
+
+// The direction that separates best, and where the bodies are nearest along it.
+struct Nearest {
+  Vector3 normal = Vector3::UnitZ(), on_a = Vector3::Zero(), on_b = Vector3::Zero();
+  double gap = kNone;
+};
+
+class Search {
+ public:
+  Search(const Solid& a, const Solid& b) : a_(a), b_(b), size_(std::min(a.shape->size(), b.shape->size())) {}
+
+  // Beyond `reach` [m] it stops at the first direction that says so.
+  Nearest Find(double reach) {
+    for (const Vector3& n : a_.faces) TryFace(n, true);
+    for (const Vector3& n : b_.faces) TryFace(-n, false);
+    if (best_.gap > reach) return best_;
+    for (const Line& p : a_.lines) {
+      for (const Line& q : b_.lines) TryCurves(NearestOfLines(p, q), false, a_.wall, b_.wall);
+      for (const Circle& q : b_.circles) TryCurves(NearestOfCircleAndLine(q, p), true, a_.wall, 0);
+    }
+    for (const Circle& p : a_.circles) {
+      for (const Line& q : b_.lines) TryCurves(NearestOfCircleAndLine(p, q), false, 0, b_.wall);
+      for (const Circle& q : b_.circles) TryCurves(NearestOfCircles(p, q), false, 0, 0);
+    }
+    for (const Vector3& p : a_.points) {
+      for (const Vector3& q : b_.points) TryPoints(p, q, a_.girth, b_.girth);
+      TryPoint(p, a_.girth, b_, 1);
+    }
+    for (const Vector3& q : b_.points) TryPoint(q, b_.girth, a_, -1);
+    if (best_.gap <= kNone) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
+    return best_;
+  }
+
+ private:
+  bool Better(double gap) const { return gap > best_.gap + kTie * size_; }
+
+  // A face of one meets what of the other is nearest along its normal.
+  void TryFace(const Vector3& n, bool of_a) {
+    const Vector3 on_a = a_.Farthest(n), on_b = b_.Farthest(-n);
+    const double gap = n.dot(on_b - on_a);
+    if (!Better(gap)) return;
+    best_ = of_a ? Nearest{n, on_b - gap * n, on_b, gap} : Nearest{n, on_a, on_a + gap * n, gap};
+  }
+
+  // Points on the surfaces that are farthest along n, as those of two bodies are where they are nearest.
+  void TryPlace(const Vector3& n, const Vector3& on_a, const Vector3& on_b) {
+    const double gap = -b_.Extent(-n) - a_.Extent(n);
+    if (Better(gap) && std::abs(n.dot(on_b - on_a) - gap) <= kTie * size_) best_ = {n, on_a, on_b, gap};
+  }
+
+  // The curves lie as deep below the surfaces as these radii.
+  void TryCurves(const CurvePlaces& places, bool swapped, double radius_a, double radius_b) {
+    for (int k = 0; k < places.count; ++k) {
+      const CurvePlace& place = places.place[k];
+      const Vector3 cross = place.tangent_p.cross(place.tangent_q);
+      if (cross.norm() < kTouch) continue;
+      const Vector3 &p = swapped ? place.on_q : place.on_p, &q = swapped ? place.on_p : place.on_q;
+      for (const double sign : {1.0, -1.0}) {
+        const Vector3 n = sign * cross.normalized();
+        TryPlace(n, p + radius_a * n, q - radius_b * n);
+      }
+    }
+  }
+
+  void TryPoints(const Vector3& p, const Vector3& q, double radius_a, double radius_b) {
+    const double apart = (q - p).norm();
+    if (apart <= kTouch * size_) return;
+    const Vector3 n = (q - p) / apart;
+    TryPlace(n, p + radius_a * n, q - radius_b * n);
+  }
+
+  // A point of one against the curves of the other; sign: 1 if it is a's.
+  void TryPoint(const Vector3& point, double radius, const Solid& other, double sign) {
+    const auto attempt = [&](const Vector3& on_other, double other_radius) {
+      if (sign > 0) return TryPoints(point, on_other, radius, other_radius);
+      TryPoints(on_other, point, other_radius, radius);
+    };
+    for (const Line& line : other.lines) {
+      const double along = (point - line.from).dot(line.way) / line.way.squaredNorm();
+      if (along > 0 && along < 1) attempt(line.from + along * line.way, other.wall);
+    }
+    for (const Circle& circle : other.circles)
+      attempt(FarthestOnCircle(circle, point - circle.centre, other.rotation.col(0)), 0);
+  }
+
+  const Solid &a_, &b_;
+  double size_;
+  Nearest best_;
+};
+
+// What of a body lies flat along the normal: nothing, the two ends of a long side, or the corners of a face.
+struct Figure {
+  std::vector<Vector3> corners;  // on the surface
+  double radius = 0;             // of a round face, about its middle; 0: its corners are all there is
+  double girth = 0;              // of a long side, about its core
+  double ball = 0;               // around its ends
+  std::array<Vector3, 2> core, ends;
+  Vector3 middle, normal;  // of a face
+
+  bool IsFace() const { return corners.size() > 2; }
+  bool IsSide() const { return corners.size() == 2; }
+};
+
+void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
+  figure->corners.clear();
+  figure->radius = figure->girth = figure->ball = 0;
+  const Shape& shape = *solid.shape;
+  if (shape.kind() == ShapeKind::kSphere) return;
+  if (shape.HasAxis()) {
+    const double along = solid.axis().dot(n);
+    if (shape.kind() == ShapeKind::kCylinder && std::abs(along) > kFlat) {
+      const Circle& end = solid.circles[along > 0];
+      for (int k = 0; k < kRimPoints; ++k) {
+        const double angle = 2 * std::numbers::pi * k / kRimPoints;
+        figure->corners.push_back(end.centre + end.radius * (std::cos(angle) * solid.rotation.col(0) +
+                                                             std::sin(angle) * solid.rotation.col(1)));
+      }
+      figure->radius = end.radius;
+      figure->middle = end.centre;
+      figure->normal = along > 0 ? solid.axis() : Vector3(-solid.axis());
+    } else if (std::abs(along) < kLevel) {
+      figure->girth = shape.girth();
+      figure->core = {solid.lines[0].from, solid.lines[0].from + solid.lines[0].way};
+      const bool capsule = shape.kind() == ShapeKind::kCapsule;
+      const Vector3 across = capsule ? n : Vector3((n - along * solid.axis()).normalized());
+      for (const Vector3& end : figure->core) figure->corners.push_back(end + figure->girth * across);
+      figure->ball = capsule ? figure->girth : 0;
+      figure->ends = capsule ? figure->core : std::array{figure->corners[0], figure->corners[1]};
+    }
+    return;
+  }
+  const Polytope& polytope = shape.polytope();
+  size_t top = 0;
+  for (size_t f = 1; f < solid.faces.size(); ++f)
+    if (solid.faces[f].dot(n) > solid.faces[top].dot(n)) top = f;
+  if (solid.faces[top].dot(n) > kFlat) {
+    for (const int v : polytope.faces[top]) figure->corners.push_back(solid.points[v]);
+    figure->middle = figure->corners[0];
+    figure->normal = solid.faces[top];
+    return;
+  }
+  const Line* side = nullptr;  // the highest edge that is level
+  double height = -1e300;
+  for (const Line& edge : solid.lines) {
+    if (std::abs(n.dot(edge.way)) > kLevel * edge.way.norm()) continue;
+    const double h = n.dot(edge.from + 0.5 * edge.way);
+    if (h > height) height = h, side = &edge;
+  }
+  if (!side) return;
+  figure->core = figure->ends = {side->from, side->from + side->way};
+  figure->corners.assign(figure->core.begin(), figure->core.end());
+}
+
+class Manifold {
+ public:
+  Manifold(const Solid& a, const Solid& b, const Nearest& nearest, double reach, std::vector<Contact>* contacts)
+      : a_(a),
+        b_(b),
+        nearest_(nearest),
+        reach_(reach),
+        size_(std::min(a.shape->size(), b.shape->size())),
+        contacts_(contacts),
+        first_(contacts->size()),
+        frame_(ContactFrame(nearest.normal)) {}
+
+  void Append() {
+    static thread_local Figure of_a, of_b;
+    const Vector3& n = nearest_.normal;
+    FindFigure(a_, n, &of_a);
+    FindFigure(b_, -n, &of_b);
+    if (of_a.IsSide() && of_b.IsSide()) {
+      AlongSides(of_a, of_b, 1);
+      AlongSides(of_b, of_a, -1);
+    } else if (!of_a.corners.empty() && !of_b.corners.empty()) {
+      Overlay(of_a, of_b);
+    }
+    // The nearest points lead, unless one of those found is as near.
+    for (size_t c = first_; c < contacts_->size(); ++c)
+      if ((*contacts_)[c].gap <= nearest_.gap + kTie * size_) return;
+    Add(0, nearest_.on_a, nearest_.on_b, n, nearest_.gap);
+  }
+
+ private:
+  void Add(std::uint32_t feature, const Vector3& on_a, const Vector3& on_b, const Vector3& n, double gap) {
+    if (gap > reach_) return;
+    const Vector3 point = 0.5 * (on_a + on_b);
+    for (size_t c = first_; c < contacts_->size(); ++c)
+      if (((*contacts_)[c].point_W - point).norm() <= kSame * size_) return;
+    Contact contact;
+    contact.point_W = point;
+    contact.normal_W = n;
+    contact.gap = gap;
+    contact.feature = feature;
+    contacts_->push_back(contact);
+  }
+
+  // The ends of one long side beside the other, if they lie along each other.
+  void AlongSides(const Figure& ends, const Figure& side, double sign) {
+    const Vector3 way = side.core[1] - side.core[0], own = ends.core[1] - ends.core[0];
+    if (own.cross(way).norm() > kLevel * own.norm() * way.norm()) return;
+    for (std::uint32_t k = 0; k < 2; ++k) {
+      const Vector3& end = ends.ends[k];
+      const double along = (end - side.core[0]).dot(way) / way.squaredNorm();
+      if (along < 0 || along > 1) continue;
+      const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
+      if (between.dot(nearest_.normal) <= kTouch * size_) continue;
+      const double apart = between.norm();
+      const Vector3 n = between / apart, own_surface = end + sign * ends.ball * n,
+                    surface = on_core - sign * side.girth * n;
+      Add(1 + (sign > 0 ? 0 : 2) + k, sign > 0 ? own_surface : surface, sign > 0 ? surface : own_surface, n,
+          apart - ends.ball - side.girth);
+    }
+  }
+
+  // Corners of what the two figures share, seen along the normal.
+  void Overlay(const Figure& of_a, const Figure& of_b) {
+    for (const bool mine : {true, false}) {
+      const Figure &figure = mine ? of_a : of_b, &other = mine ? of_b : of_a;
+      for (size_t k = 0; k < figure.corners.size(); ++k)
+        if (IsInside(figure.corners[k], other)) AddColumn(Name(mine ? 1 : 2, k, 0), figure.corners[k], of_a, of_b);
+    }
+    const size_t edges_a = NumEdges(of_a), edges_b = NumEdges(of_b);
+    for (size_t i = 0; i < edges_a; ++i)
+      for (size_t k = 0; k < edges_b; ++k) CrossEdges(Name(3, i, k), Edge(of_a, i), Edge(of_b, k), of_a, of_b);
+    if (of_b.radius > 0)
+      for (size_t i = 0; i < edges_a; ++i) CrossCircle(Name(4, i, 0), Edge(of_a, i), of_b, of_a, of_b);
+    if (of_a.radius > 0)
+      for (size_t k = 0; k < edges_b; ++k) CrossCircle(Name(5, 0, k), Edge(of_b, k), of_a, of_a, of_b);
+    if (of_a.radius > 0 && of_b.radius > 0) CrossCircles(of_a, of_b);
+  }
+
+  static std::uint32_t Name(std::uint32_t kind, size_t i, size_t k) {
+    return kind << 28 | (static_cast<std::uint32_t>(i) & 0x3fff) << 14 | (static_cast<std::uint32_t>(k) & 0x3fff);
+  }
+  // Round faces have no edges: their corners are points of the rim.
+  static size_t NumEdges(const Figure& f) { return f.radius > 0 ? 0 : f.IsSide() ? 1 : f.corners.size(); }
+  static Line Edge(const Figure& f, size_t k) {
+    return {f.corners[k], f.corners[(k + 1) % f.corners.size()] - f.corners[k]};
+  }
+  Eigen::Vector2d Flat(const Vector3& v) const { return {frame_.col(1).dot(v), frame_.col(2).dot(v)}; }
+  static double Cross(const Eigen::Vector2d& p, const Eigen::Vector2d& q) { return p.x() * q.y() - p.y() * q.x(); }
+
+  bool IsInside(const Vector3& point, const Figure& figure) const {
+    if (!figure.IsFace()) return false;
+    if (figure.radius > 0) return Flat(point - figure.middle).norm() <= figure.radius + kTie * size_;
+    // A face is seen from outside of its body: counter-clockwise along its own normal.
+    const double sense = figure.normal.dot(nearest_.normal) > 0 ? 1 : -1;
+    for (size_t k = 0; k < figure.corners.size(); ++k) {
+      const Line edge = Edge(figure, k);
+      const Eigen::Vector2d way = Flat(edge.way);
+      if (sense * Cross(way, Flat(point - edge.from)) < -kTie * size_ * way.norm()) return false;
+    }
+    return true;
+  }
+
+  void CrossEdges(std::uint32_t name, const Line& p, const Line& q, const Figure& of_a, const Figure& of_b) {
+    const Eigen::Vector2d u = Flat(p.way), v = Flat(q.way), d = Flat(q.from - p.from);
+    const double cross = Cross(u, v);
+    if (std::abs(cross) <= kTouch * u.norm() * v.norm()) return;
+    const double s = Cross(d, v) / cross, t = Cross(d, u) / cross;
+    if (s < 0 || s > 1 || t < 0 || t > 1) return;
+    AddColumn(name, p.from + s * p.way, of_a, of_b);
+  }
+
+  void CrossCircle(std::uint32_t name, const Line& edge, const Figure& round, const Figure& of_a, const Figure& of_b) {
+    const Eigen::Vector2d way = Flat(edge.way), from = Flat(edge.from - round.middle);
+    const double a = way.squaredNorm(), b = way.dot(from), c = from.squaredNorm() - round.radius * round.radius;
+    const double discriminant = b * b - a * c;
+    if (a <= 0 || discriminant <= 0) return;
+    for (const int which : {0, 1}) {
+      const double t = (-b + (which ? 1 : -1) * std::sqrt(discriminant)) / a;
+      if (t >= 0 && t <= 1)
+        AddColumn(name | static_cast<std::uint32_t>(which) << 27, edge.from + t * edge.way, of_a, of_b);
+    }
+  }
+
+  void CrossCircles(const Figure& of_a, const Figure& of_b) {
+    const Eigen::Vector2d between = Flat(of_b.middle - of_a.middle);
+    const double apart = between.norm();
+    if (apart <= kTouch * size_) return;
+    const double along = (apart * apart + of_a.radius * of_a.radius - of_b.radius * of_b.radius) / (2 * apart);
+    const double square = of_a.radius * of_a.radius - along * along;
+    if (square <= 0) return;
+    const Eigen::Vector2d way = between / apart, across(-way.y(), way.x());
+    for (const double sign : {1.0, -1.0}) {
+      const Eigen::Vector2d at = along * way + sign * std::sqrt(square) * across;
+      AddColumn(Name(6, sign > 0, 0), of_a.middle + at.x() * frame_.col(1) + at.y() * frame_.col(2), of_a, of_b);
+    }
+  }
+
+  // A contact where the line along the normal through a point meets both figures.
+  void AddColumn(std::uint32_t feature, const Vector3& point, const Figure& of_a, const Figure& of_b) {
+    const Vector3& n = nearest_.normal;
+    const auto surface = [&](const Figure& f) -> Vector3 {
+      if (f.IsFace()) return point + f.normal.dot(f.middle - point) / f.normal.dot(n) * n;
+      const Line side = Edge(f, 0);
+      const Eigen::Vector2d way = Flat(side.way);
+      return side.from + Flat(point - side.from).dot(way) / way.squaredNorm() * side.way;
+    };
+    const Vector3 on_a = surface(of_a), on_b = surface(of_b);
+    const double gap = n.dot(on_b - on_a);
+    // What lies deeper than the separation is beside what they share.
+    if (gap < nearest_.gap - kTie * size_) return;
+    Add(feature, on_a, on_b, n, gap);
+  }
+
+  const Solid &a_, &b_;
+  const Nearest& nearest_;
+  double reach_, size_;
+  std::vector<Contact>* contacts_;
+  size_t first_;
+  Matrix3 frame_;
+};
+
+}  // namespace
+
+void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, const Placement& pose, double reach,
+                           std::vector<Contact>* contacts) {
+  const Vector3 normal = half_space.rotation_WB.col(2), axis = pose.rotation_WB.col(2);
+  const double height = normal.dot(pose.position_W - half_space.position_W), along = axis.dot(normal);
+  const auto add = [&](std::uint32_t feature, const Vector3& from_centre) {
+    const double gap = height + normal.dot(from_centre);
+    if (gap > reach) return;
+    Contact contact;
+    contact.point_W = pose.position_W + from_centre - 0.5 * gap * normal;
+    contact.normal_W = normal;
+    contact.gap = gap;
+    contact.feature = feature;
+    contacts->push_back(contact);
+  };
+  const bool capsule = shape.kind() == ShapeKind::kCapsule;
+  if (!capsule && std::abs(along) > kFlat) {  // it may stand: all around the lower rim, and its lowest point
+    const Circle rim{(along > 0 ? -1 : 1) * shape.half_length() * axis, axis, shape.girth()};
+    for (std::uint32_t k = 0; k < kRimPoints; ++k) {
+      const double angle = 2 * std::numbers::pi * k / kRimPoints;
+      add(2 + k, rim.centre + rim.radius * (std::cos(angle) * pose.rotation_WB.col(0) +
+                                            std::sin(angle) * pose.rotation_WB.col(1)));
+    }
+    const Vector3 down = -normal + along * axis;
+    if (down.norm() > kTie) add(along > 0 ? 0 : 1, rim.centre + rim.radius * down.normalized());
+    return;
+  }
+  for (const std::uint32_t k : {0u, 1u}) {
+    const Vector3 end = (k == 0 ? -1 : 1) * shape.half_length() * axis;
+    add(k, end + shape.girth() * (capsule ? Vector3(-normal) : Vector3((-normal + along * axis).normalized())));
+  }
+}
+
+void CollideRound(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
+                  std::vector<Contact>* contacts) {
+  static thread_local Solid of_a, of_b;
+  of_a.Load(a, Vector3::Zero(), pose_a.rotation_WB);
+  of_b.Load(b, pose_b.position_W - pose_a.position_W, pose_b.rotation_WB);
+  const Nearest nearest = Search(of_a, of_b).Find(reach);
+  if (nearest.gap > reach) return;
+  const size_t first = contacts->size();
+  Manifold(of_a, of_b, nearest, reach, contacts).Append();
+  for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].point_W += pose_a.position_W;
+}
+
+}  // namespace islet

@@ -1,0 +1,185 @@
+// Capsules and cylinders in motion, in scenes whose answer is known; every step's ledger is looked at.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Awake;
+using testing::Floor;
+using testing::kGravity;
+using testing::StepTimes;
+using testing::Turn;
+
+constexpr double kRadius = 0.2;
+
+// On its side along y, its axis `height` above the origin.
+BodyDefinition Lying(const Shape& shape, double height, double incline = 0) {
+  return {.shape = shape,
+          .mass = 2,
+          .position_W = Turn(incline, Vector3::UnitY()) * Vector3(0, 0, height),
+          .rotation_WB = Turn(M_PI / 2, Vector3::UnitX()),
+          .friction = 0.8};
+}
+
+std::vector<Shape> Rollers() { return {Shape::Cylinder(kRadius, 0.3), Shape::Capsule(kRadius, 0.3)}; }
+
+TEST(Round, RollsOnAsFastAsItDid) {
+  for (const Shape& shape : Rollers()) {
+    for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+      for (const bool slab : {false, true}) {
+        World world(Awake());
+        if (slab) {
+          world.Add({.shape = Shape::Box({20, 2, 0.5}),
+                     .kind = BodyKind::kFixed,
+                     .position_W = {0, 0, -0.5},
+                     .friction = 0.8});
+        } else {
+          world.Add(Floor(0.8));
+        }
+        BodyDefinition roller = Lying(shape, kRadius);
+        roller.linear_velocity_W = {3, 0, 0};
+        roller.angular_velocity_W = {0, 3 / kRadius, 0};
+        world.Add(roller);
+        StepTimes(&world, static_cast<int>(2 / dt), dt);
+        EXPECT_NEAR(world.body(1).linear_velocity_W.x(), 3, 1e-8) << dt << slab;
+        EXPECT_NEAR(world.body(1).position_W.x(), 6, 1e-6) << dt << slab;
+        EXPECT_NEAR(world.body(1).position_W.z(), kRadius, 1e-6);
+      }
+    }
+  }
+}
+
+// a = g sin(angle) / (1 + I / (m r^2)).
+TEST(Round, RollsDownAnIncline) {
+  constexpr double kAngle = 0.3, kTime = 1;
+  for (const Shape& shape : Rollers()) {
+    for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+      World world(Awake());
+      world.Add(Floor(0.8, 0, kAngle));
+      world.Add(Lying(shape, kRadius, kAngle));
+      StepTimes(&world, static_cast<int>(std::round(kTime / dt)), dt);
+      const Body& b = world.body(1);
+      const double a = kGravity * std::sin(kAngle) / (1 + b.inertia_B(2, 2) / (b.mass * kRadius * kRadius));
+      EXPECT_NEAR(b.linear_velocity_W.norm(), a * kTime, 1e-6) << dt;
+    }
+  }
+}
+
+// It falls over where its centre is beyond its rim, whichever way it is turned about its axis.
+TEST(Round, StandsAsFarAsItsRimReaches) {
+  constexpr double kHalf = 0.4;
+  for (const double beyond : {-0.02, 0.02}) {
+    for (const double about : {0.0, 0.2, M_PI / 8, 1.0}) {
+      const double incline = std::atan(kRadius / kHalf + beyond);
+      World world(Awake());
+      world.Add(Floor(2, 0, incline));
+      world.Add({.shape = Shape::Cylinder(kRadius, kHalf),
+                 .mass = 1,
+                 .position_W = Turn(incline, Vector3::UnitY()) * Vector3(0, 0, kHalf),
+                 .rotation_WB = Turn(incline, Vector3::UnitY()) * Turn(about, Vector3::UnitZ()),
+                 .friction = 2});
+      StepTimes(&world, 90);
+      const double up =
+          (world.body(1).rotation_WB * Vector3::UnitZ()).dot(world.body(0).rotation_WB * Vector3::UnitZ());
+      if (beyond < 0) {
+        EXPECT_NEAR(up, 1, 1e-6) << about;
+        EXPECT_LT(world.body(1).linear_velocity_W.norm(), 1e-6) << about;
+      } else {
+        EXPECT_LT(up, 0.99) << about;
+      }
+    }
+  }
+}
+
+TEST(Round, StandsInAStackAndFreezes) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor());
+  for (int i = 0; i < 5; ++i)
+    world.Add({.shape = Shape::Cylinder(0.3 - 0.04 * i, 0.1),
+               .mass = 1,
+               .position_W = {0.01 * i, 0, 0.1 + 0.2 * i},
+               .friction = 0.5});
+  world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}), .mass = 1, .position_W = {0.02, 0, 1.1}, .friction = 0.5});
+  StepTimes(&world, 120);
+  for (int i = 1; i < 7; ++i) {
+    EXPECT_TRUE(world.body(i).frozen) << i;
+    EXPECT_LT((world.body(i).position_W.z() - (i < 6 ? 0.1 + 0.2 * (i - 1) : 1.1)), 1e-6) << i;
+  }
+}
+
+// One coin rolls around on its rim, one spins upright: neither ever gains energy.
+TEST(Round, CoinsNeverGainEnergy) {
+  for (const double dt : {1.0 / 60, 1.0 / 240}) {
+    World world(Awake());
+    world.Add(Floor(0.4, 0.2));
+    for (const double tilt : {0.3, 1.2}) {
+      world.Add({.shape = Shape::Cylinder(0.1, 0.005),
+                 .mass = 0.05,
+                 .position_W = {tilt, 0, 0.15},
+                 .rotation_WB = Turn(tilt, Vector3::UnitX()),
+                 .linear_velocity_W = {0, 0.5, 0},
+                 .angular_velocity_W = {0, 3, 20},
+                 .friction = 0.4,
+                 .restitution = 0.2});
+    }
+    double before = testing::Energy(world.bodies());
+    for (double t = 0; t < 6; t += dt) {
+      testing::Step(&world, dt);
+      const double after = testing::Energy(world.bodies());
+      EXPECT_LT(after, before + 1e-9);
+      before = after;
+    }
+  }
+}
+
+TEST(Round, HeapsComeToRest) {
+  for (const bool crowd : {false, true}) {
+    Settings settings;
+    settings.threads = 1;
+    World world(crowd ? testing::AsCrowd(settings) : settings);
+    world.Add(Floor(0.5));
+    testing::AddWalls(&world, 1.1, 1.6, 1);
+    for (int i = 0; i < 14; ++i) {
+      const Shape shape = i % 3 == 0   ? Shape::Capsule(0.08, 0.3)
+                          : i % 3 == 1 ? Shape::Cylinder(0.1, 0.2)
+                                       : Shape::Cylinder(0.25, 0.03);
+      world.Add({.shape = shape,
+                 .mass = 1,
+                 .position_W = {0.2 * (i % 2), 0.15 * (i % 3) - 0.1, 0.6 + 0.8 * i},
+                 .rotation_WB = Turn(0.7 * i, {1, 0.3 * i, 0.2}),
+                 .friction = 0.5,
+                 .restitution = 0.1});
+    }
+    int failed = 0;
+    for (int frame = 0; frame < 400; ++frame) failed += world.Step(1.0 / 60).Failed();
+    EXPECT_EQ(failed, 0) << crowd;
+    double fastest = 0;
+    for (const Body& b : world.bodies()) fastest = std::max(fastest, b.linear_velocity_W.norm());
+    EXPECT_LT(fastest, 1e-3) << crowd;
+    for (int i = 5; i < 19; ++i) EXPECT_GT(world.body(i).position_W.z(), 0.02);
+  }
+}
+
+TEST(Round, ElasticCapsulesKeepTheirEnergy) {
+  Settings settings = Awake();
+  World world(settings);
+  world.Add(Floor(0, 1));
+  BodyDefinition capsule = Lying(Shape::Capsule(0.1, 0.3), 1);
+  capsule.restitution = 1, capsule.friction = 0;
+  capsule.rotation_WB = Turn(0.4, {1, 2, 0});
+  capsule.angular_velocity_W = {1, 2, 3};
+  world.Add(capsule);
+  const double before = testing::Energy(world.bodies());
+  StepTimes(&world, 600);
+  EXPECT_NEAR(testing::Energy(world.bodies()), before, 1e-6 * before);
+}
+
+}  // namespace
+}  // namespace islet
