@@ -41,6 +41,8 @@ struct Body {
 
   double friction = 0.5;     // mu >= 0
   double restitution = 0.2;  // epsilon in [0, 1]
+  // [m/s] of its surface along itself, beside its velocity: a conveyor's belt. A motor drives it: friction on it may do work.
+  Vector3 surface_velocity_B = Vector3::Zero();
 
   // A body that contact impulses can move in the collision and static-contact problems of this moment.
   bool Moves() const { return kind == BodyKind::kDynamic && !frozen && !removed; }

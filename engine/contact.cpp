@@ -27,11 +27,11 @@ Matrix3 ContactFrame(const Vector3& normal_W) {
 }
 
 Vector3 RelativeVelocity(const Contact& contact, const Body& a, const Body& b) {
-  return b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W);
+  return b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W) + SurfaceSlip(contact);
 }
 
 double NormalVelocity(const Contact& contact, const Body& a, const Body& b) {
-  return contact.normal_W.dot(RelativeVelocity(contact, a, b));
+  return contact.normal_W.dot(b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W));
 }
 
 }  // namespace islet

@@ -22,8 +22,10 @@ struct Contact {
   // False: still open by `gap`, and known only so that two supported bodies do not close it within the step. Such a contact
   // never bounces; the static problem lets its bodies approach at gap / dt.
   bool touches = true;
-  double friction = 0;        // mu of the pair
-  double restitution = 0;     // epsilon of the pair
+  double friction = 0;     // mu of the pair
+  double restitution = 0;  // epsilon of the pair
+  // [m/s] W, what the surface of b has beyond its body's velocity, less that of a: of conveyors. Its part along the normal counts for nothing.
+  Vector3 surface_W = Vector3::Zero();
   std::uint32_t feature = 0;  // which features of the two shapes meet; the same point keeps its number
 };
 
@@ -66,7 +68,17 @@ double MixRestitution(double restitution_a, double restitution_b);  // max(e_a, 
 // Columns (n, t1, t2), right-handed, W. t1 and t2 depend on the normal alone, so two runs choose the same ones.
 Matrix3 ContactFrame(const Vector3& normal_W);
 
-// [m/s] of b relative to a at the contact point, W.
+// [m/s] W, what friction sees beside the bodies' velocities: surface_W across the normal.
+inline Vector3 SurfaceSlip(const Contact& contact) {
+  return contact.surface_W - contact.normal_W.dot(contact.surface_W) * contact.normal_W;
+}
+// [m/s] W, that of two bodies (Body::surface_velocity_B) where they meet.
+inline Vector3 MixSurfaces(const Body& a, const Body& b) {
+  if (a.surface_velocity_B.isZero(0) && b.surface_velocity_B.isZero(0)) return Vector3::Zero();
+  return b.rotation_WB * b.surface_velocity_B - a.rotation_WB * a.surface_velocity_B;
+}
+
+// [m/s] of b relative to a at the contact point, W, with their surfaces.
 Vector3 RelativeVelocity(const Contact& contact, const Body& a, const Body& b);
 
 // [m/s] normal part of RelativeVelocity; < 0 while the bodies approach.                                  [SM04 Eq. 10]

@@ -65,6 +65,19 @@ double KineticEnergy(const Body& body, const Vector3& angular_momentum_W) {
   return 0.5 * (body.mass * body.linear_velocity_W.squaredNorm() + body.angular_velocity_W.dot(angular_momentum_W));
 }
 
+// [J] of what drives the surfaces that an impulse acts on: each works where friction drags it back.
+double WorkOfBelts(const LedgerStep& step, const LedgerImpulse& j) {
+  double work = 0;
+  for (const auto& [number, sign] : {std::pair{j.contact.body_a, 1.0}, std::pair{j.contact.body_b, -1.0}}) {
+    const Body& body = step.before[number];
+    if (body.surface_velocity_B.isZero(0)) continue;
+    const Quaternion turned = Exp((j.time + 0.5 * j.duration) * body.angular_velocity_W) * body.rotation_WB;
+    const Vector3 belt = turned * body.surface_velocity_B;
+    work += sign * (j.impulse_W.dot(belt) - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W.dot(belt));
+  }
+  return work;
+}
+
 double SignOn(const LedgerImpulse& impulse, int body) { return impulse.contact.body_b == body ? 1 : -1; }
 
 int RootOf(std::vector<int>* parent, int i) {
@@ -246,6 +259,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     pushed += j.impulse_W.norm();
     turned += kicks.back().moment.norm();
     account->allowed += 0.5 * j.impulse_W.norm() * step.accuracy;
+    account->gain -=
+        WorkOfBelts(step, j) / (IsOurs(step.before[j.contact.body_a]) && IsOurs(step.before[j.contact.body_b]) ? 2 : 1);
     for (const int wall : {j.contact.body_a, j.contact.body_b}) {
       const Body& w = step.before[wall];
       if (w.kind != BodyKind::kKinematic) continue;

@@ -111,6 +111,8 @@ class World {
   void SetMass(int body, double mass, const Matrix3& inertia_B);
   // Friction in [0, 1e6], restitution in [0, 1]. Wakes the body.
   void SetMaterial(int body, double friction, double restitution);
+  // [m/s] of its surface along itself, as of a conveyor's belt; of bodies of any kind. Wakes all bodies.
+  void SetSurfaceVelocity(int body, const Vector3& velocity_B);
   // Who touches whom. Both wake all bodies.
   void SetLayers(int body, std::uint32_t layers, std::uint32_t collides_with);
   void SetCollision(int body, int other, bool collide);  // of these two alone; until one of them is removed

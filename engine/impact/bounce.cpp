@@ -46,7 +46,8 @@ void BounceBody::ApplyImpulse(const Vector3& impulse_W, const Vector3& point_W) 
 
 Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame,
                       BounceLaw law) {
-  const Vector3 u = frame.transpose() * (b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W));
+  const Vector3 u =
+      frame.transpose() * (b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W) + SurfaceSlip(contact));
   if (u[0] >= 0) return Vector3::Zero();
   const Matrix3 response = ContactResponse(a, b, contact, frame);
   if (law == BounceLaw::kExact) return ExactImpulse(response, u, contact.friction, ReboundSpeed(contact, -u[0]));

@@ -139,6 +139,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     };
     add(a, -1, &term.body_a, &term.jacobian_a);
     add(b, 1, &term.body_b, &term.jacobian_b);
+    term.drift += frame.transpose() * SurfaceSlip(contact);
     term.friction = contact.friction;
     term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact), least_rebound_);
     tied_problem_.contacts.push_back(term);

@@ -484,15 +484,16 @@ double Crowd::EnergyOf(size_t i, bool at_end) const {
 
 // [m/s] mean velocity of a held contact.
 Vector3 Crowd::SlipOf(size_t c) const {
-  return MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]);
+  return MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]) +
+         SurfaceSlip(held_[c]);
 }
 
 // [J] of what a contact carried.
 double Crowd::WorkOf(size_t c) const { return impulse_W_[c].dot(SlipOf(c)); }
 
-// [J] that moving walls do by an impulse on body_b, halfway or at the end.
+// [J] that moving walls and belts do by an impulse on body_b, halfway or at the end.
 double Crowd::WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const {
-  double work = 0;
+  double work = -impulse_W.dot(SurfaceSlip(c));
   for (const auto& [i, sign] : {std::pair{c.body_a, 1.0}, std::pair{c.body_b, -1.0}}) {
     const Body& wall = bodies_[i];
     if (wall.kind != BodyKind::kKinematic) continue;
@@ -693,6 +694,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     c.body_b = b;
     c.friction = pair.friction;
     c.restitution = pair.restitution;
+    c.surface_W = pair.surface_W;
     const Vector3 half = 0.5 * c.gap * c.normal_W;
     Held held;
     held.in_a = Inside(a, at_a, c.point_W - half);

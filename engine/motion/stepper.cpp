@@ -30,6 +30,7 @@ constexpr double kTurn = 0.5;        // [rad] of a piece, where something is nea
 constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;      // of a size: how far what presses is looked for
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where a contact is looked for it is found again
+constexpr double kRollsOn = 0.5;     // of a radius: how far a point of a rim moves on as the same
 constexpr double kPolished = 1e-13;  // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;      // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
@@ -382,10 +383,11 @@ bool Stepper::Jams(double h) const {
     if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
     const int a = held_[c].body_a, b = held_[c].body_b;
     const Vector3& n = held_[c].normal_W;
-    Vector3 before = state_[b].VelocityAt(held_[c].point_W) - state_[a].VelocityAt(held_[c].point_W);
+    const Vector3 belt = SurfaceSlip(held_[c]);
+    Vector3 before = state_[b].VelocityAt(held_[c].point_W) - state_[a].VelocityAt(held_[c].point_W) + belt;
     const Vector3 shift = end_state_[b].pose.position_W - state_[b].pose.position_W;
     const Vector3 at_end = group_->bodies[b].Moves() ? Vector3(held_[c].point_W + shift) : held_[c].point_W;
-    Vector3 after = end_state_[b].VelocityAt(at_end) - end_state_[a].VelocityAt(at_end);
+    Vector3 after = end_state_[b].VelocityAt(at_end) - end_state_[a].VelocityAt(at_end) + belt;
     before -= n.dot(before) * n;
     after -= n.dot(after) * n;
     if (before.dot(after) < 0 && after.norm() > kJam * (1 + held_[c].friction) * g) return true;
@@ -770,6 +772,17 @@ bool Stepper::Strays() const {
   return false;
 }
 
+// [m] how far a contact found is from where this one of the pair went; less than 0: it is the same. The lowest point of a rim goes all
+// around it while a coin that is almost flat totters: it is the same only as far as it rolls on.
+double Stepper::Apart(int pair, const Contact& contact, const Contact& found, const Vector3& place) const {
+  const auto [a, b] = group_->pairs[pair];
+  const double apart = (found.point_W - place).norm();
+  const bool rims = group_->shapes[a]->HasAxis() || group_->shapes[b]->HasAxis();
+  const bool same = contact.feature == found.feature &&
+                    (!rims || apart < kRollsOn * std::min(group_->bodies[a].radius, group_->bodies[b].radius));
+  return same ? -1 : apart;
+}
+
 // Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
 void Stepper::FollowHeld() {
   follows_.assign(held_.size(), -1);
@@ -780,7 +793,7 @@ void Stepper::FollowHeld() {
         Carried(pair, held_[c].point_W, held_of_[c].at_start ? Moment::kStart : Moment::kMiddle, Moment::kEnd);
     for (size_t e = 0; e < end_.size(); ++e) {
       if (end_pair_[e] != pair) continue;
-      const double apart = end_[e].feature == held_[c].feature ? -1 : (end_[e].point_W - place).norm();
+      const double apart = Apart(pair, held_[c], end_[e], place);
       if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(e);
     }
   }
@@ -852,7 +865,7 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Vector3 place = Carried(pair, end_[at_end].point_W, Moment::kEnd, Moment::kStart);
   for (size_t c = 0; c < now_.size(); ++c) {
     if (now_pair_[c] != pair || !closed_[c]) continue;
-    const double apart = now_[c].feature == end_[at_end].feature ? -1 : (now_[c].point_W - place).norm();
+    const double apart = Apart(pair, end_[at_end], now_[c], place);
     if (apart < nearest) nearest = apart, found = &now_[c];
   }
   return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;
@@ -1119,6 +1132,7 @@ void Stepper::KeepAccounts(double h) {
       accounts_[mover].gain += (i == b ? 1 : -1) * work;
       accounts_[mover].allowed += 10 * kRounding * std::abs(work);
     }
+    accounts_[mover].gain += impulse.dot(SurfaceSlip(contact));  // what drives a belt works on what it carries
     edges_.emplace_back(a, b);
   };
   for (size_t c = 0; c < held_.size(); ++c) act(held_[c], acted_at_[c], impulse_W_[c], false);
@@ -1152,7 +1166,8 @@ void Stepper::FindWork() {
   work_of_.assign(group_->pairs.size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c)
     work_of_[held_of_[c].pair] +=
-        impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]));
+        impulse_W_[c].dot(MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]) +
+                          SurfaceSlip(held_[c]));
 }
 
 // Which pairs took more in the step, by friction and where they sank, than a piece of this length would give them for their overlap.

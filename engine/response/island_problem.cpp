@@ -56,6 +56,7 @@ qp::ContactTerm IslandGatherer::Term(std::span<const Body> bodies, const Contact
   if (term.body_b >= 0) term.jacobian_b = PointJacobian(b.position_W, contact, frame, 1);
   if (a.kind == BodyKind::kKinematic) term.drift -= frame.transpose() * a.VelocityAt(contact.point_W);
   if (b.kind == BodyKind::kKinematic) term.drift += frame.transpose() * b.VelocityAt(contact.point_W);
+  if (!contact.surface_W.isZero(0)) term.drift.tail<2>() += frame.rightCols<2>().transpose() * contact.surface_W;
   term.friction = contact.friction;
   return term;
 }

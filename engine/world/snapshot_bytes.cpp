@@ -117,6 +117,7 @@ void Visit(A& a, Contact& c) {
   a(c.body_a), a(c.body_b);
   Visit(a, c.point_W), Visit(a, c.normal_W);
   a(c.gap), a(c.touches), a(c.friction), a(c.restitution), a(c.feature);
+  Visit(a, c.surface_W);
 }
 template <typename A>
 void Visit(A& a, Body& b) {
@@ -126,6 +127,7 @@ void Visit(A& a, Body& b) {
   Visit(a, b.position_W), Visit(a, b.rotation_WB), Visit(a, b.linear_velocity_W), Visit(a, b.angular_velocity_W);
   Visit(a, b.force_W), Visit(a, b.torque_W);
   a(b.layers), a(b.collides_with), a(b.sensor), a(b.friction), a(b.restitution);
+  Visit(a, b.surface_velocity_B);
 }
 template <typename A>
 void Visit(A& a, MassProperties& mass) {

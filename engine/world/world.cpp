@@ -30,6 +30,7 @@ World::Impl::Impl(const Settings& s, parallel::WorkerPool* p)
       mix([this](Contact* c, const Body& a, const Body& b) {
         c->friction = MixFriction(a.friction, b.friction);
         c->restitution = MixRestitution(a.restitution, b.restitution);
+        c->surface_W = MixSurfaces(a, b);
         if (!material) return;
         const Material m = MaterialOf(*c, a, b);
         c->friction = m.friction;
@@ -229,6 +230,15 @@ void World::SetMaterial(int body, double friction, double restitution) {
   b.friction = friction;
   b.restitution = restitution;
   b.frozen = false;
+  impl_->Changed();
+}
+
+void World::SetSurfaceVelocity(int body, const Vector3& velocity_B) {
+  impl_->Idle("SetSurfaceVelocity");
+  Body& b = impl_->At(body);
+  RequireFinite(NameOf(body), "surface velocity", velocity_B);
+  b.surface_velocity_B = velocity_B;
+  impl_->WakeAll();
   impl_->Changed();
 }
 
