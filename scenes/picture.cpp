@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <set>
 
 #include "scenes/camera.h"
@@ -54,7 +55,41 @@ Colour Lit(const Colour& colour, const Vector3& normal, const Camera& camera, do
   return colour * light + 0.05 * std::max(0.0, normal.z());
 }
 
+// Of a capsule or cylinder: rings of points along its axis, and what lies between two of them.
+std::vector<Face> RoundFaces(const Shape& shape, const Body& body) {
+  constexpr int kSides = 24, kBands = 6;         // kBands: of the cap of a capsule
+  std::vector<std::pair<double, double>> rings;  // radius, height
+  const double r = shape.girth(), h = shape.half_length();
+  if (shape.kind() == ShapeKind::kCylinder) {
+    rings = {{0, -h}, {r, -h}, {r, h}, {0, h}};
+  } else {
+    for (int k = -kBands; k <= kBands; ++k) {
+      const double angle = 0.5 * std::numbers::pi * k / kBands;
+      if (k == 0) rings.emplace_back(r, -h);
+      rings.emplace_back(r * std::cos(angle), r * std::sin(angle) + (k < 0 ? -h : h));
+    }
+  }
+  const auto point = [&](const std::pair<double, double>& ring, int side) -> Vector3 {
+    const double angle = 2 * std::numbers::pi * side / kSides;
+    return body.position_W +
+           body.rotation_WB * Vector3(ring.first * std::cos(angle), ring.first * std::sin(angle), ring.second);
+  };
+  std::vector<Face> faces;
+  for (size_t k = 0; k + 1 < rings.size(); ++k) {
+    for (int side = 0; side < kSides; ++side) {
+      Face face{
+          {point(rings[k], side), point(rings[k], side + 1), point(rings[k + 1], side + 1), point(rings[k + 1], side)},
+          Vector3::Zero()};
+      const Polygon& p = face.corners_W;
+      face.normal_W = (p[2] - p[0]).cross(p[3] - p[1]).normalized();
+      faces.push_back(std::move(face));
+    }
+  }
+  return faces;
+}
+
 std::vector<Face> Faces(const Shape& shape, const Body& body) {
+  if (shape.HasAxis()) return RoundFaces(shape, body);
   std::vector<Face> faces;
   const Matrix3 R = body.rotation_WB.toRotationMatrix();
   const Polytope& polytope = shape.polytope();

@@ -1,14 +1,14 @@
 #include "engine/geometry/curve_distance.h"
 
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 namespace islet {
 namespace {
 
-constexpr int kSamples = 32;  // of a circle: the distance from a line or circle has at most two minima on it
-constexpr int kRounds = 60;   // each takes at least an eighth of a halving off
-constexpr double kPi = 3.14159265358979323846;
+constexpr int kSamples = 32;        // of a circle: the distance from a line or circle has at most two minima on it
+constexpr int kRounds = 60;         // each takes at least an eighth of a halving off
 constexpr double kParallel = 1e-9;  // sine: directions closer than this have no common normal
 
 struct Point {
@@ -28,7 +28,7 @@ const std::array<Direction, kSamples + 1>& Samples() {
   static const auto samples = [] {
     std::array<Direction, kSamples + 1> directions;
     for (int k = 0; k <= kSamples; ++k) {
-      const double angle = 2 * kPi * (k % kSamples) / kSamples;
+      const double angle = 2 * std::numbers::pi * (k % kSamples) / kSamples;
       directions[k] = {std::cos(angle), std::sin(angle)};
     }
     return directions;
@@ -57,13 +57,13 @@ CurvePlaces Minima(const Circle& circle, const Nearest& nearest) {
     return (p.at - nearest(p.at).first).dot(p.tangent);
   };
   CurvePlaces places;
-  constexpr double kStep = 2 * kPi / kSamples;
+  const double step = 2 * std::numbers::pi / kSamples;
   const auto& samples = Samples();
   double before = slope(samples[0]);
   for (int k = 1; k <= kSamples && places.count < static_cast<int>(places.place.size()); ++k) {
     const double after = slope(samples[k]);
     if (before < 0 && after >= 0) {
-      double low = (k - 1) * kStep, high = k * kStep, at_low = before, at_high = after, angle = high;
+      double low = (k - 1) * step, high = k * step, at_low = before, at_high = after, angle = high;
       // Secants, of which the end that stays counts half [Illinois]; the middle where they take too little off.
       int stays = 0;
       for (int b = 0; b < kRounds && high - low > 4e-16 * high; ++b) {

@@ -11,13 +11,14 @@ namespace islet {
 namespace {
 
 constexpr double kTie =
-    1e-9;  // of a size: a direction is taken for one found later only if it separates by this much more
-constexpr double kFlat = 0.95;   // cosine: a face that looks along the normal so well may lie flat
-constexpr double kLevel = 0.3;   // sine: so may a long side that is across the normal
-constexpr int kRimPoints = 8;    // of an end that stands flat, beside its lowest point
-constexpr double kSame = 1e-6;   // of a size: points of contact as near as this are one
-constexpr double kTouch = 1e-9;  // of a size: nearer points have no direction between them
-constexpr double kNone = -1e300;
+    1e-9;  // of a size: what separates by no more than this separates as well; points as near have no direction
+1e-9;      // of a size: a direction is taken for one found later only if it separates by this much more
+constexpr double kLevel = 0.3;  // sine: a face that is as far off the plane of contact, or a long side, may lie flat
+constexpr int kRimPoints = 8;   // of an end that stands flat, beside its lowest point
+constexpr double kSame = 1e-6;  // of a size: points of contact as near as this are one
+
+// Whether a face whose normal has this cosine with the contact's lies flat, to kLevel.
+bool LiesFlat(double cosine) { return cosine * cosine > 1 - kLevel * kLevel; }
 
 // What a body may meet others with, about an origin that both bodies share. Bodies are as thick as `girth` around their points and lines.
 struct Solid {
@@ -79,7 +80,7 @@ Vector3 Solid::Farthest(const Vector3& direction) const {
 // The direction that separates best, and where the bodies are nearest along it.
 struct Nearest {
   Vector3 normal = Vector3::UnitZ(), on_a = Vector3::Zero(), on_b = Vector3::Zero();
-  double gap = kNone;
+  double gap = -INFINITY;
 };
 
 class Search {
@@ -104,7 +105,7 @@ class Search {
       TryPoint(p, a_.girth, b_, 1);
     }
     for (const Vector3& q : b_.points) TryPoint(q, b_.girth, a_, -1);
-    if (best_.gap <= kNone) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
+    if (best_.gap == -INFINITY) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
     return best_;
   }
 
@@ -130,7 +131,7 @@ class Search {
     for (int k = 0; k < places.count; ++k) {
       const CurvePlace& place = places.place[k];
       const Vector3 cross = place.tangent_p.cross(place.tangent_q);
-      if (cross.norm() < kTouch) continue;
+      if (cross.norm() < kTie) continue;
       const Vector3 &p = swapped ? place.on_q : place.on_p, &q = swapped ? place.on_p : place.on_q;
       for (const double sign : {1.0, -1.0}) {
         const Vector3 n = sign * cross.normalized();
@@ -141,7 +142,7 @@ class Search {
 
   void TryPoints(const Vector3& p, const Vector3& q, double radius_a, double radius_b) {
     const double apart = (q - p).norm();
-    if (apart <= kTouch * size_) return;
+    if (apart <= kTie * size_) return;
     const Vector3 n = (q - p) / apart;
     TryPlace(n, p + radius_a * n, q - radius_b * n);
   }
@@ -185,7 +186,7 @@ void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
   if (shape.kind() == ShapeKind::kSphere) return;
   if (shape.HasAxis()) {
     const double along = solid.axis().dot(n);
-    if (shape.kind() == ShapeKind::kCylinder && std::abs(along) > kFlat) {
+    if (shape.kind() == ShapeKind::kCylinder && LiesFlat(along)) {
       const Circle& end = solid.circles[along > 0];
       for (int k = 0; k < kRimPoints; ++k) {
         const double angle = 2 * std::numbers::pi * k / kRimPoints;
@@ -210,7 +211,7 @@ void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
   size_t top = 0;
   for (size_t f = 1; f < solid.faces.size(); ++f)
     if (solid.faces[f].dot(n) > solid.faces[top].dot(n)) top = f;
-  if (solid.faces[top].dot(n) > kFlat) {
+  if (LiesFlat(solid.faces[top].dot(n))) {
     for (const int v : polytope.faces[top]) figure->corners.push_back(solid.points[v]);
     figure->middle = figure->corners[0];
     figure->normal = solid.faces[top];
@@ -280,7 +281,7 @@ class Manifold {
       const double along = (end - side.core[0]).dot(way) / way.squaredNorm();
       if (along < 0 || along > 1) continue;
       const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
-      if (between.dot(nearest_.normal) <= kTouch * size_) continue;
+      if (between.dot(nearest_.normal) <= kTie * size_) continue;
       const double apart = between.norm();
       const Vector3 n = between / apart, own_surface = end + sign * ends.ball * n,
                     surface = on_core - sign * side.girth * n;
@@ -333,7 +334,7 @@ class Manifold {
   void CrossEdges(std::uint32_t name, const Line& p, const Line& q, const Figure& of_a, const Figure& of_b) {
     const Eigen::Vector2d u = Flat(p.way), v = Flat(q.way), d = Flat(q.from - p.from);
     const double cross = Cross(u, v);
-    if (std::abs(cross) <= kTouch * u.norm() * v.norm()) return;
+    if (std::abs(cross) <= kTie * u.norm() * v.norm()) return;
     const double s = Cross(d, v) / cross, t = Cross(d, u) / cross;
     if (s < 0 || s > 1 || t < 0 || t > 1) return;
     AddColumn(name, p.from + s * p.way, of_a, of_b);
@@ -354,7 +355,7 @@ class Manifold {
   void CrossCircles(const Figure& of_a, const Figure& of_b) {
     const Eigen::Vector2d between = Flat(of_b.middle - of_a.middle);
     const double apart = between.norm();
-    if (apart <= kTouch * size_) return;
+    if (apart <= kTie * size_) return;
     const double along = (apart * apart + of_a.radius * of_a.radius - of_b.radius * of_b.radius) / (2 * apart);
     const double square = of_a.radius * of_a.radius - along * along;
     if (square <= 0) return;
@@ -406,7 +407,7 @@ void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, cons
     contacts->push_back(contact);
   };
   const bool capsule = shape.kind() == ShapeKind::kCapsule;
-  if (!capsule && std::abs(along) > kFlat) {  // it may stand: all around the lower rim, and its lowest point
+  if (!capsule && LiesFlat(along)) {  // it may stand: all around the lower rim, and its lowest point
     const Circle rim{(along > 0 ? -1 : 1) * shape.half_length() * axis, axis, shape.girth()};
     for (std::uint32_t k = 0; k < kRimPoints; ++k) {
       const double angle = 2 * std::numbers::pi * k / kRimPoints;

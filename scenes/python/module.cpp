@@ -260,6 +260,8 @@ void BindWorld(py::module_& m) {
       .def_static(
           "box", [](const Row3& half) { return Shape::Box(ToVector(half)); }, py::arg("half_extents"))
       .def_static("half_space", &Shape::HalfSpace)
+      .def_static("capsule", &Shape::Capsule, py::arg("radius"), py::arg("half_length"))
+      .def_static("cylinder", &Shape::Cylinder, py::arg("radius"), py::arg("half_length"))
       .def_static("convex_hull", &HullOf, py::arg("points"))
       .def_property_readonly("hull_offset", [](const Shape& shape) { return shape.hull_offset(); })
       .def_property_readonly("vertices",
@@ -359,6 +361,12 @@ void BindWorld(py::module_& m) {
             self.world().SetMaterial(body, friction, restitution);
           },
           py::arg("body"), py::arg("friction"), py::arg("restitution"))
+      .def(
+          "set_surface_velocity",
+          [](PyWorld& self, int body, const Row3& velocity) {
+            self.world().SetSurfaceVelocity(body, ToVector(velocity));
+          },
+          py::arg("body"), py::arg("velocity"))
       .def(
           "set_layers",
           [](PyWorld& self, int body, std::uint32_t layers, std::uint32_t with) {
