@@ -109,6 +109,7 @@ bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
     return (a + u * way).norm() < kDeepSphere * shape.radius();
   }
   double enter = 0, leave = 1;  // of the way
+  if (shape.kind() == ShapeKind::kCustom) return false;  // only its owner knows
   if (shape.HasAxis()) return CrossesRoundCore(shape, a, way);
   const Polytope& polytope = shape.polytope();
   for (size_t f = 0; f < polytope.faces.size(); ++f) {

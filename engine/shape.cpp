@@ -186,6 +186,26 @@ Shape Shape::ConvexHull(std::span<const Vector3> points) {
   return Shape(std::move(data));
 }
 
+Shape Shape::Custom(CustomShape custom) {
+  RequirePositive("Custom half_extents.x", custom.half_extents.x());
+  RequirePositive("Custom half_extents.y", custom.half_extents.y());
+  RequirePositive("Custom half_extents.z", custom.half_extents.z());
+  RequirePositive("Custom size", custom.size);
+  RequirePositive("Custom volume", custom.volume);
+  for (int k = 0; k < 3; ++k)
+    RequirePositive("Custom inertia_per_mass, on its diagonal,", custom.inertia_per_mass(k, k));
+  if (!custom.collide) throw std::invalid_argument("Custom collide must be a function");
+  auto data = std::make_shared<Data>();
+  data->kind = ShapeKind::kCustom;
+  data->radius = custom.half_extents.norm();
+  data->half_extents = custom.half_extents;
+  data->size = custom.size;
+  data->volume = custom.volume;
+  data->inertia_per_mass = custom.inertia_per_mass;
+  data->collide = std::move(custom.collide);
+  return Shape(std::move(data));
+}
+
 Shape::Shape(std::shared_ptr<const Data> data) : data_(std::move(data)), kind_(data_->kind), size_(data_->size) {}
 
 double Shape::radius() const { return data_->radius; }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -23,7 +24,8 @@ enum class ShapeKind {
   kHalfSpace,   // Shape::HalfSpace()
   kConvexHull,  // Shape::ConvexHull()
   kCapsule,     // Shape::Capsule()
-  kCylinder     // Shape::Cylinder()
+  kCylinder,    // Shape::Cylinder()
+  kCustom       // Shape::Custom()
 };
 
 // How a body resists forces.
@@ -41,6 +43,33 @@ struct Polytope {
   std::vector<std::array<int, 2>> edge_faces;  // the two faces that meet at each edge, smaller first
 };
 
+struct Contact;  // contact.h
+class Shape;
+
+// Where two shapes are when one of them, a custom one, is asked for its contacts with the other.
+struct CustomQuery {
+  Vector3 position_W;         // [m] of the custom shape
+  Matrix3 rotation_WB;        // of the custom shape
+  const Shape* other;         // what it may meet
+  Vector3 other_position_W;   // [m] of the other shape
+  Matrix3 other_rotation_WB;  // of the other shape
+  double reach;               // [m] up to which points are wanted
+};
+
+// A convex body whose geometry the caller knows. It is detected, moved and certified as any other.
+struct CustomShape {
+  // [m] > 0, of a box about the centre of mass, along the axes of B, that holds it.
+  Vector3 half_extents = Vector3::Zero();
+  double size = 0;                             // [m] > 0, smallest extent: tolerances are shares of it
+  double volume = 0;                           // [m^3] > 0
+  Matrix3 inertia_per_mass = Matrix3::Zero();  // [m^2] about the centre of mass
+  // Appends the points of contact with the other shape, at most `reach` apart: point_W, normal_W, unit, out of the custom shape, gap, below
+  // zero where they overlap, and a number `feature` that the same point keeps; the rest is ignored. The least gap must be the distance of
+  // the two bodies, or what separates them along the normal. Called from many threads; must depend on the query alone. It may throw.
+  std::function<void(const CustomQuery& query, std::vector<Contact>* contacts)> collide;
+};
+
+// The shape of a body; see the head of this file.
 class Shape {
  public:
   static Shape Sphere(double radius);             // [m] > 0
@@ -49,6 +78,9 @@ class Shape {
   // All that is within `radius` of a segment of 2 half_length on the z axis of B.
   static Shape Capsule(double radius, double half_length);   // [m] each > 0
   static Shape Cylinder(double radius, double half_length);  // [m] each > 0; about the z axis of B, with flat ends
+  // What the caller knows: see CustomShape. Rays do not see it, bytes of a snapshot cannot hold it, and the ledger does not tell who went
+  // through it.
+  static Shape Custom(CustomShape custom);
   // Hull of at least four points that are not coplanar. The points may be given in any frame: the shape moves its
   // origin to the centre of mass and tells by how much, in hull_offset().
   static Shape ConvexHull(std::span<const Vector3> points);
@@ -63,7 +95,7 @@ class Shape {
   const Polytope& polytope() const;         // box and hull; empty for the others
   // Whether a turn about the z axis of B leaves it as it is: capsules and cylinders. (Any turn leaves a sphere.)
   bool HasAxis() const { return kind_ == ShapeKind::kCapsule || kind_ == ShapeKind::kCylinder; }
-  double Volume() const;  // [m^3], of a half-space infinity
+  double Volume() const;                                 // [m^3], of a half-space infinity
   MassProperties MassFromDensity(double density) const;  // [kg/m^3] > 0
   // Inertia of the shape filled evenly with this mass.
   MassProperties MassFromMass(double mass) const;  // [kg] > 0

@@ -16,6 +16,7 @@ struct Shape::Data {
   Polytope polytope;
   double volume = 0;
   Matrix3 inertia_per_mass = Matrix3::Zero();  // [m^2]
+  std::function<void(const CustomQuery&, std::vector<Contact>*)> collide;
 };
 
 }  // namespace islet

@@ -12,7 +12,7 @@ constexpr int kBodiesPerTask = 128;
 // [m] half extents in W of a shape's box about its centre of mass.
 Vector3 HalfExtentsW(const Shape& shape, const Matrix3& rotation) {
   if (shape.kind() == ShapeKind::kSphere) return shape.half_extents();
-  if (shape.kind() == ShapeKind::kBox || shape.HasAxis()) return rotation.cwiseAbs() * shape.half_extents();
+  if (shape.kind() != ShapeKind::kConvexHull) return rotation.cwiseAbs() * shape.half_extents();
   Vector3 half = Vector3::Zero();  // symmetric about the centre although a hull is not: a little wide, but simple
   for (const Vector3& vertex : shape.polytope().vertices) half = half.cwiseMax((rotation * vertex).cwiseAbs());
   return half;

@@ -1,12 +1,19 @@
 #include "engine/geometry/narrow_phase.h"
 
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
 #include "engine/geometry/box_box.h"
 #include "engine/geometry/polytope_contact.h"
 #include "engine/geometry/round_contact.h"
 #include "engine/geometry/sphere_contact.h"
+#include "engine/shape_data.h"
 
 namespace islet {
 namespace {
+
+constexpr double kUnit = 1e-6;  // what the length of a caller's normal may be off
 
 // The rank in which the two-shape functions take their arguments: half-space, polytope, sphere, capsule, cylinder.
 int Rank(ShapeKind kind) {
@@ -23,8 +30,29 @@ int Rank(ShapeKind kind) {
       return 4;
     case ShapeKind::kCylinder:
       return 5;
+    case ShapeKind::kCustom:
+      return 6;
   }
-  return 5;
+  return 6;
+}
+
+// What the caller's function says, which must be contacts.
+void CollideCustom(const Shape& custom, const Placement& pose, const Shape& other, const Placement& other_pose,
+                   double reach, std::vector<Contact>* contacts) {
+  const size_t first = contacts->size();
+  custom.data().collide(
+      {pose.position_W, pose.rotation_WB, &other, other_pose.position_W, other_pose.rotation_WB, reach}, contacts);
+  if (contacts->size() < first) throw std::invalid_argument("collide of a custom shape: it took contacts away");
+  for (size_t c = first; c < contacts->size(); ++c) {
+    const Contact& contact = (*contacts)[c];
+    const char* wrong = !std::isfinite(contact.gap)                        ? "gap is not finite"
+                        : !contact.point_W.allFinite()                     ? "point is not finite"
+                        : !(std::abs(contact.normal_W.norm() - 1) < kUnit) ? "normal is not of unit length"
+                                                                           : nullptr;
+    if (wrong)
+      throw std::invalid_argument("collide of a custom shape: contact " + std::to_string(c - first) + ": its " + wrong);
+  }
+  std::erase_if(*contacts, [&, k = size_t{0}](const Contact& c) mutable { return k++ >= first && c.gap > reach; });
 }
 
 // Requires Rank(a) <= Rank(b).
@@ -55,7 +83,8 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
       return CollideSphereSphere(a.radius(), pose_a.position_W, b.radius(), pose_b.position_W, reach, contacts);
     case ShapeKind::kCapsule:
     case ShapeKind::kCylinder:
-      return;  // what ranks as high has an axis, too
+    case ShapeKind::kCustom:
+      return;  // what ranks as high has an axis, too, or is custom
   }
 }
 
@@ -65,12 +94,17 @@ void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, cons
                    std::vector<Contact>* contacts, const Vector3& travel_ba_W, std::int8_t* separating) {
   std::int8_t none = -1;
   if (!separating) separating = &none;
-  if (Rank(a.kind()) <= Rank(b.kind())) {
+  if (a.kind() == ShapeKind::kCustom) return CollideCustom(a, pose_a, b, pose_b, reach, contacts);
+  if (Rank(a.kind()) <= Rank(b.kind()) && b.kind() != ShapeKind::kCustom) {
     CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
     return;
   }
   const size_t first = contacts->size();
-  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
+  if (b.kind() == ShapeKind::kCustom) {
+    CollideCustom(b, pose_b, a, pose_a, reach, contacts);
+  } else {
+    CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
+  }
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].normal_W = -(*contacts)[c].normal_W;
 }
 

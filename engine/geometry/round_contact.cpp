@@ -10,9 +10,8 @@
 namespace islet {
 namespace {
 
-constexpr double kTie =
-    1e-9;  // of a size: what separates by no more than this separates as well; points as near have no direction
-1e-9;      // of a size: a direction is taken for one found later only if it separates by this much more
+// Of a size: what separates by no more than this separates as well, and points as near have no direction between them.
+constexpr double kTie = 1e-9;
 constexpr double kLevel = 0.3;  // sine: a face that is as far off the plane of contact, or a long side, may lie flat
 constexpr int kRimPoints = 8;   // of an end that stands flat, beside its lowest point
 constexpr double kSame = 1e-6;  // of a size: points of contact as near as this are one

@@ -23,7 +23,7 @@ Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& r
     return {position_W - half, position_W + half};
   }
   const Matrix3 rotation = rotation_WB.toRotationMatrix();
-  if (shape.kind() == ShapeKind::kBox || shape.HasAxis()) {
+  if (shape.kind() != ShapeKind::kConvexHull) {
     const Vector3 half = rotation.cwiseAbs() * shape.half_extents();
     return {position_W - half, position_W + half};
   }

@@ -63,6 +63,7 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
   const Matrix3& rotation = pose.rotation_WB;
   const Vector3 origin = rotation.transpose() * (origin_W - pose.position_W), way = rotation.transpose() * way_W;
   const Vector3 against = way.isZero(0) ? Vector3::UnitZ() : Vector3(-way.normalized());
+  if (shape.kind() == ShapeKind::kCustom) return {};
   Interval inside;
   if (shape.kind() == ShapeKind::kSphere) {
     const double radius = shape.radius(), a = way.squaredNorm(), b = origin.dot(way);

@@ -157,7 +157,11 @@ void Visit(A& a, Shape::Data& shape) {
 }
 void Visit(Writer& a, std::vector<Shape>& shapes) {
   a.Size(shapes.size());
-  for (const Shape& shape : shapes) Visit(a, const_cast<Shape::Data&>(shape.data()));
+  for (const Shape& shape : shapes) {
+    if (shape.kind() == ShapeKind::kCustom)
+      throw std::invalid_argument("a custom shape is a function, which bytes cannot hold");
+    Visit(a, const_cast<Shape::Data&>(shape.data()));
+  }
 }
 void Visit(Reader& a, std::vector<Shape>& shapes) {
   const size_t size = a.Size(0);

@@ -310,7 +310,9 @@ StepReport World::Step(double dt) {
     w.RepeatEvents();
     return *w.rest;
   }
-  const bool may_throw = w.material || w.observer;
+  const bool custom =
+      std::any_of(w.shapes.begin(), w.shapes.end(), [](const Shape& s) { return s.kind() == ShapeKind::kCustom; });
+  const bool may_throw = w.material || w.observer || custom;
   if (may_throw) w.start = w;
   try {
     StepReport report = w.StepWhole(dt);
