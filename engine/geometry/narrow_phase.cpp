@@ -13,8 +13,6 @@
 namespace islet {
 namespace {
 
-constexpr double kUnit = 1e-6;  // what the length of a caller's normal may be off
-
 // The rank in which the two-shape functions take their arguments: half-space, polytope, sphere, capsule, cylinder.
 int Rank(ShapeKind kind) {
   switch (kind) {
@@ -47,7 +45,7 @@ void CollideCustom(const Shape& custom, const Placement& pose, const Shape& othe
     const Contact& contact = (*contacts)[c];
     const char* wrong = !std::isfinite(contact.gap)                        ? "gap is not finite"
                         : !contact.point_W.allFinite()                     ? "point is not finite"
-                        : !(std::abs(contact.normal_W.norm() - 1) < kUnit) ? "normal is not of unit length"
+                        : !(std::abs(contact.normal_W.norm() - 1) < kUnitError) ? "normal is not of unit length"
                                                                            : nullptr;
     if (wrong)
       throw std::invalid_argument("collide of a custom shape: contact " + std::to_string(c - first) + ": its " + wrong);

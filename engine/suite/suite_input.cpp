@@ -9,7 +9,6 @@
 namespace islet {
 namespace {
 
-constexpr double kUnit = 1e-6;       // what a length may be off 1
 constexpr double kSymmetric = 1e-9;  // of the largest entry
 
 [[noreturn]] void Reject(const char* what, size_t number, const char* field, const std::string& value,
@@ -38,7 +37,7 @@ void CheckSuiteBodies(std::span<const Body> bodies) {
     const Body& b = bodies[i];
     if (b.removed) continue;
     RequireFinite("body", i, "position", b.position_W);
-    Require(std::abs(b.rotation_WB.norm() - 1) < kUnit, "body", i, "length of rotation", b.rotation_WB.norm());
+    Require(std::abs(b.rotation_WB.norm() - 1) < kUnitError, "body", i, "length of rotation", b.rotation_WB.norm());
     RequireFinite("body", i, "linear velocity", b.linear_velocity_W);
     RequireFinite("body", i, "angular velocity", b.angular_velocity_W);
     if (b.kind == BodyKind::kFixed)
@@ -64,7 +63,7 @@ void CheckSuiteContacts(std::span<const Contact> contacts, size_t num_bodies) {
             contact.body_b);
     RequireFinite("contact", c, "point", contact.point_W);
     const double length = contact.normal_W.norm();
-    Require(std::abs(length - 1) < kUnit, "contact", c, "length of normal", length);
+    Require(std::abs(length - 1) < kUnitError, "contact", c, "length of normal", length);
     Require(std::isfinite(contact.gap), "contact", c, "gap", contact.gap);
     Require(contact.friction >= 0 && std::isfinite(contact.friction), "contact", c, "friction", contact.friction);
     RequireFinite("contact", c, "surface velocity", contact.surface_W);

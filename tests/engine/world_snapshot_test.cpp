@@ -183,8 +183,8 @@ TEST(WorldSnapshot, DamagedBytesAreRefused) {
   std::vector<std::byte> longer = bytes, other = bytes, alien = bytes;
   longer.push_back(std::byte{0});
   EXPECT_NE(RefusalOf(longer).find("header"), std::string::npos);
-  other[8] = std::byte{2};
-  EXPECT_NE(RefusalOf(other).find("version 2"), std::string::npos);
+  other[8] = std::byte{99};
+  EXPECT_NE(RefusalOf(other).find("version 99"), std::string::npos);
   alien[0] = std::byte{'x'};
   EXPECT_NE(RefusalOf(alien).find("none of islet's"), std::string::npos);
 }
