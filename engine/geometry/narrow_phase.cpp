@@ -43,10 +43,10 @@ void CollideCustom(const Shape& custom, const Placement& pose, const Shape& othe
   if (contacts->size() < first) throw std::invalid_argument("collide of a custom shape: it took contacts away");
   for (size_t c = first; c < contacts->size(); ++c) {
     const Contact& contact = (*contacts)[c];
-    const char* wrong = !std::isfinite(contact.gap)                        ? "gap is not finite"
-                        : !contact.point_W.allFinite()                     ? "point is not finite"
+    const char* wrong = !std::isfinite(contact.gap)                             ? "gap is not finite"
+                        : !contact.point_W.allFinite()                          ? "point is not finite"
                         : !(std::abs(contact.normal_W.norm() - 1) < kUnitError) ? "normal is not of unit length"
-                                                                           : nullptr;
+                                                                                : nullptr;
     if (wrong)
       throw std::invalid_argument("collide of a custom shape: contact " + std::to_string(c - first) + ": its " + wrong);
   }
