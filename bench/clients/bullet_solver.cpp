@@ -6,15 +6,11 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include <algorithm>
-#include <cmath>
+
+#include "bench/clients/undo_overlaps.h"
 
 namespace islet::clients {
 namespace {
-
-// Bullet finds boxes only once they overlap. What is deep by then is undone a share a step, or it would be pushed into neighbours not found yet.
-constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
-constexpr double kShare = 0.2;    // of what is deeper
-constexpr double kTouch = 5e-4;   // of the smaller radius: nearer points touch
 
 Vector3 FromBullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 btVector3 ToBullet(const Vector3& v) {
@@ -88,35 +84,10 @@ void BulletSolver::AddContacts(const btPersistentManifold& manifold) {
     c.normal_W = (first < second ? -1 : 1) *
                  FromBullet(point.m_normalWorldOnB).normalized();  // Bullet's points into its first body
     c.gap = point.getDistance();
-    c.touches = c.gap <= kTouch * std::min(bodies_[first].radius, bodies_[second].radius);
+    c.touches = Touches(c, bodies_);
     c.friction = point.m_combinedFriction;
     c.restitution = std::clamp<double>(point.m_combinedRestitution, 0, 1);
     contacts_.push_back(c);
-  }
-}
-
-void BulletSolver::UndoOverlaps() {
-  undone_ = contacts_;
-  for (Contact& c : undone_) {
-    const double at_once = kAtOnce * std::min(bodies_[c.body_a].radius, bodies_[c.body_b].radius);
-    c.gap = std::max(c.gap, std::min(-at_once, kShare * c.gap));
-  }
-  suite_.Project(bodies_, undone_);
-  const std::span<const Twist> w = suite_.displacements();
-  const auto moved = [&](int body, const Vector3& point) -> Vector3 {
-    return w[body].linear_W + w[body].angular_W.cross(point - bodies_[body].position_W);
-  };
-  for (Contact& c : contacts_) {
-    c.gap += c.normal_W.dot(moved(c.body_b, c.point_W) - moved(c.body_a, c.point_W));
-    c.touches = c.touches || c.gap <= kTouch * std::min(bodies_[c.body_a].radius, bodies_[c.body_b].radius);
-  }
-  for (size_t i = 0; i < bodies_.size(); ++i) {
-    if (bodies_[i].removed || !bodies_[i].Moves()) continue;
-    bodies_[i].position_W += w[i].linear_W;
-    const double angle = w[i].angular_W.norm();
-    if (angle > 0)
-      bodies_[i].rotation_WB =
-          (Quaternion(Eigen::AngleAxisd(angle, w[i].angular_W / angle)) * bodies_[i].rotation_WB).normalized();
   }
 }
 
@@ -147,7 +118,7 @@ btScalar BulletSolver::solveGroup(btCollisionObject** bodies, int num_bodies, bt
   for (int i = 0; i < num_bodies; ++i) Number(bodies[i]);
   for (int i = 0; i < num_manifolds; ++i) AddContacts(*manifolds[i]);
   std::stable_sort(contacts_.begin(), contacts_.end(), EarlierPair);
-  UndoOverlaps();
+  UndoOverlaps(bodies_, contacts_, &scratch_, &suite_);
   suite_.Resolve(info.m_timeStep, bodies_, contacts_, &report_);
   HandBack(info.m_timeStep);
   return 0;

@@ -33,7 +33,6 @@ class BulletSolver final : public btConstraintSolver {
  private:
   int Number(const btCollisionObject* object);
   void AddContacts(const btPersistentManifold& manifold);
-  void UndoOverlaps();
   void HandBack(double dt);
 
   Vector3 gravity_W_;
@@ -41,7 +40,7 @@ class BulletSolver final : public btConstraintSolver {
   ContactSuite suite_;
   std::vector<Body> bodies_;             // by Bullet's number in its world; what is not of the group is removed
   std::vector<btRigidBody*> of_bullet_;  // of those that move
-  std::vector<Contact> contacts_, undone_;
+  std::vector<Contact> contacts_, scratch_;
   StepReport report_;
 };
 
