@@ -82,7 +82,8 @@ class DartSolver::EveryStep final : public dart::constraint::ConstraintBase {
 };
 
 DartSolver::DartSolver(int threads) : pool_(threads), suite_(SuiteSettings(), &pool_) {
-  mCollisionOption.maxNumContacts = std::numeric_limits<int>::max();  // by default those after the first 1000 are left out
+  mCollisionOption.maxNumContacts =
+      std::numeric_limits<int>::max();  // by default those after the first 1000 are left out
   addConstraint(std::make_shared<EveryStep>(mSkeletons));
 }
 

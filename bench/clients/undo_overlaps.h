@@ -14,6 +14,7 @@ namespace islet::clients {
 bool Touches(const Contact& contact, std::span<const Body> bodies);
 
 // Moves the bodies by suite->Project(). `scratch` is overwritten.
-void UndoOverlaps(std::span<Body> bodies, std::span<Contact> contacts, std::vector<Contact>* scratch, ContactSuite* suite);
+void UndoOverlaps(std::span<Body> bodies, std::span<Contact> contacts, std::vector<Contact>* scratch,
+                  ContactSuite* suite);
 
 }  // namespace islet::clients
