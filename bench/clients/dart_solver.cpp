@@ -13,7 +13,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "bench/clients/undo_overlaps.h"
 #include "engine/rotation.h"
 
 namespace islet::clients {
@@ -81,7 +80,7 @@ class DartSolver::EveryStep final : public dart::constraint::ConstraintBase {
   const std::vector<dart::dynamics::SkeletonPtr>& skeletons_;
 };
 
-DartSolver::DartSolver(int threads) : pool_(threads), suite_(SuiteSettings(), &pool_) {
+DartSolver::DartSolver(int threads) : pool_(threads), step_(SuiteSettings(), &pool_) {
   mCollisionOption.maxNumContacts =
       std::numeric_limits<int>::max();  // by default those after the first 1000 are left out
   addConstraint(std::make_shared<EveryStep>(mSkeletons));
@@ -129,51 +128,63 @@ void DartSolver::AddBody(BodyNode* node) {
                                    spin_B.cross(spin_B.cross(arm_B));  // of the centre of mass
     b.linear_velocity_W = rotation * (velocity_B + spin_B.cross(arm_B));
     b.angular_velocity_W = rotation * spin_B;
-    b.force_W = b.mass * (rotation * acceleration_B - gravity_W_);
+    b.force_W = b.mass * (rotation * acceleration_B - mSkeletons.front()->getGravity());
     b.torque_W = rotation * (b.inertia_B * turn_B + spin_B.cross(b.inertia_B * spin_B));
   }
-  numbers_[node] = static_cast<int>(bodies_.size());
-  bodies_.push_back(b);
+  numbers_[node] = static_cast<int>(step_.bodies.size());
+  step_.bodies.push_back(b);
   joints_.push_back(fixed ? nullptr : joint);
 }
 
-void DartSolver::AddContact(const dart::collision::Contact& contact) {
-  if (dart::collision::Contact::isZeroNormal(contact.normal)) return;
+std::optional<Contact> DartSolver::ContactOf(const dart::collision::Contact& contact) const {
+  if (dart::collision::Contact::isZeroNormal(contact.normal)) return {};
   const ShapeNode& shape1 = *contact.collisionObject1->getShapeFrame()->asShapeNode();
   const ShapeNode& shape2 = *contact.collisionObject2->getShapeFrame()->asShapeNode();
   const int first = numbers_.at(shape1.getBodyNodePtr().get()), second = numbers_.at(shape2.getBodyNodePtr().get());
-  if (first == second || (!bodies_[first].Moves() && !bodies_[second].Moves())) return;
+  if (first == second || (!joints_[first] && !joints_[second])) return {};
   Contact c;
   c.body_a = std::min(first, second);
   c.body_b = std::max(first, second);
   c.point_W = contact.point;
   c.normal_W = (first < second ? -1 : 1) * contact.normal.normalized();  // DART's points into its first body
   c.gap = -contact.penetrationDepth;
-  c.touches = Touches(c, bodies_);
+  c.touches = Touches(c, step_.bodies);
   c.friction = std::min(FrictionOf(shape1), FrictionOf(shape2));
   c.restitution = std::clamp(RestitutionOf(shape1) * RestitutionOf(shape2), 0.0, 1.0);
-  contacts_.push_back(c);
+  return c;
+}
+
+// Whether two bodies meet unseen in the step as it was resolved.
+bool DartSolver::AddFound() {
+  for (size_t i = 0; i < joints_.size(); ++i) {
+    if (!joints_[i]) continue;
+    const Body& b = step_.bodies[i];
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = b.rotation_WB.toRotationMatrix();
+    pose.translation() = b.position_W - pose.linear() * joints_[i]->getChildBodyNode()->getLocalCOM();
+    joints_[i]->setTransform(pose);
+  }
+  dart::collision::CollisionResult found;
+  mCollisionGroup->collide(mCollisionOption, &found);
+  bool any = false;
+  for (const dart::collision::Contact& contact : found.getContacts())
+    if (const std::optional<Contact> c = ContactOf(contact)) any = step_.AddFound(*c) || any;
+  return any;
 }
 
 // DART now moves by dt v and turns by dt w, both in the world, and keeps them: poses are set back by that from where they are to be.
 void DartSolver::HandBack() {
-  const std::span<const Twist> before = suite_.velocities_before_gravity();
-  for (size_t i = 0; i < bodies_.size(); ++i) {
+  for (size_t i = 0; i < joints_.size(); ++i) {
     FreeJoint* const joint = joints_[i];
     if (!joint) continue;
-    const Body& b = bodies_[i];
-    const Vector3 mean_W = 0.5 * (before[i].linear_W + b.linear_velocity_W);
-    const Vector3 mean_spin_W = 0.5 * (before[i].angular_W + b.angular_velocity_W);
-    const Quaternion end_WB =
-        (Exp(FreeRotation(b.inertia_B, b.rotation_WB, mean_spin_W, mTimeStep)) * b.rotation_WB).normalized();
-    const Vector3 spin_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
-    const Vector3 arm_W = end_WB * joint->getChildBodyNode()->getLocalCOM();
-    const Vector3 velocity_W = b.linear_velocity_W - spin_W.cross(arm_W);  // of the body's origin
+    const Body& b = step_.bodies[i];
+    const Vector3 arm_W = b.rotation_WB * joint->getChildBodyNode()->getLocalCOM();
+    const Vector3 velocity_W = b.linear_velocity_W - b.angular_velocity_W.cross(arm_W);  // of the body's origin
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = (Exp(-mTimeStep * spin_W) * end_WB).toRotationMatrix();
-    pose.translation() = b.position_W + mTimeStep * mean_W - arm_W - mTimeStep * velocity_W;
+    pose.linear() = (Exp(-mTimeStep * b.angular_velocity_W) * b.rotation_WB).toRotationMatrix();
+    pose.translation() = b.position_W - arm_W - mTimeStep * velocity_W;
     Eigen::Matrix<double, 6, 1> velocities;
-    velocities << pose.linear().transpose() * spin_W, pose.linear().transpose() * velocity_W;
+    velocities << pose.linear().transpose() * b.angular_velocity_W, pose.linear().transpose() * velocity_W;
     joint->setTransform(pose);
     joint->setVelocities(velocities);
   }
@@ -183,18 +194,16 @@ void DartSolver::HandBack() {
 void DartSolver::solveConstrainedGroup(dart::constraint::ConstrainedGroup& group) {
   if (&group != &mConstrainedGroups.front()) return;
   RefuseOthers();
-  gravity_W_ = mSkeletons.front()->getGravity();
-  suite_.SetGravity(gravity_W_);
-  bodies_.clear();
+  step_.Begin(mTimeStep, mSkeletons.front()->getGravity());
   joints_.clear();
   numbers_.clear();
-  contacts_.clear();
   for (const auto& skeleton : mSkeletons)
     for (BodyNode* node : skeleton->getBodyNodes()) AddBody(node);
-  for (const dart::collision::Contact& contact : mCollisionResult.getContacts()) AddContact(contact);
-  std::stable_sort(contacts_.begin(), contacts_.end(), EarlierPair);
-  UndoOverlaps(bodies_, contacts_, &scratch_, &suite_);
-  suite_.Resolve(mTimeStep, bodies_, contacts_, &report_);
+  for (const dart::collision::Contact& contact : mCollisionResult.getContacts())
+    if (const std::optional<Contact> c = ContactOf(contact)) step_.contacts.push_back(*c);
+  step_.UndoOverlaps();
+  step_.Resolve();
+  for (int round = 0; round < kRounds && AddFound(); ++round) step_.Resolve();
   HandBack();
 }
 

@@ -1,0 +1,132 @@
+#include "bench/clients/client_step.h"
+
+#include <algorithm>
+
+#include "engine/rotation.h"
+
+namespace islet::clients {
+namespace {
+
+// What is deep is undone a share a step, or it would be pushed into neighbours not found yet.
+constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
+constexpr double kShare = 0.2;    // of what is deeper
+constexpr double kTouch = 5e-4;   // of the smaller radius: nearer points touch
+// A point found at the end of a step is one of its start again that is so near, in smaller radii, and whose normal is so alike, in its cosine.
+constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
+
+double Size(const Contact& c, std::span<const Body> bodies) {
+  return std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
+}
+
+Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
+  return (Exp(turn_W) * rotation_WB).normalized();
+}
+
+}  // namespace
+
+bool Touches(const Contact& c, std::span<const Body> bodies) { return c.gap <= kTouch * Size(c, bodies); }
+
+void ClientStep::Begin(double dt, const Vector3& gravity_W) {
+  dt_ = dt;
+  suite_.SetGravity(gravity_W);
+  bodies.clear();
+  contacts.clear();
+  first_ = true;
+}
+
+void ClientStep::UndoOverlaps() {
+  std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  scratch_ = contacts;
+  for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap));
+  suite_.Project(bodies, scratch_);
+  const std::span<const Twist> w = suite_.displacements();
+  const auto moved = [&](int body, const Vector3& point) -> Vector3 {
+    return w[body].linear_W + w[body].angular_W.cross(point - bodies[body].position_W);
+  };
+  for (Contact& c : contacts) {
+    c.gap += c.normal_W.dot(moved(c.body_b, c.point_W) - moved(c.body_a, c.point_W));
+    c.touches = c.touches || Touches(c, bodies);
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    bodies[i].position_W += w[i].linear_W;
+    bodies[i].rotation_WB = Turned(w[i].angular_W, bodies[i].rotation_WB);
+  }
+  start_ = bodies;
+}
+
+bool ClientStep::AddFound(Contact c) {
+  const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
+  if (c.restitution > 0 || c.gap > -kTouch * size) return false;
+  const auto at_start = [&](int body) -> Vector3 {
+    const Body &from = start_[body], &to = bodies[body];
+    return from.position_W + from.rotation_WB * (to.rotation_WB.conjugate() * (c.point_W - to.position_W));
+  };
+  const Vector3 a = at_start(c.body_a), b = at_start(c.body_b);
+  const double closed = c.gap;
+  c.gap += c.normal_W.dot(b - a);
+  if (c.gap - closed < kTouch * size) return false;  // not in this step, or along another normal
+  c.gap = std::max(c.gap, 0.0);
+  c.point_W = 0.5 * (a + b);
+  const auto [begin, end] = std::equal_range(contacts.begin(), contacts.end(), c, EarlierPair);
+  for (auto old = begin; old != end; ++old) {
+    if ((old->point_W - c.point_W).norm() > kSamePlace * size || old->normal_W.dot(c.normal_W) < kSameNormal) continue;
+    if (old->touches) return false;
+    old->gap = std::max(0.0, old->gap + closed);
+    return true;
+  }
+  c.touches = false;
+  found_.push_back(c);
+  return true;
+}
+
+// Who was slowed down before it touched, and whoever pushes on such a body, moves by final velocities: they alone respect the gap.
+void ClientStep::SpreadCaught() {
+  caught_.assign(bodies.size(), 0);
+  const std::span<const Vector3> impulses = suite_.impulses();
+  for (bool more = true; more;) {
+    more = false;
+    for (size_t k = 0; k < contacts.size(); ++k) {
+      const Contact& c = contacts[k];
+      if (impulses[k].isZero(0) || (caught_[c.body_a] && caught_[c.body_b])) continue;
+      const bool from_a = caught_[c.body_a] && bodies[c.body_a].Moves();
+      const bool from_b = caught_[c.body_b] && bodies[c.body_b].Moves();
+      if (c.touches && !from_a && !from_b) continue;
+      caught_[c.body_a] = caught_[c.body_b] = 1;
+      more = true;
+    }
+  }
+}
+
+void ClientStep::Resolve() {
+  if (first_)
+    memory_ = suite_.memory();
+  else
+    suite_.SetMemory(memory_);
+  first_ = false;
+  bodies = start_;
+  contacts.insert(contacts.end(), found_.begin(), found_.end());
+  found_.clear();
+  std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  suite_.Resolve(dt_, bodies, contacts, &report_);
+  SpreadCaught();
+  Move();
+}
+
+// By the mean that the suite asks for; who was caught by final velocities.
+void ClientStep::Move() {
+  const std::span<const Twist> before = suite_.velocities_before_gravity();
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& b = bodies[i];
+    if (!b.Moves()) continue;
+    const double old = caught_[i] ? 0 : 0.5;
+    const Vector3 mean_W = old * before[i].linear_W + (1 - old) * b.linear_velocity_W;
+    const Vector3 spin_W = old * before[i].angular_W + (1 - old) * b.angular_velocity_W;
+    const Quaternion end_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, spin_W, dt_), b.rotation_WB);
+    b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
+    b.position_W += dt_ * mean_W;
+    b.rotation_WB = end_WB;
+  }
+}
+
+}  // namespace islet::clients
