@@ -1,13 +1,18 @@
 #include "bench/clients/bullet_solver.h"
 
+#include <BulletCollision/BroadphaseCollision/btCollisionAlgorithm.h>
+#include <BulletCollision/BroadphaseCollision/btDispatcher.h>
+#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+#include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
+#include <LinearMath/btAabbUtil2.h>
 
 #include <algorithm>
 
-#include "bench/clients/undo_overlaps.h"
+#include "engine/rotation.h"
 
 namespace islet::clients {
 namespace {
@@ -15,6 +20,12 @@ namespace {
 Vector3 FromBullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 btVector3 ToBullet(const Vector3& v) {
   return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()), static_cast<btScalar>(v.z())};
+}
+
+btTransform ToBullet(const Vector3& position_W, const Quaternion& q) {
+  return btTransform(btQuaternion(static_cast<btScalar>(q.x()), static_cast<btScalar>(q.y()),
+                                  static_cast<btScalar>(q.z()), static_cast<btScalar>(q.w())),
+                     ToBullet(position_W));
 }
 
 Settings SuiteSettings(const Vector3& gravity_W) {
@@ -34,18 +45,18 @@ double RadiusOf(const btCollisionObject& object) {
 }  // namespace
 
 BulletSolver::BulletSolver(const Vector3& gravity_W, int threads)
-    : gravity_W_(gravity_W), pool_(threads), suite_(SuiteSettings(gravity_W), &pool_) {}
+    : gravity_W_(gravity_W), pool_(threads), step_(SuiteSettings(gravity_W), &pool_) {}
 
 // The object's place in Bullet's world, which it keeps; fills its body at the first call of a step.
 int BulletSolver::Number(const btCollisionObject* object) {
   const auto number = static_cast<size_t>(object->getWorldArrayIndex());
-  if (number >= bodies_.size()) {
+  if (number >= step_.bodies.size()) {
     Body absent;
     absent.removed = true;
-    bodies_.resize(number + 1, absent);
+    step_.bodies.resize(number + 1, absent);
     of_bullet_.resize(number + 1, nullptr);
   }
-  Body& b = bodies_[number];
+  Body& b = step_.bodies[number];
   if (!b.removed) return static_cast<int>(number);
   b = {};
   const btQuaternion q = object->getWorldTransform().getRotation();
@@ -69,12 +80,8 @@ int BulletSolver::Number(const btCollisionObject* object) {
   return static_cast<int>(number);
 }
 
-void BulletSolver::AddContacts(const btPersistentManifold& manifold) {
-  if (manifold.getNumContacts() == 0 || !manifold.getBody0()->hasContactResponse() ||
-      !manifold.getBody1()->hasContactResponse())
-    return;
+void BulletSolver::ReadContacts(const btPersistentManifold& manifold, std::vector<Contact>* contacts) {
   const int first = Number(manifold.getBody0()), second = Number(manifold.getBody1());
-  if (!bodies_[first].Moves() && !bodies_[second].Moves()) return;
   for (int k = 0; k < manifold.getNumContacts(); ++k) {
     const btManifoldPoint& point = manifold.getContactPoint(k);
     Contact c;
@@ -84,26 +91,50 @@ void BulletSolver::AddContacts(const btPersistentManifold& manifold) {
     c.normal_W = (first < second ? -1 : 1) *
                  FromBullet(point.m_normalWorldOnB).normalized();  // Bullet's points into its first body
     c.gap = point.getDistance();
-    c.touches = Touches(c, bodies_);
+    c.touches = Touches(c, step_.bodies);
     c.friction = point.m_combinedFriction;
     c.restitution = std::clamp<double>(point.m_combinedRestitution, 0, 1);
-    contacts_.push_back(c);
+    contacts->push_back(c);
   }
 }
 
+// Whether two bodies meet unseen in the step as it was resolved.
+bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
+  btDispatcherInfo how;
+  how.m_timeStep = static_cast<btScalar>(dt);
+  for (size_t i = 0; i < of_bullet_.size(); ++i)
+    if (of_bullet_[i])
+      of_bullet_[i]->setWorldTransform(ToBullet(step_.bodies[i].position_W, step_.bodies[i].rotation_WB));
+  found_.clear();
+  for (const auto& [a, b] : pairs_) {
+    btVector3 low_a, high_a, low_b, high_b;
+    a->getCollisionShape()->getAabb(a->getWorldTransform(), low_a, high_a);
+    b->getCollisionShape()->getAabb(b->getWorldTransform(), low_b, high_b);
+    if (!TestAabbAgainstAabb2(low_a, high_a, low_b, high_b)) continue;
+    const btCollisionObjectWrapper one(nullptr, a->getCollisionShape(), a, a->getWorldTransform(), -1, -1);
+    const btCollisionObjectWrapper other(nullptr, b->getCollisionShape(), b, b->getWorldTransform(), -1, -1);
+    btCollisionAlgorithm* const algorithm =
+        dispatcher->findAlgorithm(&one, &other, nullptr, BT_CONTACT_POINT_ALGORITHMS);
+    btManifoldResult result(&one, &other);
+    result.setPersistentManifold(nullptr);
+    algorithm->processCollision(&one, &other, how, &result);
+    if (result.getPersistentManifold()) ReadContacts(*result.getPersistentManifold(), &found_);
+    algorithm->~btCollisionAlgorithm();
+    dispatcher->freeCollisionAlgorithm(algorithm);
+  }
+  bool any = false;
+  for (const Contact& c : found_) any = step_.AddFound(c) || any;
+  return any;
+}
+
+// Bullet now moves by dt v and turns by dt w: poses are set back by that from where they are to be.
 void BulletSolver::HandBack(double dt) {
-  const std::span<const Twist> before = suite_.velocities_before_gravity();
-  for (size_t i = 0; i < bodies_.size(); ++i) {
+  for (size_t i = 0; i < of_bullet_.size(); ++i) {
     btRigidBody* const rigid = of_bullet_[i];
-    if (!rigid || bodies_[i].removed) continue;
-    const Body& b = bodies_[i];
-    const Vector3 shifted = b.position_W + 0.5 * dt * (before[i].linear_W - b.linear_velocity_W);
-    const Quaternion& q = b.rotation_WB;
-    btTransform pose;
-    pose.setOrigin(ToBullet(shifted));
-    pose.setRotation(btQuaternion(static_cast<btScalar>(q.x()), static_cast<btScalar>(q.y()),
-                                  static_cast<btScalar>(q.z()), static_cast<btScalar>(q.w())));
-    rigid->setWorldTransform(pose);
+    if (!rigid) continue;
+    const Body& b = step_.bodies[i];
+    rigid->setWorldTransform(
+        ToBullet(b.position_W - dt * b.linear_velocity_W, Exp(-dt * b.angular_velocity_W) * b.rotation_WB));
     rigid->setLinearVelocity(ToBullet(b.linear_velocity_W));
     rigid->setAngularVelocity(ToBullet(b.angular_velocity_W));
   }
@@ -111,15 +142,21 @@ void BulletSolver::HandBack(double dt) {
 
 btScalar BulletSolver::solveGroup(btCollisionObject** bodies, int num_bodies, btPersistentManifold** manifolds,
                                   int num_manifolds, btTypedConstraint**, int, const btContactSolverInfo& info,
-                                  btIDebugDraw*, btDispatcher*) {
-  for (Body& b : bodies_) b.removed = true;
-  std::fill(of_bullet_.begin(), of_bullet_.end(), nullptr);
-  contacts_.clear();
+                                  btIDebugDraw*, btDispatcher* dispatcher) {
+  step_.Begin(info.m_timeStep, gravity_W_);
+  of_bullet_.clear();
+  pairs_.clear();
   for (int i = 0; i < num_bodies; ++i) Number(bodies[i]);
-  for (int i = 0; i < num_manifolds; ++i) AddContacts(*manifolds[i]);
-  std::stable_sort(contacts_.begin(), contacts_.end(), EarlierPair);
-  UndoOverlaps(bodies_, contacts_, &scratch_, &suite_);
-  suite_.Resolve(info.m_timeStep, bodies_, contacts_, &report_);
+  for (int i = 0; i < num_manifolds; ++i) {
+    const btCollisionObject *a = manifolds[i]->getBody0(), *b = manifolds[i]->getBody1();
+    if (!a->hasContactResponse() || !b->hasContactResponse()) continue;
+    if (!step_.bodies[Number(a)].Moves() && !step_.bodies[Number(b)].Moves()) continue;
+    pairs_.emplace_back(a, b);
+    ReadContacts(*manifolds[i], &step_.contacts);
+  }
+  step_.UndoOverlaps();
+  step_.Resolve();
+  for (int round = 0; round < kRounds && AddFound(info.m_timeStep, dispatcher); ++round) step_.Resolve();
   HandBack(info.m_timeStep);
   return 0;
 }

@@ -72,30 +72,13 @@ bool ClientStep::AddFound(Contact c) {
   for (auto old = begin; old != end; ++old) {
     if ((old->point_W - c.point_W).norm() > kSamePlace * size || old->normal_W.dot(c.normal_W) < kSameNormal) continue;
     if (old->touches) return false;
+    old->touches = old->gap == 0;  // the suite lets bodies that fall freely close what is open
     old->gap = std::max(0.0, old->gap + closed);
     return true;
   }
   c.touches = false;
   found_.push_back(c);
   return true;
-}
-
-// Who was slowed down before it touched, and whoever pushes on such a body, moves by final velocities: they alone respect the gap.
-void ClientStep::SpreadCaught() {
-  caught_.assign(bodies.size(), 0);
-  const std::span<const Vector3> impulses = suite_.impulses();
-  for (bool more = true; more;) {
-    more = false;
-    for (size_t k = 0; k < contacts.size(); ++k) {
-      const Contact& c = contacts[k];
-      if (impulses[k].isZero(0) || (caught_[c.body_a] && caught_[c.body_b])) continue;
-      const bool from_a = caught_[c.body_a] && bodies[c.body_a].Moves();
-      const bool from_b = caught_[c.body_b] && bodies[c.body_b].Moves();
-      if (c.touches && !from_a && !from_b) continue;
-      caught_[c.body_a] = caught_[c.body_b] = 1;
-      more = true;
-    }
-  }
 }
 
 void ClientStep::Resolve() {
@@ -109,19 +92,17 @@ void ClientStep::Resolve() {
   found_.clear();
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
   suite_.Resolve(dt_, bodies, contacts, &report_);
-  SpreadCaught();
   Move();
 }
 
-// By the mean that the suite asks for; who was caught by final velocities.
+// By the mean that the suite asks for.
 void ClientStep::Move() {
   const std::span<const Twist> before = suite_.velocities_before_gravity();
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& b = bodies[i];
     if (!b.Moves()) continue;
-    const double old = caught_[i] ? 0 : 0.5;
-    const Vector3 mean_W = old * before[i].linear_W + (1 - old) * b.linear_velocity_W;
-    const Vector3 spin_W = old * before[i].angular_W + (1 - old) * b.angular_velocity_W;
+    const Vector3 mean_W = 0.5 * (before[i].linear_W + b.linear_velocity_W);
+    const Vector3 spin_W = 0.5 * (before[i].angular_W + b.angular_velocity_W);
     const Quaternion end_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, spin_W, dt_), b.rotation_WB);
     b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
     b.position_W += dt_ * mean_W;

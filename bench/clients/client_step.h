@@ -42,7 +42,6 @@ class ClientStep {
   const StepReport& report() const { return report_; }
 
  private:
-  void SpreadCaught();
   void Move();
 
   ContactSuite suite_;
@@ -50,7 +49,6 @@ class ClientStep {
   double dt_ = 0;
   std::vector<Body> start_;
   std::vector<Contact> scratch_, found_;
-  std::vector<char> caught_;
   bool first_ = true;  // no Resolve() in this step yet
   StepReport report_;
 };
