@@ -57,7 +57,7 @@ void ClientStep::UndoOverlaps() {
 
 bool ClientStep::AddFound(Contact c) {
   const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
-  if (c.restitution > 0 || c.gap > -kTouch * size) return false;
+  if (c.gap > -kTouch * size) return false;
   const auto at_start = [&](int body) -> Vector3 {
     const Body &from = start_[body], &to = bodies[body];
     return from.position_W + from.rotation_WB * (to.rotation_WB.conjugate() * (c.point_W - to.position_W));
@@ -76,7 +76,7 @@ bool ClientStep::AddFound(Contact c) {
     old->gap = std::max(0.0, old->gap + closed);
     return true;
   }
-  c.touches = false;
+  c.touches = c.restitution > 0;  // what bounces has to meet at full speed: it does so a part of a step too early
   found_.push_back(c);
   return true;
 }

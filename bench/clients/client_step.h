@@ -35,8 +35,7 @@ class ClientStep {
 
   void UndoOverlaps();
   void Resolve();
-  // A contact at the poses that Resolve() has come to; true: it was not known, so Resolve() is to be called again. Of those that bounce
-  // none is taken: they are to meet at full speed.
+  // A contact at the poses that Resolve() has come to; true: it was not known, so Resolve() is to be called again.
   bool AddFound(Contact contact);
 
   const StepReport& report() const { return report_; }
