@@ -107,6 +107,7 @@ bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
       of_bullet_[i]->setWorldTransform(ToBullet(step_.bodies[i].position_W, step_.bodies[i].rotation_WB));
   found_.clear();
   for (const auto& [a, b] : pairs_) {
+    if (!step_.MovesFar(a->getWorldArrayIndex()) && !step_.MovesFar(b->getWorldArrayIndex())) continue;
     btVector3 low_a, high_a, low_b, high_b;
     a->getCollisionShape()->getAabb(a->getWorldTransform(), low_a, high_a);
     b->getCollisionShape()->getAabb(b->getWorldTransform(), low_b, high_b);

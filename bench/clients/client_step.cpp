@@ -53,7 +53,12 @@ void ClientStep::UndoOverlaps() {
     bodies[i].rotation_WB = Turned(w[i].angular_W, bodies[i].rotation_WB);
   }
   start_ = bodies;
+  far_ = 1e6;
+  for (const Body& b : bodies)
+    if (b.Moves()) far_ = std::min(far_, 0.5 * kTouch * b.radius);
 }
+
+bool ClientStep::MovesFar(int body) const { return way_[body] > far_; }
 
 bool ClientStep::AddFound(Contact c) {
   const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
@@ -98,14 +103,17 @@ void ClientStep::Resolve() {
 // By the mean that the suite asks for.
 void ClientStep::Move() {
   const std::span<const Twist> before = suite_.velocities_before_gravity();
+  way_.assign(bodies.size(), 0);
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& b = bodies[i];
+    way_[i] = dt_ * (b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());  // kinematic ones as well
     if (!b.Moves()) continue;
     const Vector3 mean_W = 0.5 * (before[i].linear_W + b.linear_velocity_W);
     const Vector3 spin_W = 0.5 * (before[i].angular_W + b.angular_velocity_W);
     const Quaternion end_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, spin_W, dt_), b.rotation_WB);
     b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
     b.position_W += dt_ * mean_W;
+    way_[i] = std::max(way_[i], dt_ * (mean_W.norm() + b.radius * spin_W.norm()));
     b.rotation_WB = end_WB;
   }
 }

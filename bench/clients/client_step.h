@@ -35,6 +35,8 @@ class ClientStep {
 
   void UndoOverlaps();
   void Resolve();
+  bool MovesFar(
+      int body) const;  // so far in the step that it may meet somebody: a pair of which neither does needs no detection
   // A contact at the poses that Resolve() has come to; true: it was not known, so Resolve() is to be called again.
   bool AddFound(Contact contact);
 
@@ -44,11 +46,12 @@ class ClientStep {
   void Move();
 
   ContactSuite suite_;
-  SuiteMemory memory_;  // at the start of the step
-  double dt_ = 0;
+  SuiteMemory memory_;       // at the start of the step
+  double dt_ = 0, far_ = 0;  // [s], [m]
   std::vector<Body> start_;
   std::vector<Contact> scratch_, found_;
-  bool first_ = true;  // no Resolve() in this step yet
+  std::vector<double> way_;  // [m] of each body's farthest point, at most
+  bool first_ = true;        // no Resolve() in this step yet
   StepReport report_;
 };
 

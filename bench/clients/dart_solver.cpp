@@ -120,12 +120,11 @@ void DartSolver::AddBody(BodyNode* node) {
     b.inertia_B = node->getInertia().getMoment();
     const Eigen::Matrix<double, 6, 1> after = joint->getVelocities(), gained = joint->getAccelerations();
     const Vector3 turn_B = gained.head<3>(), spin_B = after.head<3>() - mTimeStep * turn_B;
-    // DART adds dt (a + w x v), of which v, the velocity before, is wanted.
-    Matrix3 added = Matrix3::Identity();
-    for (int k = 0; k < 3; ++k) added.col(k) += mTimeStep * spin_B.cross(Vector3::Unit(k));
-    const Vector3 velocity_B = added.inverse() * (after.tail<3>() - mTimeStep * gained.tail<3>());
-    const Vector3 acceleration_B = gained.tail<3>() + spin_B.cross(velocity_B) + turn_B.cross(arm_B) +
-                                   spin_B.cross(spin_B.cross(arm_B));  // of the centre of mass
+    // The classical acceleration of the origin is what DART has added.
+    const Vector3 origin_B = gained.tail<3>() + after.head<3>().cross(Vector3(after.tail<3>()));
+    const Vector3 velocity_B = after.tail<3>() - mTimeStep * origin_B;
+    const Vector3 acceleration_B =
+        origin_B + turn_B.cross(arm_B) + spin_B.cross(spin_B.cross(arm_B));  // of the centre of mass
     b.linear_velocity_W = rotation * (velocity_B + spin_B.cross(arm_B));
     b.angular_velocity_W = rotation * spin_B;
     b.force_W = b.mass * (rotation * acceleration_B - mSkeletons.front()->getGravity());
@@ -156,6 +155,9 @@ std::optional<Contact> DartSolver::ContactOf(const dart::collision::Contact& con
 
 // Whether two bodies meet unseen in the step as it was resolved.
 bool DartSolver::AddFound() {
+  bool far = false;
+  for (size_t i = 0; i < joints_.size(); ++i) far = far || step_.MovesFar(static_cast<int>(i));
+  if (!far) return false;
   for (size_t i = 0; i < joints_.size(); ++i) {
     if (!joints_[i]) continue;
     const Body& b = step_.bodies[i];
