@@ -91,7 +91,6 @@ void BulletSolver::ReadContacts(const btPersistentManifold& manifold, std::vecto
     c.normal_W = (first < second ? -1 : 1) *
                  FromBullet(point.m_normalWorldOnB).normalized();  // Bullet's points into its first body
     c.gap = point.getDistance();
-    c.touches = Touches(c, step_.bodies);
     c.friction = point.m_combinedFriction;
     c.restitution = std::clamp<double>(point.m_combinedRestitution, 0, 1);
     contacts->push_back(c);

@@ -10,7 +10,10 @@ namespace {
 // What is deep is undone a share a step, or it would be pushed into neighbours not found yet.
 constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
 constexpr double kShare = 0.2;    // of what is deeper
-constexpr double kTouch = 5e-4;   // of the smaller radius: nearer points touch
+constexpr double kTouch = 5e-4;   // nearer points touch
+constexpr double kSlop = 1e-5;    // overlap that stays where two bodies turn against each other
+constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
+constexpr double kUnseen = 5e-4;  // that is worth another round
 // A point found at the end of a step is one of its start again that is so near, in smaller radii, and whose normal is so alike, in its cosine.
 constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
 
@@ -24,8 +27,6 @@ Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
 
 }  // namespace
 
-bool Touches(const Contact& c, std::span<const Body> bodies) { return c.gap <= kTouch * Size(c, bodies); }
-
 void ClientStep::Begin(double dt, const Vector3& gravity_W) {
   dt_ = dt;
   suite_.SetGravity(gravity_W);
@@ -34,10 +35,16 @@ void ClientStep::Begin(double dt, const Vector3& gravity_W) {
   first_ = true;
 }
 
+double ClientStep::Slop(const Contact& c) const {
+  const double turn = dt_ * (bodies[c.body_b].angular_velocity_W - bodies[c.body_a].angular_velocity_W).norm();
+  return turn > kTurn ? kSlop * Size(c, bodies) : 0;
+}
+
 void ClientStep::UndoOverlaps() {
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
   scratch_ = contacts;
-  for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap));
+  for (Contact& c : scratch_)
+    c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + kSlop * Size(c, bodies);
   suite_.Project(bodies, scratch_);
   const std::span<const Twist> w = suite_.displacements();
   const auto moved = [&](int body, const Vector3& point) -> Vector3 {
@@ -45,7 +52,9 @@ void ClientStep::UndoOverlaps() {
   };
   for (Contact& c : contacts) {
     c.gap += c.normal_W.dot(moved(c.body_b, c.point_W) - moved(c.body_a, c.point_W));
-    c.touches = c.touches || Touches(c, bodies);
+    const double slop = Slop(c);
+    c.touches = c.gap <= (slop > 0 ? 0 : kTouch * Size(c, bodies));
+    if (!c.touches) c.gap += slop;
   }
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
@@ -55,14 +64,14 @@ void ClientStep::UndoOverlaps() {
   start_ = bodies;
   far_ = 1e6;
   for (const Body& b : bodies)
-    if (b.Moves()) far_ = std::min(far_, 0.5 * kTouch * b.radius);
+    if (b.Moves()) far_ = std::min(far_, 0.5 * kUnseen * b.radius);
 }
 
 bool ClientStep::MovesFar(int body) const { return way_[body] > far_; }
 
 bool ClientStep::AddFound(Contact c) {
   const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
-  if (c.gap > -kTouch * size) return false;
+  if (c.gap > -kUnseen * size) return false;
   const auto at_start = [&](int body) -> Vector3 {
     const Body &from = start_[body], &to = bodies[body];
     return from.position_W + from.rotation_WB * (to.rotation_WB.conjugate() * (c.point_W - to.position_W));
@@ -70,7 +79,7 @@ bool ClientStep::AddFound(Contact c) {
   const Vector3 a = at_start(c.body_a), b = at_start(c.body_b);
   const double closed = c.gap;
   c.gap += c.normal_W.dot(b - a);
-  if (c.gap - closed < kTouch * size) return false;  // not in this step, or along another normal
+  if (c.gap - closed < kUnseen * size) return false;  // not in this step, or along another normal
   c.gap = std::max(c.gap, 0.0);
   c.point_W = 0.5 * (a + b);
   const auto [begin, end] = std::equal_range(contacts.begin(), contacts.end(), c, EarlierPair);

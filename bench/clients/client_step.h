@@ -9,6 +9,7 @@
 //
 // Hosts find boxes only once they overlap, and of a box that lands on a corner no other corner: without 4, what falls at 8 m/s is 13 cm deep in
 // a floor before anybody knows, and what tips over as well.
+// Bodies that touch and turn are left overlapping a little: hosts keep the points of pairs that are apart with the normals they once had.
 //   threads: one caller at a time
 #pragma once
 
@@ -22,16 +23,13 @@ namespace islet::clients {
 
 inline constexpr int kRounds = 8;
 
-// Whether a contact of these bodies touches: hosts only say that they overlap.
-bool Touches(const Contact& contact, std::span<const Body> bodies);
-
 class ClientStep {
  public:
   ClientStep(const Settings& settings, parallel::WorkerPool* pool) : suite_(settings, pool) {}
 
   void Begin(double dt, const Vector3& gravity_W);
   std::vector<Body> bodies;       // filled by the client between Begin() and UndoOverlaps()
-  std::vector<Contact> contacts;  // the same, in any order
+  std::vector<Contact> contacts;  // the same, in any order; `touches` is left to UndoOverlaps()
 
   void UndoOverlaps();
   void Resolve();
@@ -44,6 +42,7 @@ class ClientStep {
 
  private:
   void Move();
+  double Slop(const Contact& contact) const;  // [m]
 
   ContactSuite suite_;
   SuiteMemory memory_;       // at the start of the step

@@ -147,7 +147,6 @@ std::optional<Contact> DartSolver::ContactOf(const dart::collision::Contact& con
   c.point_W = contact.point;
   c.normal_W = (first < second ? -1 : 1) * contact.normal.normalized();  // DART's points into its first body
   c.gap = -contact.penetrationDepth;
-  c.touches = Touches(c, step_.bodies);
   c.friction = std::min(FrictionOf(shape1), FrictionOf(shape2));
   c.restitution = std::clamp(RestitutionOf(shape1) * RestitutionOf(shape2), 0.0, 1.0);
   return c;

@@ -46,7 +46,7 @@ peers::Setting Own() {
 
 TEST(Client, BinComesToRest) {
   const peers::WorldPlan plan = Bin(30, 3);
-  const Measures islet = RunOf(plan, kIslet, 6), own = RunOf(plan, Own(), 6);
+  const Measures islet = RunOf(plan, kIslet, 8), own = RunOf(plan, Own(), 8);
   EXPECT_TRUE(islet.finite);
   EXPECT_EQ(islet.lost, 0);
   EXPECT_LT(islet.overlap_max, 0.05);
