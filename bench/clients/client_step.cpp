@@ -11,7 +11,7 @@ namespace {
 constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
 constexpr double kShare = 0.2;    // of what is deeper
 constexpr double kTouch = 5e-4;   // nearer points touch
-constexpr double kSlop = 1e-5;    // overlap that stays where two bodies turn against each other
+constexpr double kSlop = 1e-6;    // overlap that stays where two bodies turn against each other
 constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
 constexpr double kUnseen = 5e-4;  // that is worth another round
 // A point found at the end of a step is one of its start again that is so near, in smaller radii, and whose normal is so alike, in its cosine.
