@@ -7,14 +7,14 @@
 namespace islet::clients {
 namespace {
 
-// What is deep is undone a share a step, or it would be pushed into neighbours not found yet.
-constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
+// Lengths in smaller radii of two bodies. What is deep is undone a share a step, or it would be pushed into neighbours not found yet.
+constexpr double kAtOnce = 0.01;  // overlap that is undone in one step
 constexpr double kShare = 0.2;    // of what is deeper
 constexpr double kTouch = 5e-4;   // nearer points touch
 constexpr double kSlop = 1e-6;    // overlap that stays where two bodies turn against each other
 constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
-constexpr double kUnseen = 5e-4;  // that is worth another round
-// A point found at the end of a step is one of its start again that is so near, in smaller radii, and whose normal is so alike, in its cosine.
+constexpr double kUnseen = 5e-4;  // overlap at the end of a step that is worth another round
+// A point found at the end of a step is one of its start again that is so near and whose normal is so alike, in its cosine.
 constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
 
 double Size(const Contact& c, std::span<const Body> bodies) {
@@ -32,6 +32,7 @@ void ClientStep::Begin(double dt, const Vector3& gravity_W) {
   suite_.SetGravity(gravity_W);
   bodies.clear();
   contacts.clear();
+  found_.clear();
   first_ = true;
 }
 
@@ -43,8 +44,7 @@ double ClientStep::Slop(const Contact& c) const {
 void ClientStep::UndoOverlaps() {
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
   scratch_ = contacts;
-  for (Contact& c : scratch_)
-    c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + kSlop * Size(c, bodies);
+  for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + Slop(c);
   suite_.Project(bodies, scratch_);
   const std::span<const Twist> w = suite_.displacements();
   const auto moved = [&](int body, const Vector3& point) -> Vector3 {

@@ -33,8 +33,8 @@ class ClientStep {
 
   void UndoOverlaps();
   void Resolve();
-  bool MovesFar(
-      int body) const;  // so far in the step that it may meet somebody: a pair of which neither does needs no detection
+  // Whether it moves so far in the step that it may meet somebody unseen: a pair of which neither does needs no detection.
+  bool MovesFar(int body) const;
   // A contact at the poses that Resolve() has come to; true: it was not known, so Resolve() is to be called again.
   bool AddFound(Contact contact);
 
