@@ -160,6 +160,26 @@ WorldPlan Cloud(double restitution) {
   return plan;
 }
 
+// Boxes of several sizes, turned anyhow, in layers of side x side, fall into a square box of a floor and four walls.
+WorldPlan Bin(int boxes, int side) {
+  constexpr double kPlace = 1.4, kDensity = 1;  // [m], [kg/m^3]
+  const double half = 0.5 * kPlace * side, high = kPlace * (boxes / (side * side) + 1), thick = 0.5;
+  WorldPlan plan{.bodies = {Floor()},
+                 .bounds = Region{{-half - thick, -half - thick, 0}, {half + thick, half + thick, 2 * high}}};
+  for (const double sign : {-1.0, 1.0}) {
+    plan.bodies.push_back(Box({thick, half + 2 * thick, high}, {sign * (half + thick), 0, high}));
+    plan.bodies.push_back(Box({half, thick, high}, {0, sign * (half + thick), high}));
+  }
+  SplitMix64 random(200);
+  for (int i = 0; i < boxes; ++i) {
+    const Vector3 place(i % side + 0.5, i / side % side + 0.5, i / (side * side) + 0.5);
+    const double x = random.Uniform(0.25, 0.4), y = random.Uniform(0.25, 0.4), z = random.Uniform(0.25, 0.4);
+    plan.bodies.push_back(Box({x, y, z}, kPlace * place - Vector3(half, half, 0), 8 * kDensity * x * y * z));
+    plan.bodies.back().start.rotation_WB = random.Rotation(std::numbers::pi);
+  }
+  return plan;
+}
+
 // A semicircle of 13 wedges, 0.15 of its radius thick.
 WorldPlan ArchOfWedges() {
   constexpr int kWedges = 13;

@@ -27,6 +27,7 @@ peers::WorldPlan CradleApart();
 peers::WorldPlan CardHouse();
 peers::WorldPlan Carrier();
 peers::WorldPlan Cloud(double restitution);
+peers::WorldPlan Bin(int boxes, int side);  // so many boxes a layer and row
 peers::WorldPlan ArchOfWedges();
 
 // Moves every moving body by up to `most` [m] along each axis; another `start`, another way.

@@ -139,6 +139,8 @@ constexpr ChartScene kScenes[] = {
     {"cubejam", 15, true, 15, 5, false, "100 cubes fall past beams into a container",
      "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return FromScene("cubejam"); },
      JudgeOverlap},
+    {"bin200", 10, false, 20, 1, true, "200 boxes of several sizes fall into a bin and come to rest",
+     "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return Bin(200, 5); }, JudgeOverlap},
     {"cubeglass300", 8, false, 15, 1, true, "300 cubes pour through the hourglass",
      "deepest overlap, mean over the run [m]", "Bodies do not overlap.", [] { return FromScene("cubeglass", 300); },
      JudgeOverlap},

@@ -23,7 +23,7 @@ import time
 QUICK = {"budget": 235, "limit": 4}
 FULL = {"budget": 3250, "limit": 0}  # 0: each scene's own
 # [s] expected of the first pass in a scene, all engines, and how much more one engine has to do than others. Only shares matter.
-SECONDS = {"cubeglass": 330, "cubeglass7": 330, "cubeglass300": 150, "cubejam": 150, "manystacks": 100, "cloud666": 100,
+SECONDS = {"cubeglass": 330, "cubeglass7": 330, "cubeglass300": 150, "bin200": 100, "cubejam": 150, "manystacks": 100, "cloud666": 100,
            "elastic666": 100, "stack100": 80}
 USUAL_SECONDS = 40
 PASS_FACTOR = {"first": 1.0, "starts": 0.5, "rest": 1.5}

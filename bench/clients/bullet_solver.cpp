@@ -1,24 +1,31 @@
 #include "bench/clients/bullet_solver.h"
 
+#include <BulletCollision/BroadphaseCollision/btCollisionAlgorithm.h>
+#include <BulletCollision/BroadphaseCollision/btDispatcher.h>
+#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+#include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
+#include <LinearMath/btAabbUtil2.h>
 
 #include <algorithm>
-#include <cmath>
+
+#include "engine/rotation.h"
 
 namespace islet::clients {
 namespace {
 
-// Bullet finds boxes only once they overlap. What is deep by then is undone a share a step, or it would be pushed into neighbours not found yet.
-constexpr double kAtOnce = 0.01;  // of the smaller radius: overlap that is undone in one step
-constexpr double kShare = 0.2;    // of what is deeper
-constexpr double kTouch = 5e-4;   // of the smaller radius: nearer points touch
-
 Vector3 FromBullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 btVector3 ToBullet(const Vector3& v) {
   return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()), static_cast<btScalar>(v.z())};
+}
+
+btTransform ToBullet(const Vector3& position_W, const Quaternion& q) {
+  return btTransform(btQuaternion(static_cast<btScalar>(q.x()), static_cast<btScalar>(q.y()),
+                                  static_cast<btScalar>(q.z()), static_cast<btScalar>(q.w())),
+                     ToBullet(position_W));
 }
 
 Settings SuiteSettings(const Vector3& gravity_W) {
@@ -38,18 +45,18 @@ double RadiusOf(const btCollisionObject& object) {
 }  // namespace
 
 BulletSolver::BulletSolver(const Vector3& gravity_W, int threads)
-    : gravity_W_(gravity_W), pool_(threads), suite_(SuiteSettings(gravity_W), &pool_) {}
+    : gravity_W_(gravity_W), pool_(threads), step_(SuiteSettings(gravity_W), &pool_) {}
 
 // The object's place in Bullet's world, which it keeps; fills its body at the first call of a step.
 int BulletSolver::Number(const btCollisionObject* object) {
   const auto number = static_cast<size_t>(object->getWorldArrayIndex());
-  if (number >= bodies_.size()) {
+  if (number >= step_.bodies.size()) {
     Body absent;
     absent.removed = true;
-    bodies_.resize(number + 1, absent);
+    step_.bodies.resize(number + 1, absent);
     of_bullet_.resize(number + 1, nullptr);
   }
-  Body& b = bodies_[number];
+  Body& b = step_.bodies[number];
   if (!b.removed) return static_cast<int>(number);
   b = {};
   const btQuaternion q = object->getWorldTransform().getRotation();
@@ -73,12 +80,8 @@ int BulletSolver::Number(const btCollisionObject* object) {
   return static_cast<int>(number);
 }
 
-void BulletSolver::AddContacts(const btPersistentManifold& manifold) {
-  if (manifold.getNumContacts() == 0 || !manifold.getBody0()->hasContactResponse() ||
-      !manifold.getBody1()->hasContactResponse())
-    return;
+void BulletSolver::ReadContacts(const btPersistentManifold& manifold, std::vector<Contact>* contacts) {
   const int first = Number(manifold.getBody0()), second = Number(manifold.getBody1());
-  if (!bodies_[first].Moves() && !bodies_[second].Moves()) return;
   for (int k = 0; k < manifold.getNumContacts(); ++k) {
     const btManifoldPoint& point = manifold.getContactPoint(k);
     Contact c;
@@ -88,51 +91,50 @@ void BulletSolver::AddContacts(const btPersistentManifold& manifold) {
     c.normal_W = (first < second ? -1 : 1) *
                  FromBullet(point.m_normalWorldOnB).normalized();  // Bullet's points into its first body
     c.gap = point.getDistance();
-    c.touches = c.gap <= kTouch * std::min(bodies_[first].radius, bodies_[second].radius);
     c.friction = point.m_combinedFriction;
     c.restitution = std::clamp<double>(point.m_combinedRestitution, 0, 1);
-    contacts_.push_back(c);
+    contacts->push_back(c);
   }
 }
 
-void BulletSolver::UndoOverlaps() {
-  undone_ = contacts_;
-  for (Contact& c : undone_) {
-    const double at_once = kAtOnce * std::min(bodies_[c.body_a].radius, bodies_[c.body_b].radius);
-    c.gap = std::max(c.gap, std::min(-at_once, kShare * c.gap));
+// Whether two bodies meet unseen in the step as it was resolved.
+bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
+  btDispatcherInfo how;
+  how.m_timeStep = static_cast<btScalar>(dt);
+  for (size_t i = 0; i < of_bullet_.size(); ++i)
+    if (of_bullet_[i])
+      of_bullet_[i]->setWorldTransform(ToBullet(step_.bodies[i].position_W, step_.bodies[i].rotation_WB));
+  found_.clear();
+  for (const auto& [a, b] : pairs_) {
+    if (!step_.MovesFar(a->getWorldArrayIndex()) && !step_.MovesFar(b->getWorldArrayIndex())) continue;
+    btVector3 low_a, high_a, low_b, high_b;
+    a->getCollisionShape()->getAabb(a->getWorldTransform(), low_a, high_a);
+    b->getCollisionShape()->getAabb(b->getWorldTransform(), low_b, high_b);
+    if (!TestAabbAgainstAabb2(low_a, high_a, low_b, high_b)) continue;
+    const btCollisionObjectWrapper one(nullptr, a->getCollisionShape(), a, a->getWorldTransform(), -1, -1);
+    const btCollisionObjectWrapper other(nullptr, b->getCollisionShape(), b, b->getWorldTransform(), -1, -1);
+    btCollisionAlgorithm* const algorithm =
+        dispatcher->findAlgorithm(&one, &other, nullptr, BT_CONTACT_POINT_ALGORITHMS);
+    btManifoldResult result(&one, &other);
+    result.setPersistentManifold(nullptr);
+    algorithm->processCollision(&one, &other, how, &result);
+    if (result.getPersistentManifold()) ReadContacts(*result.getPersistentManifold(), &found_);
+    algorithm->~btCollisionAlgorithm();
+    dispatcher->freeCollisionAlgorithm(algorithm);
   }
-  suite_.Project(bodies_, undone_);
-  const std::span<const Twist> w = suite_.displacements();
-  const auto moved = [&](int body, const Vector3& point) -> Vector3 {
-    return w[body].linear_W + w[body].angular_W.cross(point - bodies_[body].position_W);
-  };
-  for (Contact& c : contacts_) {
-    c.gap += c.normal_W.dot(moved(c.body_b, c.point_W) - moved(c.body_a, c.point_W));
-    c.touches = c.touches || c.gap <= kTouch * std::min(bodies_[c.body_a].radius, bodies_[c.body_b].radius);
-  }
-  for (size_t i = 0; i < bodies_.size(); ++i) {
-    if (bodies_[i].removed || !bodies_[i].Moves()) continue;
-    bodies_[i].position_W += w[i].linear_W;
-    const double angle = w[i].angular_W.norm();
-    if (angle > 0)
-      bodies_[i].rotation_WB =
-          (Quaternion(Eigen::AngleAxisd(angle, w[i].angular_W / angle)) * bodies_[i].rotation_WB).normalized();
-  }
+  bool any = false;
+  for (const Contact& c : found_) any = step_.AddFound(c) || any;
+  return any;
 }
 
+// Bullet now moves by dt v and turns by dt w: poses are set back by that from where they are to be.
 void BulletSolver::HandBack(double dt) {
-  const std::span<const Twist> before = suite_.velocities_before_gravity();
-  for (size_t i = 0; i < bodies_.size(); ++i) {
+  for (size_t i = 0; i < of_bullet_.size(); ++i) {
     btRigidBody* const rigid = of_bullet_[i];
-    if (!rigid || bodies_[i].removed) continue;
-    const Body& b = bodies_[i];
-    const Vector3 shifted = b.position_W + 0.5 * dt * (before[i].linear_W - b.linear_velocity_W);
-    const Quaternion& q = b.rotation_WB;
-    btTransform pose;
-    pose.setOrigin(ToBullet(shifted));
-    pose.setRotation(btQuaternion(static_cast<btScalar>(q.x()), static_cast<btScalar>(q.y()),
-                                  static_cast<btScalar>(q.z()), static_cast<btScalar>(q.w())));
-    rigid->setWorldTransform(pose);
+    if (!rigid) continue;
+    const Body& b = step_.bodies[i];
+    rigid->setWorldTransform(
+        ToBullet(b.position_W - dt * b.linear_velocity_W, Exp(-dt * b.angular_velocity_W) * b.rotation_WB));
     rigid->setLinearVelocity(ToBullet(b.linear_velocity_W));
     rigid->setAngularVelocity(ToBullet(b.angular_velocity_W));
   }
@@ -140,15 +142,21 @@ void BulletSolver::HandBack(double dt) {
 
 btScalar BulletSolver::solveGroup(btCollisionObject** bodies, int num_bodies, btPersistentManifold** manifolds,
                                   int num_manifolds, btTypedConstraint**, int, const btContactSolverInfo& info,
-                                  btIDebugDraw*, btDispatcher*) {
-  for (Body& b : bodies_) b.removed = true;
-  std::fill(of_bullet_.begin(), of_bullet_.end(), nullptr);
-  contacts_.clear();
+                                  btIDebugDraw*, btDispatcher* dispatcher) {
+  step_.Begin(info.m_timeStep, gravity_W_);
+  of_bullet_.clear();
+  pairs_.clear();
   for (int i = 0; i < num_bodies; ++i) Number(bodies[i]);
-  for (int i = 0; i < num_manifolds; ++i) AddContacts(*manifolds[i]);
-  std::stable_sort(contacts_.begin(), contacts_.end(), EarlierPair);
-  UndoOverlaps();
-  suite_.Resolve(info.m_timeStep, bodies_, contacts_, &report_);
+  for (int i = 0; i < num_manifolds; ++i) {
+    const btCollisionObject *a = manifolds[i]->getBody0(), *b = manifolds[i]->getBody1();
+    if (!a->hasContactResponse() || !b->hasContactResponse()) continue;
+    if (!step_.bodies[Number(a)].Moves() && !step_.bodies[Number(b)].Moves()) continue;
+    pairs_.emplace_back(a, b);
+    ReadContacts(*manifolds[i], &step_.contacts);
+  }
+  step_.UndoOverlaps();
+  step_.Resolve();
+  for (int round = 0; round < kRounds && AddFound(info.m_timeStep, dispatcher); ++round) step_.Resolve();
   HandBack(info.m_timeStep);
   return 0;
 }

@@ -3,17 +3,17 @@
 //   btDiscreteDynamicsWorld world(&dispatcher, &broadphase, &solver, &configuration);
 //   world.getSimulationIslandManager()->setSplitIslands(false);   // islet finds its own
 //
-//   each step  overlaps are undone by the smallest displacements (ContactSuite::Project), velocities are resolved, and poses shifted so that
-//              Bullet, which moves bodies by their final velocities, moves them by the mean that islet asks for
+//   each step  as in client_step.h; Bullet's narrow phase is asked again, for the pairs of its broad phase, where bodies come to
 //   contacts   Bullet's points, without names: islet finds again who is nearest. Joints are not resolved
 //   sleeping   is Bullet's to switch off (DISABLE_DEACTIVATION)
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include <BulletDynamics/ConstraintSolver/btConstraintSolver.h>
 
-#include "engine/contact_suite.h"
+#include "bench/clients/client_step.h"
 #include "parallel/worker_pool.h"
 
 namespace islet::clients {
@@ -28,21 +28,20 @@ class BulletSolver final : public btConstraintSolver {
   void reset() override {}
   btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
 
-  const StepReport& report() const { return report_; }  // of the last step
+  const StepReport& report() const { return step_.report(); }  // of the last step
 
  private:
   int Number(const btCollisionObject* object);
-  void AddContacts(const btPersistentManifold& manifold);
-  void UndoOverlaps();
+  void ReadContacts(const btPersistentManifold& manifold, std::vector<Contact>* contacts);
+  bool AddFound(double dt, btDispatcher* dispatcher);
   void HandBack(double dt);
 
   Vector3 gravity_W_;
   parallel::WorkerPool pool_;
-  ContactSuite suite_;
-  std::vector<Body> bodies_;             // by Bullet's number in its world; what is not of the group is removed
+  ClientStep step_;  // its bodies by Bullet's number in its world; what is not of the group is removed
   std::vector<btRigidBody*> of_bullet_;  // of those that move
-  std::vector<Contact> contacts_, undone_;
-  StepReport report_;
+  std::vector<std::pair<const btCollisionObject*, const btCollisionObject*>> pairs_;
+  std::vector<Contact> found_;
 };
 
 }  // namespace islet::clients

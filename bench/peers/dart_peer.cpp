@@ -1,5 +1,5 @@
 // DART: one skeleton with a free joint a body, Bullet's collision detector (DART's manual advises it for boxes over its
-// default, FCL). Lines: Dantzig (the default boxed LCP solver), PGS. Default: 1 ms; 1/960 s stands for it.
+// default, FCL). Lines: Dantzig (the default boxed LCP solver), PGS, islet (our contact suite as its solver). Default: 1 ms; 1/960 s stands for it.
 //
 // Friction is the smaller one of two bodies, restitution the product: bodies get the root of it. DART has no sleeping.
 #include <cmath>
@@ -15,6 +15,7 @@
 #include <dart/dynamics/WeldJoint.hpp>
 #include <dart/simulation/World.hpp>
 
+#include "bench/clients/dart_solver.h"
 #include "bench/peers/peer.h"
 #include "bench/peers/sweeps.h"
 
@@ -28,7 +29,8 @@ class DartPeer final : public Peer {
   DartPeer(const WorldPlan& plan, const Setting& setting) : world_(dart::simulation::World::create()) {
     world_->setGravity(plan.gravity);
     world_->setTimeStep(setting.dt);
-    auto* solver = static_cast<dart::constraint::BoxedLcpConstraintSolver*>(world_->getConstraintSolver());
+    if (setting.solver == "islet") world_->setConstraintSolver(std::make_unique<clients::DartSolver>(1));
+    dart::constraint::ConstraintSolver* solver = world_->getConstraintSolver();
     solver->setCollisionDetector(dart::collision::BulletCollisionDetector::create());
     solver->getCollisionOption().maxNumContacts = kMostContacts;
     if (setting.solver == "PGS") {
@@ -38,7 +40,7 @@ class DartPeer final : public Peer {
         option.mMaxIteration = setting.iterations;
         pgs->setOption(option);
       }
-      solver->setBoxedLcpSolver(pgs);
+      static_cast<dart::constraint::BoxedLcpConstraintSolver*>(solver)->setBoxedLcpSolver(pgs);
     }
     for (const BodyPlan& body : plan.bodies) Add(plan, body);
   }
@@ -106,11 +108,13 @@ std::unique_ptr<Peer> Make(const WorldPlan& plan, const Setting& setting) {
 
 Engine TheEngine() {
   constexpr int kRates[] = {60, 120, 240, 480, 960}, kQuickRates[] = {60, 960};
+  constexpr int kClientRates[] = {30, 60, 120, 240, 960}, kClientQuickRates[] = {60, 240};
   constexpr int kCounts[] = {10, 100, 300};
   Engine engine{.name = "dart", .version = DART_VERSION, .precision = "double", .settings = {}, .make = Make};
   AddTimeSteps({.solver = "Dantzig", .dt = 1.0 / 960, .is_default = true}, kRates, kQuickRates, &engine.settings);
   AddTimeSteps({.solver = "PGS"}, kRates, {}, &engine.settings);
   AddIterations({.solver = "PGS"}, kCounts, {}, &engine.settings);
+  AddTimeSteps({.solver = "islet"}, kClientRates, kClientQuickRates, &engine.settings);
   return engine;
 }
 

@@ -1,0 +1,130 @@
+#include "bench/clients/client_step.h"
+
+#include <algorithm>
+
+#include "engine/rotation.h"
+
+namespace islet::clients {
+namespace {
+
+// Lengths in smaller radii of two bodies. What is deep is undone a share a step, or it would be pushed into neighbours not found yet.
+constexpr double kAtOnce = 0.01;  // overlap that is undone in one step
+constexpr double kShare = 0.2;    // of what is deeper
+constexpr double kTouch = 5e-4;   // nearer points touch
+constexpr double kSlop = 1e-6;    // overlap that stays where two bodies turn against each other
+constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
+constexpr double kUnseen = 5e-4;  // overlap at the end of a step that is worth another round
+// A point found at the end of a step is one of its start again that is so near and whose normal is so alike, in its cosine.
+constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
+
+double Size(const Contact& c, std::span<const Body> bodies) {
+  return std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
+}
+
+Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
+  return (Exp(turn_W) * rotation_WB).normalized();
+}
+
+}  // namespace
+
+void ClientStep::Begin(double dt, const Vector3& gravity_W) {
+  dt_ = dt;
+  suite_.SetGravity(gravity_W);
+  bodies.clear();
+  contacts.clear();
+  found_.clear();
+  first_ = true;
+}
+
+double ClientStep::Slop(const Contact& c) const {
+  const double turn = dt_ * (bodies[c.body_b].angular_velocity_W - bodies[c.body_a].angular_velocity_W).norm();
+  return turn > kTurn ? kSlop * Size(c, bodies) : 0;
+}
+
+void ClientStep::UndoOverlaps() {
+  std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  scratch_ = contacts;
+  for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + Slop(c);
+  suite_.Project(bodies, scratch_);
+  const std::span<const Twist> w = suite_.displacements();
+  const auto moved = [&](int body, const Vector3& point) -> Vector3 {
+    return w[body].linear_W + w[body].angular_W.cross(point - bodies[body].position_W);
+  };
+  for (Contact& c : contacts) {
+    c.gap += c.normal_W.dot(moved(c.body_b, c.point_W) - moved(c.body_a, c.point_W));
+    const double slop = Slop(c);
+    c.touches = c.gap <= (slop > 0 ? 0 : kTouch * Size(c, bodies));
+    if (!c.touches) c.gap += slop;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    bodies[i].position_W += w[i].linear_W;
+    bodies[i].rotation_WB = Turned(w[i].angular_W, bodies[i].rotation_WB);
+  }
+  start_ = bodies;
+  far_ = 1e6;
+  for (const Body& b : bodies)
+    if (b.Moves()) far_ = std::min(far_, 0.5 * kUnseen * b.radius);
+}
+
+bool ClientStep::MovesFar(int body) const { return way_[body] > far_; }
+
+bool ClientStep::AddFound(Contact c) {
+  const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
+  if (c.gap > -kUnseen * size) return false;
+  const auto at_start = [&](int body) -> Vector3 {
+    const Body &from = start_[body], &to = bodies[body];
+    return from.position_W + from.rotation_WB * (to.rotation_WB.conjugate() * (c.point_W - to.position_W));
+  };
+  const Vector3 a = at_start(c.body_a), b = at_start(c.body_b);
+  const double closed = c.gap;
+  c.gap += c.normal_W.dot(b - a);
+  if (c.gap - closed < kUnseen * size) return false;  // not in this step, or along another normal
+  c.gap = std::max(c.gap, 0.0);
+  c.point_W = 0.5 * (a + b);
+  const auto [begin, end] = std::equal_range(contacts.begin(), contacts.end(), c, EarlierPair);
+  for (auto old = begin; old != end; ++old) {
+    if ((old->point_W - c.point_W).norm() > kSamePlace * size || old->normal_W.dot(c.normal_W) < kSameNormal) continue;
+    if (old->touches) return false;
+    old->touches = old->gap == 0;  // the suite lets bodies that fall freely close what is open
+    old->gap = std::max(0.0, old->gap + closed);
+    return true;
+  }
+  c.touches = c.restitution > 0;  // what bounces has to meet at full speed: it does so a part of a step too early
+  found_.push_back(c);
+  return true;
+}
+
+void ClientStep::Resolve() {
+  if (first_)
+    memory_ = suite_.memory();
+  else
+    suite_.SetMemory(memory_);
+  first_ = false;
+  bodies = start_;
+  contacts.insert(contacts.end(), found_.begin(), found_.end());
+  found_.clear();
+  std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  suite_.Resolve(dt_, bodies, contacts, &report_);
+  Move();
+}
+
+// By the mean that the suite asks for.
+void ClientStep::Move() {
+  const std::span<const Twist> before = suite_.velocities_before_gravity();
+  way_.assign(bodies.size(), 0);
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& b = bodies[i];
+    way_[i] = dt_ * (b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());  // kinematic ones as well
+    if (!b.Moves()) continue;
+    const Vector3 mean_W = 0.5 * (before[i].linear_W + b.linear_velocity_W);
+    const Vector3 spin_W = 0.5 * (before[i].angular_W + b.angular_velocity_W);
+    const Quaternion end_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, spin_W, dt_), b.rotation_WB);
+    b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
+    b.position_W += dt_ * mean_W;
+    way_[i] = std::max(way_[i], dt_ * (mean_W.norm() + b.radius * spin_W.norm()));
+    b.rotation_WB = end_WB;
+  }
+}
+
+}  // namespace islet::clients

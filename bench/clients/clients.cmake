@@ -1,0 +1,30 @@
+# islet inside of other engines: a library for each that is found, islet_client_bullet, _bullet64 and _dart. The charts and the tests build
+# them; imported targets belong to a folder, so each looks for the packages itself.
+set(clients ${PROJECT_SOURCE_DIR}/bench/clients)
+
+# islet_client(bullet SOURCE bullet_solver.cpp LIBRARIES PkgConfig::bullet [INCLUDES ...])
+function(islet_client name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "SOURCE" "LIBRARIES;INCLUDES")
+  if(TARGET islet_client_${name})
+    return()
+  endif()
+  add_library(islet_client_${name} STATIC EXCLUDE_FROM_ALL ${clients}/${arg_SOURCE} ${clients}/client_step.cpp)
+  target_link_libraries(islet_client_${name} PUBLIC islet::engine islet::parallel ${arg_LIBRARIES} PRIVATE islet_flags)
+  target_include_directories(islet_client_${name} SYSTEM PUBLIC ${arg_INCLUDES})
+endfunction()
+
+find_package(PkgConfig QUIET)
+if(PkgConfig_FOUND)
+  pkg_check_modules(bullet QUIET IMPORTED_TARGET bullet)
+  pkg_check_modules(bullet64 QUIET IMPORTED_TARGET bullet-float64)
+  foreach(name bullet bullet64)
+    if(${name}_FOUND)
+      islet_client(${name} SOURCE bullet_solver.cpp LIBRARIES PkgConfig::${name} INCLUDES ${${name}_INCLUDE_DIRS})
+    endif()
+  endforeach()
+endif()
+
+find_package(DART 6.12 QUIET COMPONENTS collision-bullet CONFIG)
+if(TARGET dart-collision-bullet)
+  islet_client(dart SOURCE dart_solver.cpp LIBRARIES dart-collision-bullet)
+endif()
