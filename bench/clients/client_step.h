@@ -7,8 +7,8 @@
 //                       of the step, and 3 is done again, from the same start, at most kRounds times
 //   5  the host is set so that its own integration ends there                  the client
 //
-// Hosts find boxes only once they overlap, and of a box that lands on a corner no other corner: without 4, what falls at 8 m/s is 13 cm deep in
-// a floor before anybody knows, and what tips over as well.
+// Hosts find boxes only once they overlap, and of a box that lands on a corner no other corner: without 4, what falls at 8 m/s is
+// 13 cm deep in a floor before anybody knows, and what tips over as well.
 // Bodies that touch and turn are left overlapping a little: hosts keep the points of pairs that are apart with the normals they once had.
 //   threads: one caller at a time
 #pragma once
