@@ -89,6 +89,14 @@ double SmallestWidth(const Polytope& polytope) {  // over the directions of the 
   return width;
 }
 
+std::shared_ptr<Shape::Data> RoundData(ShapeKind kind, double radius, double half_length) {
+  auto data = std::make_shared<Shape::Data>();
+  data->kind = kind;
+  data->girth = radius;
+  data->half_length = half_length;
+  return data;
+}
+
 }  // namespace
 
 Shape Shape::Sphere(double radius) {
@@ -133,11 +141,8 @@ Shape Shape::HalfSpace() {
 Shape Shape::Capsule(double radius, double half_length) {
   RequirePositive("Capsule radius", radius);
   RequirePositive("Capsule half_length", half_length);
-  auto data = std::make_shared<Data>();
-  data->kind = ShapeKind::kCapsule;
+  auto data = RoundData(ShapeKind::kCapsule, radius, half_length);
   data->radius = half_length + radius;
-  data->girth = radius;
-  data->half_length = half_length;
   data->half_extents = {radius, radius, half_length + radius};
   data->size = 2 * radius;
   const double r2 = radius * radius, h2 = half_length * half_length;
@@ -154,11 +159,8 @@ Shape Shape::Capsule(double radius, double half_length) {
 Shape Shape::Cylinder(double radius, double half_length) {
   RequirePositive("Cylinder radius", radius);
   RequirePositive("Cylinder half_length", half_length);
-  auto data = std::make_shared<Data>();
-  data->kind = ShapeKind::kCylinder;
+  auto data = RoundData(ShapeKind::kCylinder, radius, half_length);
   data->radius = std::hypot(radius, half_length);
-  data->girth = radius;
-  data->half_length = half_length;
   data->half_extents = {radius, radius, half_length};
   data->size = 2 * std::min(radius, half_length);
   const double r2 = radius * radius, h2 = half_length * half_length;

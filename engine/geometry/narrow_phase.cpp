@@ -13,25 +13,24 @@
 namespace islet {
 namespace {
 
-// The rank in which the two-shape functions take their arguments: half-space, polytope, sphere, capsule, cylinder.
+// The rank in which the two-shape functions take their arguments: what its caller knows, half-space, polytope, sphere, what has an axis.
 int Rank(ShapeKind kind) {
   switch (kind) {
-    case ShapeKind::kHalfSpace:
+    case ShapeKind::kCustom:
       return 0;
-    case ShapeKind::kBox:
+    case ShapeKind::kHalfSpace:
       return 1;
-    case ShapeKind::kConvexHull:
+    case ShapeKind::kBox:
       return 2;
-    case ShapeKind::kSphere:
+    case ShapeKind::kConvexHull:
       return 3;
-    case ShapeKind::kCapsule:
+    case ShapeKind::kSphere:
       return 4;
+    case ShapeKind::kCapsule:
     case ShapeKind::kCylinder:
       return 5;
-    case ShapeKind::kCustom:
-      return 6;
   }
-  return 6;
+  return 5;
 }
 
 // What the caller's function says, which must be contacts.
@@ -56,6 +55,7 @@ void CollideCustom(const Shape& custom, const Placement& pose, const Shape& othe
 // Requires Rank(a) <= Rank(b).
 void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
                    const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
+  if (a.kind() == ShapeKind::kCustom) return CollideCustom(a, pose_a, b, pose_b, reach, contacts);
   if (b.HasAxis()) {
     if (a.kind() == ShapeKind::kHalfSpace) return CollideHalfSpaceRound(pose_a, b, pose_b, reach, contacts);
     return CollideRound(a, pose_a, b, pose_b, reach, contacts);
@@ -82,7 +82,7 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
     case ShapeKind::kCapsule:
     case ShapeKind::kCylinder:
     case ShapeKind::kCustom:
-      return;  // what ranks as high has an axis, too, or is custom
+      return;  // above
   }
 }
 
@@ -92,17 +92,12 @@ void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, cons
                    std::vector<Contact>* contacts, const Vector3& travel_ba_W, std::int8_t* separating) {
   std::int8_t none = -1;
   if (!separating) separating = &none;
-  if (a.kind() == ShapeKind::kCustom) return CollideCustom(a, pose_a, b, pose_b, reach, contacts);
-  if (Rank(a.kind()) <= Rank(b.kind()) && b.kind() != ShapeKind::kCustom) {
+  if (Rank(a.kind()) <= Rank(b.kind())) {
     CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
     return;
   }
   const size_t first = contacts->size();
-  if (b.kind() == ShapeKind::kCustom) {
-    CollideCustom(b, pose_b, a, pose_a, reach, contacts);
-  } else {
-    CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
-  }
+  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].normal_W = -(*contacts)[c].normal_W;
 }
 

@@ -13,16 +13,30 @@ namespace {
 // Of a size: what separates by no more than this separates as well, and points as near have no direction between them.
 constexpr double kTie = 1e-9;
 constexpr double kLevel = 0.3;  // sine: a face that is as far off the plane of contact, or a long side, may lie flat
-constexpr int kRimPoints = 8;   // of an end that stands flat, beside its lowest point
-constexpr double kSame = 1e-6;  // of a size: points of contact as near as this are one
+constexpr std::uint32_t kRimPoints = 8;  // of an end that stands flat, beside its lowest point
+constexpr double kSame = 1e-6;           // of a size: points of contact as near as this are one
 
 // Whether a face whose normal has this cosine with the contact's lies flat, to kLevel.
 bool LiesFlat(double cosine) { return cosine * cosine > 1 - kLevel * kLevel; }
 
+// One of the places on the rim of an end that stays with the body as it turns.
+Vector3 RimPoint(const Circle& rim, const Matrix3& rotation, std::uint32_t k) {
+  const double angle = 2 * std::numbers::pi * k / kRimPoints;
+  return rim.centre + rim.radius * (std::cos(angle) * rotation.col(0) + std::sin(angle) * rotation.col(1));
+}
+
+Contact MakeContact(const Vector3& point, const Vector3& normal, double gap, std::uint32_t feature) {
+  Contact contact;
+  contact.point_W = point;
+  contact.normal_W = normal;
+  contact.gap = gap;
+  contact.feature = feature;
+  return contact;
+}
+
 // What a body may meet others with, about an origin that both bodies share. Bodies are as thick as `girth` around their points and lines.
 struct Solid {
   const Shape* shape;
-  Vector3 centre;
   Matrix3 rotation;
   double girth = 0;                    // around points: of spheres and capsules
   double wall = 0;                     // around lines: of capsules and of the axis of a cylinder
@@ -38,7 +52,6 @@ struct Solid {
 
 void Solid::Load(const Shape& of, const Vector3& at, const Matrix3& turned) {
   shape = &of;
-  centre = at;
   rotation = turned;
   girth = wall = 0;
   points.clear(), faces.clear(), lines.clear(), circles.clear();
@@ -187,11 +200,7 @@ void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
     const double along = solid.axis().dot(n);
     if (shape.kind() == ShapeKind::kCylinder && LiesFlat(along)) {
       const Circle& end = solid.circles[along > 0];
-      for (int k = 0; k < kRimPoints; ++k) {
-        const double angle = 2 * std::numbers::pi * k / kRimPoints;
-        figure->corners.push_back(end.centre + end.radius * (std::cos(angle) * solid.rotation.col(0) +
-                                                             std::sin(angle) * solid.rotation.col(1)));
-      }
+      for (std::uint32_t k = 0; k < kRimPoints; ++k) figure->corners.push_back(RimPoint(end, solid.rotation, k));
       figure->radius = end.radius;
       figure->middle = end.centre;
       figure->normal = along > 0 ? solid.axis() : Vector3(-solid.axis());
@@ -263,12 +272,7 @@ class Manifold {
     const Vector3 point = 0.5 * (on_a + on_b);
     for (size_t c = first_; c < contacts_->size(); ++c)
       if (((*contacts_)[c].point_W - point).norm() <= kSame * size_) return;
-    Contact contact;
-    contact.point_W = point;
-    contact.normal_W = n;
-    contact.gap = gap;
-    contact.feature = feature;
-    contacts_->push_back(contact);
+    contacts_->push_back(MakeContact(point, n, gap, feature));
   }
 
   // The ends of one long side beside the other, if they lie along each other.
@@ -397,22 +401,13 @@ void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, cons
   const double height = normal.dot(pose.position_W - half_space.position_W), along = axis.dot(normal);
   const auto add = [&](std::uint32_t feature, const Vector3& from_centre) {
     const double gap = height + normal.dot(from_centre);
-    if (gap > reach) return;
-    Contact contact;
-    contact.point_W = pose.position_W + from_centre - 0.5 * gap * normal;
-    contact.normal_W = normal;
-    contact.gap = gap;
-    contact.feature = feature;
-    contacts->push_back(contact);
+    if (gap <= reach)
+      contacts->push_back(MakeContact(pose.position_W + from_centre - 0.5 * gap * normal, normal, gap, feature));
   };
   const bool capsule = shape.kind() == ShapeKind::kCapsule;
   if (!capsule && LiesFlat(along)) {  // it may stand: all around the lower rim, and its lowest point
     const Circle rim{(along > 0 ? -1 : 1) * shape.half_length() * axis, axis, shape.girth()};
-    for (std::uint32_t k = 0; k < kRimPoints; ++k) {
-      const double angle = 2 * std::numbers::pi * k / kRimPoints;
-      add(2 + k, rim.centre + rim.radius * (std::cos(angle) * pose.rotation_WB.col(0) +
-                                            std::sin(angle) * pose.rotation_WB.col(1)));
-    }
+    for (std::uint32_t k = 0; k < kRimPoints; ++k) add(2 + k, RimPoint(rim, pose.rotation_WB, k));
     const Vector3 down = -normal + along * axis;
     if (down.norm() > kTie) add(along > 0 ? 0 : 1, rim.centre + rim.radius * down.normalized());
     return;

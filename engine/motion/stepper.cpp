@@ -774,7 +774,7 @@ bool Stepper::Strays() const {
 
 // [m] how far a contact found is from where this one of the pair went; less than 0: it is the same. The lowest point of a rim goes all
 // around it while a coin that is almost flat totters: it is the same only as far as it rolls on.
-double Stepper::Apart(int pair, const Contact& contact, const Contact& found, const Vector3& place) const {
+double Stepper::StrayOf(int pair, const Contact& contact, const Contact& found, const Vector3& place) const {
   const auto [a, b] = group_->pairs[pair];
   const double apart = (found.point_W - place).norm();
   const bool rims = group_->shapes[a]->HasAxis() || group_->shapes[b]->HasAxis();
@@ -793,7 +793,7 @@ void Stepper::FollowHeld() {
         Carried(pair, held_[c].point_W, held_of_[c].at_start ? Moment::kStart : Moment::kMiddle, Moment::kEnd);
     for (size_t e = 0; e < end_.size(); ++e) {
       if (end_pair_[e] != pair) continue;
-      const double apart = Apart(pair, held_[c], end_[e], place);
+      const double apart = StrayOf(pair, held_[c], end_[e], place);
       if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(e);
     }
   }
@@ -865,7 +865,7 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Vector3 place = Carried(pair, end_[at_end].point_W, Moment::kEnd, Moment::kStart);
   for (size_t c = 0; c < now_.size(); ++c) {
     if (now_pair_[c] != pair || !closed_[c]) continue;
-    const double apart = Apart(pair, end_[at_end], now_[c], place);
+    const double apart = StrayOf(pair, end_[at_end], now_[c], place);
     if (apart < nearest) nearest = apart, found = &now_[c];
   }
   return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;

@@ -180,7 +180,7 @@ class Stepper {
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
   Quaternion SeenAs(int i, const Pose& pose) const;
-  double Apart(int pair, const Contact& contact, const Contact& found, const Vector3& place) const;
+  double StrayOf(int pair, const Contact& contact, const Contact& found, const Vector3& place) const;
   bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.

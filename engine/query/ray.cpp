@@ -66,15 +66,7 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
   if (shape.kind() == ShapeKind::kCustom) return {};
   Interval inside;
   if (shape.kind() == ShapeKind::kSphere) {
-    const double radius = shape.radius(), a = way.squaredNorm(), b = origin.dot(way);
-    const double c = (origin.norm() - radius) * (origin.norm() + radius);
-    if (c > 0) {
-      const double discriminant = b * b - a * c;
-      if (discriminant < 0 || b >= 0) return {};
-      inside.enter = c / (-b + std::sqrt(discriminant));  // the smaller root, without cancellation
-      if (inside.enter > 1) return {};
-      inside.normal = (origin + inside.enter * way).normalized();
-    }
+    CutBall(Vector3::Zero(), shape.radius(), origin, way, &inside);
   } else if (shape.kind() == ShapeKind::kHalfSpace) {
     inside.Cut(Vector3::UnitZ(), origin.z(), way.z());
   } else if (shape.HasAxis()) {
