@@ -1,5 +1,6 @@
-// Which pairs of bodies may touch: their layers must agree, neither is a sensor, and nobody has set them apart.
-//   threads: const use from any thread
+// Which pairs of bodies may touch: their layers must agree, neither is a sensor, nobody has set them apart, and the user's callback
+// does not object.
+//   threads: const use from any thread, if the callback allows it
 #pragma once
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "engine/body.h"
+#include "engine/collision_callback.h"
 
 namespace islet {
 
@@ -15,29 +17,51 @@ inline bool LayersAgree(const Body& a, const Body& b) {
   return (a.layers & b.collides_with) != 0 && (b.layers & a.collides_with) != 0;
 }
 
+// Pairs that were set apart one by one.
+class PairsApart {
+ public:
+  bool Has(int a, int b) const {
+    return !pairs_.empty() && std::binary_search(pairs_.begin(), pairs_.end(), std::pair<int, int>(std::minmax(a, b)));
+  }
+  void Set(int a, int b, bool apart) {
+    const std::pair<int, int> pair = std::minmax(a, b);
+    const auto place = std::lower_bound(pairs_.begin(), pairs_.end(), pair);
+    const bool known = place != pairs_.end() && *place == pair;
+    if (!apart && known) pairs_.erase(place);
+    if (apart && !known) pairs_.insert(place, pair);
+  }
+  void Forget(int body) {
+    std::erase_if(pairs_, [&](const auto& pair) { return pair.first == body || pair.second == body; });
+  }
+  std::vector<std::pair<int, int>>& pairs() { return pairs_; }
+
+ private:
+  std::vector<std::pair<int, int>> pairs_;  // ascending
+};
+
 class ContactFilter {
  public:
+  explicit ContactFilter(const PairsApart* apart) : apart_(apart) {}  // which must outlive it
+  void SetCallback(CollisionCallback callback) { callback_ = std::move(callback); }
+  bool has_callback() const { return static_cast<bool>(callback_); }
+
+  // bodies: as they were when the step began, for all who ask within it.
   bool Allows(std::span<const Body> bodies, int a, int b) const {
     const Body &x = bodies[a], &y = bodies[b];
-    return LayersAgree(x, y) && !x.sensor && !y.sensor && !SetApart(a, b);
-  }
-  bool SetApart(int a, int b) const {
-    return !apart_.empty() && std::binary_search(apart_.begin(), apart_.end(), std::pair<int, int>(std::minmax(a, b)));
-  }
-  void Set(int a, int b, bool collide) {
-    const std::pair<int, int> pair = std::minmax(a, b);
-    const auto place = std::lower_bound(apart_.begin(), apart_.end(), pair);
-    const bool known = place != apart_.end() && *place == pair;
-    if (collide && known) apart_.erase(place);
-    if (!collide && !known) apart_.insert(place, pair);
-  }
-  std::vector<std::pair<int, int>>& apart() { return apart_; }
-  void Forget(int body) {
-    std::erase_if(apart_, [&](const auto& pair) { return pair.first == body || pair.second == body; });
+    if (!LayersAgree(x, y) || x.sensor || y.sensor || apart_->Has(a, b)) return false;
+    return !callback_ || (a < b ? callback_(a, b, x, y) : callback_(b, a, y, x));
   }
 
  private:
-  std::vector<std::pair<int, int>> apart_;  // ascending
+  const PairsApart* apart_;
+  CollisionCallback callback_;
+};
+
+// The filter, and the bodies as the step found them.
+struct PairRule {
+  const ContactFilter* filter;
+  std::span<const Body> bodies;
+  bool Allows(int a, int b) const { return filter->Allows(bodies, a, b); }
 };
 
 }  // namespace islet

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "engine/body.h"
+#include "engine/collision_callback.h"
 #include "engine/contact.h"
 #include "engine/contact_events.h"
 #include "engine/problem_record.h"
@@ -119,7 +120,9 @@ class World {
   void SetUserData(int body, std::uint64_t data);        // the engine does not look at it
   void SetGravity(const Vector3& gravity_W);             // [m/s^2]
   void SetMaterialCallback(MaterialCallback callback);   // in place of MixFriction and MixRestitution; empty: those
-  void SetProblemObserver(ProblemObserver observer);     // see engine/problem_record.h; empty: none
+  // Asked of each pair that comes near while one of it is awake, beside layers and SetCollision(); empty: these alone. Not of sensors.
+  void SetCollisionCallback(CollisionCallback callback);
+  void SetProblemObserver(ProblemObserver observer);  // see engine/problem_record.h; empty: none
 
   // Throws if two bodies overlap by more than the touch gap: names both and the depth. Step() checks the bodies that
   // were added since the last step.

@@ -86,7 +86,7 @@ bool ClientStep::AddFound(Contact c) {
   for (auto old = begin; old != end; ++old) {
     if ((old->point_W - c.point_W).norm() > kSamePlace * size || old->normal_W.dot(c.normal_W) < kSameNormal) continue;
     if (old->touches) return false;
-    old->touches = old->gap == 0;  // the suite lets bodies that fall freely close what is open
+    old->touches = old->gap == 0;
     old->gap = std::max(0.0, old->gap + closed);
     return true;
   }

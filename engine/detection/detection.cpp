@@ -229,7 +229,8 @@ Detector::~Detector() = default;
 KeptContacts Detector::kept() const { return impl_->contacts_of_pairs.kept(); }
 
 void Detector::Detect(std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const Vector3> travel_W,
-                      std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen) {
+                      std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen,
+                      const PairRule* rule) {
   auto require_size = [&](const char* field, size_t size) {
     if (size == bodies.size()) return;
     throw std::invalid_argument(std::string("Detect: ") + field + " has " + std::to_string(size) + " entries for " +
@@ -241,7 +242,7 @@ void Detector::Detect(std::span<const Body> bodies, std::span<const Shape> shape
   impl_->bodies.Update(bodies, shapes, travel_W, margins, impl_->pool);
   impl_->FindLeavers();
   impl_->FindCandidates();
-  impl_->contacts_of_pairs.Collide(impl_->bodies, include_frozen, &impl_->pairs, contacts);
+  impl_->contacts_of_pairs.Collide(impl_->bodies, include_frozen, rule, &impl_->pairs, contacts);
 }
 
 }  // namespace islet

@@ -15,6 +15,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/contact_filter.h"
 #include "engine/detection/pair_contacts.h"
 #include "engine/shape.h"
 
@@ -37,9 +38,10 @@ class Detector {
   // and contacts farther apart are dropped. Left out are pairs with a removed body, pairs without a dynamic body, and,
   // unless include_frozen, frozen bodies against what stands still: frozen or fixed bodies, kinematic ones without
   // velocity. contact.friction and .restitution are the mixed values of the pair. Throws std::invalid_argument if the
-  // spans differ in size.
+  // spans differ in size. rule: pairs that it does not allow are left out; null: none.
   void Detect(std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const Vector3> travel_W,
-              std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen = false);
+              std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen = false,
+              const PairRule* rule = nullptr);
 
   KeptContacts kept() const;  // of the call before, by the last one
 

@@ -50,8 +50,8 @@ void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Conta
 
 }  // namespace
 
-void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, std::span<CandidatePair> pairs,
-                                int chunk) {
+void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, const PairRule* rule,
+                                std::span<CandidatePair> pairs, int chunk) {
   std::vector<Contact>& contacts = now_[chunk];
   contacts.clear();
   KeptContacts kept;
@@ -59,7 +59,7 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
     const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
     const int first = static_cast<int>(contacts.size());
     const bool known = pair.kept && !a.changed && !b.changed;
-    pair.kept = Wanted(a, b, include_frozen);
+    pair.kept = Wanted(a, b, include_frozen) && (!rule || rule->Allows(pair.a, pair.b));
     if (pair.kept && known) {
       ++kept.pairs;
       kept.contacts += pair.count;
@@ -77,8 +77,8 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, st
   kept_[chunk] = kept;
 }
 
-void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,
-                           std::vector<Contact>* contacts) {
+void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, const PairRule* rule,
+                           std::vector<CandidatePair>* pairs, std::vector<Contact>* contacts) {
   const int num_pairs = static_cast<int>(pairs->size());
   const int chunks = (num_pairs + kPairsPerChunk - 1) / kPairsPerChunk;
   std::swap(now_, before_);
@@ -88,7 +88,7 @@ void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, std::ve
   const auto collide = [&](int chunk, int) {
     const int begin = chunk * kPairsPerChunk;
     const int count = std::min(kPairsPerChunk, num_pairs - begin);
-    CollideChunk(bodies, include_frozen, std::span(*pairs).subspan(begin, count), chunk);
+    CollideChunk(bodies, include_frozen, rule, std::span(*pairs).subspan(begin, count), chunk);
   };
   pool_->ForEach(chunks, std::cref(collide));
   start_.assign(chunks + 1, 0);

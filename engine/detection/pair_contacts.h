@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/contact.h"
+#include "engine/contact_filter.h"
 #include "engine/detection/body_watch.h"
 
 namespace islet {
@@ -31,7 +32,8 @@ class PairContacts {
  public:
   explicit PairContacts(parallel::WorkerPool* pool) : pool_(pool) {}
 
-  void Collide(const BodyWatch& bodies, bool include_frozen, std::vector<CandidatePair>* pairs,
+  // rule: which pairs may touch; null: all.
+  void Collide(const BodyWatch& bodies, bool include_frozen, const PairRule* rule, std::vector<CandidatePair>* pairs,
                std::vector<Contact>* contacts);
 
   KeptContacts kept() const;  // by the last call
@@ -39,7 +41,8 @@ class PairContacts {
  private:
   using Chunks = std::vector<std::vector<Contact>>;
 
-  void CollideChunk(const BodyWatch& bodies, bool include_frozen, std::span<CandidatePair> pairs, int chunk);
+  void CollideChunk(const BodyWatch& bodies, bool include_frozen, const PairRule* rule, std::span<CandidatePair> pairs,
+                    int chunk);
 
   parallel::WorkerPool* pool_;
   Chunks now_, before_;

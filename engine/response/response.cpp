@@ -232,13 +232,10 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
   ApproachVelocities(problem_, &free_);
-  double fastest = 0, touching = 0;
+  double fastest = 0;
   for (size_t c = 0; c < island.contacts.size(); ++c) {
     const Contact& contact = contacts.contacts[island.contacts[c]];
-    if (contact.touches) touching = std::max(touching, -free_[c]);
-    if (!contact.touches) {
-      problem_.contacts[c].target = -contact.gap / dt;
-    }
+    if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)
@@ -247,11 +244,11 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                                                                      [](const auto& c) { return c.friction > 0; });
   const bool looks = settings.ladder.Has(qp::Rung::kNothing);
   if (looks && fastest <= 1e-12 * v_ref && !rubs) return outcome;
-  // What still approaches without a load is what the collision problem's tolerance left, or will meet on its way. (Without
-  // gravity the floor is a thousandth of the fastest approach.)
+  // What still approaches without a load is what the collision problem's tolerance left. (Without gravity the floor is a thousandth of
+  // the fastest approach.)
   const double left = (settings.gravity.isZero(0) ? 1e3 : 10) * settings.tolerance * speed_floor;
   const bool free = !rubs && FallsFreely(island, contacts, bodies);
-  if (looks && free && touching <= left) return outcome;
+  if (looks && free && fastest <= left) return outcome;
   Solve(settings, v_ref, &outcome);
   if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();

@@ -125,7 +125,7 @@ void World::Remove(int body) {
   b.frozen = false;
   SetTwist({}, &b);
   ++impl_->generations[body];
-  impl_->filter.Forget(body);
+  impl_->apart.Forget(body);
   impl_->leaving.push_back(body);
   impl_->Changed();
 }
@@ -255,7 +255,7 @@ void World::SetCollision(int body, int other, bool collide) {
   impl_->At(body);
   impl_->At(other);
   if (body == other) Reject(NameOf(body), "collision", "with itself");
-  impl_->filter.Set(body, other, collide);
+  impl_->apart.Set(body, other, !collide);
   impl_->WakeAll();
 }
 
@@ -287,6 +287,12 @@ void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->Changed();
 }
 
+void World::SetCollisionCallback(CollisionCallback callback) {
+  impl_->Idle("SetCollisionCallback");
+  impl_->filter.SetCallback(std::move(callback));
+  impl_->WakeAll();
+}
+
 // Who touches whom has changed: what held may be gone, and nothing else would tell.
 void World::Impl::WakeAll() {
   for (Body& body : bodies) body.frozen = false;
@@ -301,7 +307,7 @@ void World::CheckInitialOverlap() {
 
 void World::Impl::CheckNewcomers() {
   if (std::none_of(unchecked.begin(), unchecked.end(), [](std::uint8_t is) { return is != 0; })) return;
-  if (stale) CheckTouching();
+  if (stale) CheckTouching(bodies);
   for (const Contact& c : near_contacts) {
     const double allowed = settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     if ((!unchecked[c.body_a] && !unchecked[c.body_b]) || -c.gap <= allowed) continue;

@@ -29,7 +29,7 @@ struct WorldState {
   std::vector<std::uint64_t> user_data;
   std::vector<int> leaving;  // numbers of bodies removed since the last step: a step must run without them
   std::vector<int> vacant;   // numbers that are free again, descending
-  ContactFilter filter;
+  PairsApart apart;
   std::vector<ContactEvent> events;
   std::vector<HitEvent> hits;
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
@@ -59,6 +59,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   parallel::WorkerPool* pool;
   Detector detector;
   MaterialCallback material;
+  ContactFilter filter{&apart};
   std::vector<Contact> detected, still;  // scratch
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
@@ -68,6 +69,8 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::atomic<bool> stepping = false;
   WorldState start;  // of a step whose callbacks may throw
   std::vector<std::pair<int, int>> sensed;
+  std::vector<int> inside;        // of one sensor
+  std::vector<Contact> overlaps;  // scratch
   std::vector<ContactEvent> events_before;
   std::vector<Body> before;                        // the step
   std::vector<Vector3> planned;                    // [m] per body: its way without contacts
@@ -102,10 +105,11 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void AddHits(double dt);
   double ApproachOf(const LedgerImpulse& j) const;
   Material MaterialOf(const Contact& c, const Body& a, const Body& b) const;
-  std::vector<int> BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const;
+  void BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers, std::vector<Contact>* overlaps,
+                std::vector<int>* inside) const;
   template <typename Look>
   void LookAt(std::uint32_t layers, const Box& box, const Look& look) const;
-  void DetectAll();
+  void DetectAll(std::span<const Body> asked);  // asked: bodies as the filter sees them
   void DetectMoving(std::span<const Vector3> expected);
   void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
@@ -124,7 +128,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void KeepLedger(double dt, StepReport* report);
   void AddImpulses(std::span<const LedgerImpulse> of_part);
   void AddGroups(StepReport * report);
-  void CheckTouching();
+  void CheckTouching(std::span<const Body> asked);
   void CheckNewcomers();
   void Changed();
   void Remember(double dt, const StepReport& report);

@@ -87,24 +87,27 @@ std::vector<int> World::Overlapping(const Shape& shape, const Vector3& position_
                                     std::uint32_t layers) const {
   impl_->Idle("Overlapping");
   RequireQuery("Overlapping", shape, position_W, rotation_WB);
-  return impl_->BodiesIn(shape, {position_W, rotation_WB.normalized()}, layers);
+  std::vector<int> inside;
+  std::vector<Contact> overlaps;
+  impl_->BodiesIn(shape, {position_W, rotation_WB.normalized()}, layers, &overlaps, &inside);
+  return inside;
 }
 
-std::vector<int> World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers) const {
-  std::vector<int> inside;
-  std::vector<Contact> contacts;
+// Ascending.
+void World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers,
+                           std::vector<Contact>* overlaps, std::vector<int>* inside) const {
+  inside->clear();
   const Vector3 everywhere = Vector3::Constant(INFINITY);
   const Box box = shape.kind() == ShapeKind::kHalfSpace ? Box{-everywhere, everywhere}
                                                         : motion::BoxAround(shape, pose.position_W, pose.rotation_WB);
   LookAt(layers, box, [&](int i) {
     if (shape.kind() == ShapeKind::kHalfSpace && shapes[i].kind() == ShapeKind::kHalfSpace) return;
-    contacts.clear();
-    CollideShapes(shapes[i], PlaceOf(bodies[i]), shape, pose.placement(), 0, &contacts);
-    if (std::any_of(contacts.begin(), contacts.end(),
+    overlaps->clear();
+    CollideShapes(shapes[i], PlaceOf(bodies[i]), shape, pose.placement(), 0, overlaps);
+    if (std::any_of(overlaps->begin(), overlaps->end(),
                     [&](const Contact& c) { return c.gap < -kTiny * std::min(shape.size(), shapes[i].size()); }))
-      inside.push_back(i);
+      inside->push_back(i);
   });
-  return inside;
 }
 
 // Pairs of a sensor and what overlaps it, ascending.
@@ -113,8 +116,9 @@ void World::Impl::FindSensed() {
   for (int s = 0; s < static_cast<int>(bodies.size()); ++s) {
     const Body& sensor = bodies[s];
     if (!sensor.sensor || sensor.removed) continue;
-    for (const int i : BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with)) {
-      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || filter.SetApart(s, i)) continue;
+    BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with, &overlaps, &inside);
+    for (const int i : inside) {
+      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || apart.Has(s, i)) continue;
       sensed.push_back(std::minmax(s, i));
     }
   }

@@ -42,9 +42,9 @@ void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
   }
 }
 
-void World::Impl::DetectAll() {
-  detector.Detect(bodies, shapes, travel, margins, &near_contacts, /*include_frozen=*/true);
-  std::erase_if(near_contacts, [&](const Contact& c) { return !filter.Allows(bodies, c.body_a, c.body_b); });
+void World::Impl::DetectAll(std::span<const Body> asked) {
+  const PairRule rule{&filter, asked};
+  detector.Detect(bodies, shapes, travel, margins, &near_contacts, /*include_frozen=*/true, &rule);
   MixMaterials(&near_contacts);
   stale = false;
 }
@@ -58,15 +58,17 @@ void World::Impl::CountKept() {
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
   if (!settings.ladder.Has(qp::Rung::kKeptPairs)) {
-    DetectAll();
+    DetectAll(before);
     CountKept();
     return;
   }
   still.clear();
-  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still),
-               [&](const Contact& c) { return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]); });
-  detector.Detect(bodies, shapes, travel, margins, &detected);
-  std::erase_if(detected, [&](const Contact& c) { return !filter.Allows(bodies, c.body_a, c.body_b); });
+  const PairRule rule{&filter, before};
+  std::copy_if(near_contacts.begin(), near_contacts.end(), std::back_inserter(still), [&](const Contact& c) {
+    return StandsStill(bodies[c.body_a]) && StandsStill(bodies[c.body_b]) &&
+           (!filter.has_callback() || rule.Allows(c.body_a, c.body_b));
+  });
+  detector.Detect(bodies, shapes, travel, margins, &detected, /*include_frozen=*/false, &rule);
   CountKept();
   MixMaterials(&detected);
   if (still.empty()) {
@@ -103,11 +105,11 @@ void World::Impl::SelectTouching() {
   }
 }
 
-void World::Impl::CheckTouching() {
+void World::Impl::CheckTouching(std::span<const Body> asked) {
   std::vector<Vector3> expected(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) expected[i] = dt_hint * bodies[i].linear_velocity_W;
   ChooseMargins(expected);
-  DetectAll();
+  DetectAll(asked);
   SelectTouching();
 }
 
@@ -175,7 +177,7 @@ void World::Impl::SetApart(bool apart) {
 
 void World::Impl::StepCrowd(double dt, StepReport* report) {
   double lap = Seconds();
-  if (stale) CheckTouching();
+  if (stale) CheckTouching(before);
   planned.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     planned[i] = dt * bodies[i].linear_velocity_W;
@@ -262,7 +264,8 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
 // A callback may change its mind without telling.
 void World::Impl::Remember(double dt, const StepReport& report) {
   rest.reset();
-  if (material || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 || report.newly_frozen > 0)
+  if (material || filter.has_callback() || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 ||
+      report.newly_frozen > 0)
     return;
   rest = report;
   rest->seconds = {};
@@ -312,7 +315,7 @@ StepReport World::Step(double dt) {
   }
   const bool custom =
       std::any_of(w.shapes.begin(), w.shapes.end(), [](const Shape& s) { return s.kind() == ShapeKind::kCustom; });
-  const bool may_throw = w.material || w.observer || custom;
+  const bool may_throw = w.material || w.filter.has_callback() || w.observer || custom;
   if (may_throw) w.start = w;
   try {
     StepReport report = w.StepWhole(dt);

@@ -3,7 +3,9 @@
 // Arrays of a world are views of its own memory, without copies. While one of them lives, no body can be added: the call is refused, as a
 // bytearray refuses to grow while somebody looks at it. World.step runs without the interpreter's lock; whoever calls a world meanwhile gets RuntimeError.
 #include <array>
+#include <cstdint>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -128,6 +130,40 @@ py::dict Contacts(std::span<const Contact> contacts, const Vector3* impulses) {
 
 // The number, if a body has it.
 int Live(PyWorld& self, int body) { return self.world().id(body).number; }
+
+using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+// set(body, linear, angular) for each row, once all of them are known to be good: a bad one changes nothing.
+template <typename Check, typename Set>
+void SetRows(const char* call, std::array<const char*, 2> names, const py::object& of, const Rows& linear,
+             const std::optional<Rows>& angular, const Check& check, const Set& set) {
+  const py::array numbers(of);
+  if (numbers.size() > 0 && numbers.dtype().kind() != 'i' && numbers.dtype().kind() != 'u')
+    throw std::invalid_argument(std::string(call) + ": bodies must be whole numbers");
+  const py::array_t<std::int64_t, py::array::forcecast> bodies(numbers);
+  if (bodies.ndim() != 1) throw std::invalid_argument(std::string(call) + ": bodies must have shape (n,)");
+  const py::ssize_t n = bodies.shape(0);
+  const auto row = [](const Rows& rows, py::ssize_t i) { return Vector3(rows.at(i, 0), rows.at(i, 1), rows.at(i, 2)); };
+  const auto require = [&](const char* field, const Rows& rows) {
+    if (rows.ndim() != 2 || rows.shape(0) != n || rows.shape(1) != 3)
+      throw std::invalid_argument(std::string(call) + ": " + field + " must have shape (" + std::to_string(n) +
+                                  ", 3), a row for each of bodies");
+    for (py::ssize_t i = 0; i < n; ++i)
+      if (!row(rows, i).allFinite())
+        throw std::invalid_argument(std::string(call) + ": " + field + " of body " + std::to_string(bodies.at(i)) +
+                                    " is not finite");
+  };
+  require(names[0], linear);
+  if (angular) require(names[1], *angular);
+  const auto number = [&](py::ssize_t i) {
+    const std::int64_t body = bodies.at(i);
+    if (body < 0 || body > std::numeric_limits<int>::max())
+      throw std::invalid_argument(std::string(call) + ": there is no body " + std::to_string(body));
+    return static_cast<int>(body);
+  };
+  for (py::ssize_t i = 0; i < n; ++i) check(number(i));
+  for (py::ssize_t i = 0; i < n; ++i) set(number(i), row(linear, i), angular ? row(*angular, i) : Vector3::Zero());
+}
 
 const char* KindName(ContactEventKind kind) {
   return kind == ContactEventKind::kBegin ? "begin" : kind == ContactEventKind::kPersist ? "persist" : "end";
@@ -343,6 +379,25 @@ void BindWorld(py::module_& m) {
             self.world().SetForce(body, ToVector(f), ToVector(t));
           },
           py::arg("body"), py::arg("force"), py::arg("torque") = Row3{})
+      .def(
+          "set_velocities",
+          [](PyWorld& self, const py::object& bodies, const Rows& linear, const std::optional<Rows>& angular) {
+            const auto check = [&](int body) {
+              if (self.world().body(Live(self, body)).kind == BodyKind::kFixed)
+                throw std::invalid_argument("set_velocities: body " + std::to_string(body) + " is fixed");
+            };
+            SetRows("set_velocities", {"linear", "angular"}, bodies, linear, angular, check,
+                    [&](int body, const Vector3& v, const Vector3& w) { self.world().SetVelocity(body, v, w); });
+          },
+          py::arg("bodies"), py::arg("linear"), py::arg("angular") = py::none())
+      .def(
+          "set_forces",
+          [](PyWorld& self, const py::object& bodies, const Rows& forces, const std::optional<Rows>& torques) {
+            SetRows(
+                "set_forces", {"forces", "torques"}, bodies, forces, torques, [&](int body) { Live(self, body); },
+                [&](int body, const Vector3& f, const Vector3& t) { self.world().SetForce(body, f, t); });
+          },
+          py::arg("bodies"), py::arg("forces"), py::arg("torques") = py::none())
       .def(
           "move_to",
           [](PyWorld& self, int body, const Row3& p, const Row4& r, double dt) {

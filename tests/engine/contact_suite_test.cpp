@@ -142,6 +142,23 @@ TEST(ContactSuite, BallBouncesBeforeGravityActs) {
   EXPECT_NEAR(s.suite.impulses()[0].z(), 3, 1e-12);
 }
 
+// Nothing holds them up, and they touch only at the end of the step: 1 mm is what they may close in it.
+TEST(ContactSuite, BodiesInMidAirCloseAnOpenContactAndNoMore) {
+  Suite s;
+  s.bodies = {UnitCube({0, 0, 5}), UnitCube({1.001, 0, 5})};
+  s.bodies[0].linear_velocity_W = {1, 0, 0};
+  s.contacts = {{.body_a = 0,
+                 .body_b = 1,
+                 .point_W = {0.5, 0, 5},
+                 .normal_W = Vector3::UnitX(),
+                 .gap = 1e-3,
+                 .touches = false,
+                 .restitution = 0}};
+  s.Resolve();
+  EXPECT_NEAR(s.bodies[1].linear_velocity_W.x() - s.bodies[0].linear_velocity_W.x(), -1e-3 / kDt, 1e-9);
+  EXPECT_NEAR(s.bodies[1].linear_velocity_W.x() + s.bodies[0].linear_velocity_W.x(), 1, 1e-12);
+}
+
 // Cubes that rise together, and that gravity brings back within the step: the trapezoidal rule would lift the first by what the
 // wall's impulse has no business to do, and the others off it, although each is held by the one below. Numbered from the ground or
 // from the top.

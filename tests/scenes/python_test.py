@@ -77,6 +77,36 @@ class PythonTest(unittest.TestCase):
         np.testing.assert_array_equal(world.masses, [10])
         self.assertEqual((world.frozen.dtype, world.frozen[0], world.removed[0]), (np.bool_, False, False))
 
+    def test_many_are_set_at_once(self):
+        world = islet.World(islet.Settings(gravity=(0, 0, 0)))
+        balls = [world.add(islet.Shape.sphere(0.5), position=(3 * i, 0, 0), mass=2) for i in range(4)]
+        wall = world.add(islet.Shape.box((1, 1, 1)), islet.Kind.FIXED, position=(0, 9, 0))
+        linear = np.arange(12.0).reshape(4, 3)
+        world.set_velocities(balls, linear)
+        np.testing.assert_array_equal(world.linear_velocities[balls], linear)
+        world.set_velocities(np.array(balls[:2]), np.zeros((2, 3)), [(0, 0, 1), (0, 0, 2)])
+        np.testing.assert_array_equal(world.angular_velocities[balls[:2], 2], [1, 2])
+        world.set_forces(balls, np.tile([0, 0, 4.0], (4, 1)), np.zeros((4, 3)))
+        world.set_velocities(balls, np.zeros((4, 3)))
+        world.step(0.01)
+        np.testing.assert_allclose(world.linear_velocities[balls, 2], 0.02, rtol=1e-12)
+        before = world.state_hash
+        bad = np.ones((4, 3))
+        bad[3, 1] = np.nan
+        for act, error, part in [
+            (lambda: world.set_velocities(balls, bad), ValueError, "linear of body 3"),
+            (lambda: world.set_forces(balls, np.ones((4, 3)), bad), ValueError, "torques of body 3"),
+            (lambda: world.set_velocities(balls, np.ones((3, 3))), ValueError, "linear must have shape (4, 3)"),
+            (lambda: world.set_velocities([0, wall], np.ones((2, 3))), ValueError, "body 4 is fixed"),
+            (lambda: world.set_velocities([0, 77], np.ones((2, 3))), ValueError, "77"),
+            (lambda: world.set_velocities([0, 2**40], np.ones((2, 3))), ValueError, "1099511627776"),
+            (lambda: world.set_velocities([0, 1.5], np.ones((2, 3))), ValueError, "whole numbers"),
+        ]:
+            with self.assertRaises(error) as caught:
+                act()
+            self.assertIn(part, str(caught.exception))
+        self.assertEqual(world.state_hash, before)
+
     def test_errors_name_field_and_value(self):
         world = stack()
         for act, error, part in [
