@@ -30,7 +30,6 @@ constexpr double kTurn = 0.5;        // [rad] of a piece, where something is nea
 constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;      // of a size: how far what presses is looked for
 constexpr double kSamePlace = 1e-2;  // of a size: how far from where a contact is looked for it is found again
-constexpr double kRollsOn = 0.5;     // of a radius: how far a point of a rim moves on as the same
 constexpr double kPolished = 1e-13;  // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;      // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
@@ -215,7 +214,8 @@ void Stepper::Recall() {
     const Contact& old = group_->remembered[k];
     if (group_->remembered_force_W[k].isZero(0)) continue;
     const auto [first, last] = std::equal_range(now_.begin(), now_.end(), old, EarlierPair);
-    const int heir = FindAgain({first, last}, old.feature, old.point_W, INFINITY, INFINITY);
+    const double size = std::min(group_->shapes[old.body_a]->size(), group_->shapes[old.body_b]->size());
+    const int heir = FindAgain({first, last}, old.feature, old.point_W, kSamePlace * size, INFINITY);
     if (heir >= 0) force_W_[first - now_.begin() + heir] += group_->remembered_force_W[k];
   }
 }
@@ -772,30 +772,25 @@ bool Stepper::Strays() const {
   return false;
 }
 
-// [m] how far a contact found is from where this one of the pair went; less than 0: it is the same. The lowest point of a rim goes all
-// around it while a coin that is almost flat totters: it is the same only as far as it rolls on.
-double Stepper::StrayOf(int pair, const Contact& contact, const Contact& found, const Vector3& place) const {
+// Of the contacts at another time of the piece the one that this contact is; -1: none. The same feature is the same
+// place only as far as the two bodies' points have parted, or as a piece may turn: the lowest point of a rim goes around it.
+int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const {
   const auto [a, b] = group_->pairs[pair];
-  const double apart = (found.point_W - place).norm();
-  const bool rims = group_->shapes[a]->HasAxis() || group_->shapes[b]->HasAxis();
-  const bool same = contact.feature == found.feature &&
-                    (!rims || apart < kRollsOn * std::min(group_->bodies[a].radius, group_->bodies[b].radius));
-  return same ? -1 : apart;
+  const auto [first, last] = std::equal_range(there.begin(), there.end(), contact, EarlierPair);
+  const Vector3 with_a = CarriedWith(a, contact.point_W, from, to), with_b = CarriedWith(b, contact.point_W, from, to);
+  const double far = kSamePlace * Size(group_->pairs[pair]);
+  const double around = kTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
+  const double moved = std::max(around, far + 0.5 * (with_a - with_b).norm());
+  const int found = FindAgain({first, last}, contact.feature, 0.5 * (with_a + with_b), moved, far);
+  return found < 0 ? -1 : static_cast<int>(first - there.begin()) + found;
 }
 
 // Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
 void Stepper::FollowHeld() {
   follows_.assign(held_.size(), -1);
   for (size_t c = 0; c < held_.size(); ++c) {
-    const int pair = held_of_[c].pair;
-    double nearest = kSamePlace * Size(group_->pairs[pair]);
-    const Vector3 place =
-        Carried(pair, held_[c].point_W, held_of_[c].at_start ? Moment::kStart : Moment::kMiddle, Moment::kEnd);
-    for (size_t e = 0; e < end_.size(); ++e) {
-      if (end_pair_[e] != pair) continue;
-      const double apart = StrayOf(pair, held_[c], end_[e], place);
-      if (apart < nearest) nearest = apart, follows_[c] = static_cast<int>(e);
-    }
+    const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
+    follows_[c] = FindAt(held_of_[c].pair, held_[c], from, Moment::kEnd, end_);
   }
 }
 
@@ -804,12 +799,13 @@ Quaternion Stepper::SeenAs(int i, const Pose& pose) const {
   return VisibleRotation(*group_->shapes[i], state_[i].pose.rotation_WB, pose.rotation_WB);
 }
 
-// Where a point of the surface of a body, or of two, is at another time of the piece.
+// Where a place on the surface of a body, or of two, is at another time of the piece: round bodies show no turn in themselves.
 Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to) const {
   const auto at = [&](Moment moment) -> const Pose& {
     return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
   };
   const Pose &x = at(from), &y = at(to);
+  if (group_->shapes[i]->kind() == ShapeKind::kSphere) return point + y.position_W - x.position_W;
   return y.position_W + SeenAs(i, y) * (SeenAs(i, x).conjugate() * (point - x.position_W));
 }
 
@@ -859,16 +855,9 @@ Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) con
 
 // The contact as the piece began, if it was closed.
 const Contact* Stepper::ClosedAtStart(size_t at_end) const {
-  const int pair = end_pair_[at_end];
-  const Contact* found = nullptr;
-  double nearest = kSamePlace * Size(group_->pairs[pair]);
-  const Vector3 place = Carried(pair, end_[at_end].point_W, Moment::kEnd, Moment::kStart);
-  for (size_t c = 0; c < now_.size(); ++c) {
-    if (now_pair_[c] != pair || !closed_[c]) continue;
-    const double apart = StrayOf(pair, end_[at_end], now_[c], place);
-    if (apart < nearest) nearest = apart, found = &now_[c];
-  }
-  return found && found->normal_W.dot(end_[at_end].normal_W) > 0 ? found : nullptr;
+  const Contact& end = end_[at_end];
+  const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
+  return found >= 0 && closed_[found] && now_[found].normal_W.dot(end.normal_W) > 0 ? &now_[found] : nullptr;
 }
 
 // [rad/s] of a body halfway.

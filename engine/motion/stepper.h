@@ -145,6 +145,7 @@ class Stepper {
   enum class Moment { kStart, kMiddle, kEnd };
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
+  int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   bool TurnInThemselves(int pair) const;
   Course CourseOf(int i) const;
   Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
@@ -180,7 +181,6 @@ class Stepper {
   double CutSpeed(const Contact& contact) const;
   double BodyRadius(int i) const;
   Quaternion SeenAs(int i, const Pose& pose) const;
-  double StrayOf(int pair, const Contact& contact, const Contact& found, const Vector3& place) const;
   bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.

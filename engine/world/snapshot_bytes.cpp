@@ -198,7 +198,7 @@ void Visit(A& a, motion::CrowdMemory& m) {
 template <typename A>
 void Visit(A& a, WorldState& w) {
   Visit(a, w.bodies), Visit(a, w.shapes), Visit(a, w.masses), Visit(a, w.generations), Visit(a, w.user_data);
-  Visit(a, w.leaving), Visit(a, w.vacant), Visit(a, w.apart.pairs()), Visit(a, w.events), Visit(a, w.hits);
+  Visit(a, w.leaving), Visit(a, w.vacant), Visit(a, w.pairs_apart.pairs()), Visit(a, w.events), Visit(a, w.hits);
   Visit(a, w.near_contacts), Visit(a, w.touching), Visit(a, w.resolved), Visit(a, w.impulses), Visit(a, w.travel),
       Visit(a, w.margins);
   Visit(a, w.groups), Visit(a, w.crowd_memory), Visit(a, w.crowd);

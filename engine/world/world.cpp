@@ -125,7 +125,7 @@ void World::Remove(int body) {
   b.frozen = false;
   SetTwist({}, &b);
   ++impl_->generations[body];
-  impl_->apart.Forget(body);
+  impl_->pairs_apart.Forget(body);
   impl_->leaving.push_back(body);
   impl_->Changed();
 }
@@ -255,7 +255,7 @@ void World::SetCollision(int body, int other, bool collide) {
   impl_->At(body);
   impl_->At(other);
   if (body == other) Reject(NameOf(body), "collision", "with itself");
-  impl_->apart.Set(body, other, !collide);
+  impl_->pairs_apart.Set(body, other, !collide);
   impl_->WakeAll();
 }
 

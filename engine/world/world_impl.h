@@ -29,7 +29,7 @@ struct WorldState {
   std::vector<std::uint64_t> user_data;
   std::vector<int> leaving;  // numbers of bodies removed since the last step: a step must run without them
   std::vector<int> vacant;   // numbers that are free again, descending
-  PairsApart apart;
+  PairsApart pairs_apart;
   std::vector<ContactEvent> events;
   std::vector<HitEvent> hits;
   std::vector<Contact> near_contacts;  // at the current poses, up to the reach of the last detection
@@ -59,7 +59,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   parallel::WorkerPool* pool;
   Detector detector;
   MaterialCallback material;
-  ContactFilter filter{&apart};
+  ContactFilter filter{&pairs_apart};
   std::vector<Contact> detected, still;  // scratch
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
@@ -69,8 +69,8 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::atomic<bool> stepping = false;
   WorldState start;  // of a step whose callbacks may throw
   std::vector<std::pair<int, int>> sensed;
-  std::vector<int> inside;        // of one sensor
-  std::vector<Contact> overlaps;  // scratch
+  std::vector<int> sensor_inside;        // of one sensor
+  std::vector<Contact> sensor_overlaps;  // scratch
   std::vector<ContactEvent> events_before;
   std::vector<Body> before;                        // the step
   std::vector<Vector3> planned;                    // [m] per body: its way without contacts

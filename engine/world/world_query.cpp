@@ -116,9 +116,10 @@ void World::Impl::FindSensed() {
   for (int s = 0; s < static_cast<int>(bodies.size()); ++s) {
     const Body& sensor = bodies[s];
     if (!sensor.sensor || sensor.removed) continue;
-    BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with, &overlaps, &inside);
-    for (const int i : inside) {
-      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || apart.Has(s, i)) continue;
+    BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with, &sensor_overlaps,
+             &sensor_inside);
+    for (const int i : sensor_inside) {
+      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || pairs_apart.Has(s, i)) continue;
       sensed.push_back(std::minmax(s, i));
     }
   }
