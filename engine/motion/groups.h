@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "engine/contact_filter.h"
 #include "engine/body.h"
+#include "engine/contact_filter.h"
 #include "engine/detection/body_watch.h"
 #include "engine/motion/meeting.h"
 #include "engine/shape.h"
