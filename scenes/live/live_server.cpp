@@ -1,0 +1,202 @@
+#include "scenes/live/live_server.h"
+
+#include <httplib.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <random>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+namespace islet {
+namespace {
+
+constexpr int kMostStreams = 4;
+constexpr int kServerThreads = 12;                    // a stream keeps one
+constexpr auto kPatience = std::chrono::seconds(20);  // for a run that is in a step
+constexpr auto kBeat =
+    std::chrono::seconds(2);         // between signs of life to a stream, which tell whether it is still there
+constexpr size_t kMostWaiting = 64;  // messages
+
+std::string NewToken() {
+  std::random_device device;
+  std::string token;
+  for (int k = 0; k < 32; ++k) token += "0123456789abcdef"[device() % 16];
+  return token;
+}
+
+}  // namespace
+
+struct LiveServer::Impl {
+  struct Message {
+    LiveCommand command;
+    std::promise<std::string> answer;  // empty: done
+  };
+
+  std::string page, token = NewToken(), address;
+  int port = 0;
+  httplib::Server server;
+  std::thread thread;
+
+  std::mutex lock;
+  std::condition_variable news, work;
+  std::string head, frame;
+  std::uint64_t heads = 0, frames = 0;  // how many there were
+  std::deque<std::shared_ptr<Message>> waiting;
+  bool ending = false;
+  std::atomic<int> streams = 0;
+
+  bool IsOurs(const httplib::Request& request) const;
+  void Stream(httplib::Response& response);
+  void Command(const httplib::Request& request, httplib::Response& response);
+};
+
+bool LiveServer::Impl::IsOurs(const httplib::Request& request) const {
+  const std::string host = request.get_header_value("Host"), port_text = std::string(":").append(std::to_string(port));
+  const bool here = host == "127.0.0.1" + port_text || host == "localhost" + port_text;
+  return here && request.path.starts_with("/" + token + "/");
+}
+
+void LiveServer::Impl::Stream(httplib::Response& response) {
+  if (streams.fetch_add(1) >= kMostStreams) {
+    --streams;
+    response.status = 503;
+    response.set_content("too many pages look at this run", "text/plain");
+    return;
+  }
+  auto seen_heads = std::make_shared<std::uint64_t>(0), seen_frames = std::make_shared<std::uint64_t>(0);
+  response.set_header("Cache-Control", "no-store");
+  response.set_chunked_content_provider(
+      "text/event-stream",
+      [this, seen_heads, seen_frames](size_t, httplib::DataSink& sink) {
+        std::string text;
+        {
+          std::unique_lock guard(lock);
+          news.wait_for(guard, kBeat, [&] { return ending || *seen_heads != heads || *seen_frames != frames; });
+          if (ending) {
+            sink.done();
+            return true;
+          }
+          if (*seen_heads != heads) text += "event: head\ndata: " + head + "\n\n";
+          if (*seen_frames != frames) text += "event: frame\ndata: " + frame + "\n\n";
+          *seen_heads = heads, *seen_frames = frames;
+        }
+        if (text.empty()) text = ": here\n\n";
+        return sink.write(text.data(), text.size());
+      },
+      [this](bool) { --streams; });
+}
+
+void LiveServer::Impl::Command(const httplib::Request& request, httplib::Response& response) {
+  const auto refuse = [&](int status, const std::string& why) {
+    response.status = status;
+    response.set_content(why, "text/plain");
+  };
+  auto message = std::make_shared<Message>();
+  try {
+    message->command = ParseCommand(request.body);
+  } catch (const std::invalid_argument& error) {
+    return refuse(400, error.what());
+  }
+  std::future<std::string> answer = message->answer.get_future();
+  {
+    const std::scoped_lock guard(lock);
+    if (waiting.size() >= kMostWaiting) return refuse(503, "too many messages wait");
+    waiting.push_back(message);
+  }
+  work.notify_one();
+  if (answer.wait_for(kPatience) != std::future_status::ready) return refuse(503, "the run is busy");
+  const std::string why = answer.get();
+  if (!why.empty()) return refuse(400, why);
+  response.status = 204;
+}
+
+LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl>()) {
+  Impl& s = *impl_;
+  s.page = std::move(page);
+  s.server.new_task_queue = [] { return new httplib::ThreadPool(kServerThreads); };
+  s.server.set_socket_options([](socket_t socket) {  // the library's own would let two programs share a port
+    const int yes = 1;
+    ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  });
+  s.server.set_payload_max_length(kLongestCommand);
+  s.server.set_keep_alive_timeout(1);
+  s.server.set_read_timeout(2);
+  s.server.set_pre_routing_handler([&s](const httplib::Request& request, httplib::Response& response) {
+    if (s.IsOurs(request)) return httplib::Server::HandlerResponse::Unhandled;
+    response.status = 403;
+    response.set_content("not yours\n", "text/plain");
+    return httplib::Server::HandlerResponse::Handled;
+  });
+  s.server.Get("/" + s.token + "/", [&s](const httplib::Request&, httplib::Response& response) {
+    response.set_header("Cache-Control", "no-store");
+    response.set_content(s.page, "text/html; charset=utf-8");
+  });
+  s.server.Get("/" + s.token + "/stream",
+               [&s](const httplib::Request&, httplib::Response& response) { s.Stream(response); });
+  s.server.Post("/" + s.token + "/command",
+                [&s](const httplib::Request& request, httplib::Response& response) { s.Command(request, response); });
+  s.port = port == 0 ? s.server.bind_to_any_port("127.0.0.1") : s.server.bind_to_port("127.0.0.1", port) ? port : -1;
+  if (s.port <= 0)
+    throw std::runtime_error("cannot listen at 127.0.0.1:" + std::to_string(port) + "; is another program there?");
+  s.address = "http://127.0.0.1:" + std::to_string(s.port) + "/" + s.token + "/";
+  s.thread = std::thread([&s] { s.server.listen_after_bind(); });
+  while (!s.server.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+LiveServer::~LiveServer() {
+  Impl& s = *impl_;
+  {
+    const std::scoped_lock guard(s.lock);
+    s.ending = true;
+    for (const auto& message : s.waiting) message->answer.set_value("the run has ended");
+    s.waiting.clear();
+  }
+  s.news.notify_all();
+  s.server.stop();
+  s.thread.join();
+}
+
+const std::string& LiveServer::address() const { return impl_->address; }
+
+void LiveServer::SetHead(std::string text) {
+  {
+    const std::scoped_lock guard(impl_->lock);
+    impl_->head = std::move(text);
+    ++impl_->heads;
+  }
+  impl_->news.notify_all();
+}
+
+void LiveServer::Show(std::string frame) {
+  {
+    const std::scoped_lock guard(impl_->lock);
+    impl_->frame = std::move(frame);
+    ++impl_->frames;
+  }
+  impl_->news.notify_all();
+}
+
+void LiveServer::Serve(std::chrono::milliseconds wait, const std::function<void(const LiveCommand&)>& do_it) {
+  std::deque<std::shared_ptr<Impl::Message>> messages;
+  {
+    std::unique_lock guard(impl_->lock);
+    impl_->work.wait_for(guard, wait, [&] { return !impl_->waiting.empty(); });
+    messages.swap(impl_->waiting);
+  }
+  for (const auto& message : messages) {
+    std::string why;
+    try {
+      do_it(message->command);
+    } catch (const std::invalid_argument& error) {
+      why = error.what();
+    }
+    message->answer.set_value(why);
+  }
+}
+
+}  // namespace islet

@@ -1,0 +1,40 @@
+// A page and the frames of a live run over HTTP, to this machine alone; the only file of the program that sees cpp-httplib.
+//
+//   GET  /TOKEN/          the page
+//   GET  /TOKEN/stream    server-sent events: `head` for who comes and where bodies were added, `frame`, the newest (what is slow to read skips some)
+//   POST /TOKEN/command   a message, see command.h: 204 done, 400 and why not, 503 too late
+//
+// What has no token, or names another host (a foreign page that was told this address is ours), gets 403. It listens at 127.0.0.1 alone.
+//   threads: the server runs on its own; the functions below are for one thread, which owns the run
+//   errors: std::runtime_error where the port cannot be had
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "scenes/live/command.h"
+
+namespace islet {
+
+class LiveServer {
+ public:
+  LiveServer(std::string page, int port);  // 0: any that is free
+  ~LiveServer();                           // ends the streams
+  LiveServer(const LiveServer&) = delete;
+  LiveServer& operator=(const LiveServer&) = delete;
+
+  const std::string& address() const;  // http://127.0.0.1:PORT/TOKEN/
+  void SetHead(std::string text);      // one line
+  void Show(std::string frame);        // one line
+
+  // Does what messages ask, for so long or until there was one. do_it throws std::invalid_argument for what it refuses.
+  void Serve(std::chrono::milliseconds wait, const std::function<void(const LiveCommand&)>& do_it);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace islet
