@@ -11,7 +11,6 @@ namespace islet {
 namespace {
 
 // Squares and products of what a user gives must stay finite.
-constexpr double kMost = 1e30;
 constexpr double kMostInertia = 1e40;
 constexpr double kLongest = 1e6;       // [s]
 constexpr double kMostFriction = 1e6;  // the product of two must stay finite
@@ -23,7 +22,7 @@ void Reject(const std::string& body, const std::string& field, const std::string
 }
 
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& v) {
-  if (v.allFinite() && v.cwiseAbs().maxCoeff() <= kMost) return;
+  if (v.allFinite() && v.cwiseAbs().maxCoeff() <= kLargest) return;
   Reject(body, field, "= " + Text(v) + (v.allFinite() ? " is beyond 1e30" : " is not finite"));
 }
 
@@ -34,7 +33,7 @@ void RequireUnit(const std::string& body, const Quaternion& rotation) {
 
 void RequirePositive(const std::string& body, const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value)) Reject(body, field, "= " + Text(value) + " must be positive and finite");
-  if (value > kMost || value < 1 / kMost) Reject(body, field, "= " + Text(value) + " is beyond 1e-30 to 1e30");
+  if (value > kLargest || value < 1 / kLargest) Reject(body, field, "= " + Text(value) + " is beyond 1e-30 to 1e30");
 }
 
 // Also refuses moments that no mass distribution has: each at most the sum of the other two.
@@ -74,7 +73,7 @@ MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
     return {};
   }
   const double given = d.mass.value_or(d.density);
-  if (!dynamic && !(given > 0 && given <= kMost)) return d.shape.MassFromDensity(1);
+  if (!dynamic && !(given > 0 && given <= kLargest)) return d.shape.MassFromDensity(1);
   if (d.mass) RequirePositive(name, "mass", *d.mass);
   if (dynamic || !d.mass) RequirePositive(name, "density", d.density);
   if (!d.mass) RequirePositive(name, "mass of its density", d.density * d.shape.Volume());

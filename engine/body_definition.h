@@ -10,6 +10,8 @@
 
 namespace islet {
 
+inline constexpr double kLargest = 1e30;  // of what a user gives: squares stay finite
+
 [[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem);
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& value);
 void RequirePositive(const std::string& body, const std::string& field, double value);

@@ -2,9 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
+#include <Eigen/Cholesky>
+
+#include "engine/rotation.h"
 #include "engine/suite/contact_suite_impl.h"
 #include "engine/suite/suite_input.h"
 
@@ -14,6 +18,7 @@ namespace {
 constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
+constexpr double kKnown = 1e-9;      // of a direction: what is left of one that others span
 
 bool SameContact(const Contact& x, const Contact& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
@@ -36,6 +41,7 @@ void ContactSuite::SetGravity(const Vector3& gravity_W) {
 }
 void ContactSuite::SetProblemObserver(ProblemObserver observer) { impl_->observer = std::move(observer); }
 const SuiteMemory& ContactSuite::memory() const { return *impl_; }
+std::shared_ptr<const SuiteMemory> ContactSuite::CopyMemory() const { return std::make_shared<SuiteMemory>(*impl_); }
 void ContactSuite::SetMemory(const SuiteMemory& memory) { static_cast<SuiteMemory&>(*impl_) = memory; }
 std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses_W; }
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
@@ -43,6 +49,7 @@ std::span<const Twist> ContactSuite::velocities_before_gravity() const { return 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
+  if (!report) throw std::invalid_argument("report is null");
   CheckSuiteBodies(bodies);
   CheckSuiteContacts(contacts, bodies.size());
   std::vector<IslandReport> islands = std::move(report->islands);  // keeps its memory
@@ -73,6 +80,24 @@ double ContactSuite::Project(std::span<const Body> bodies, std::span<const Conta
 }
 std::span<const Twist> ContactSuite::displacements() const { return impl_->projection.displacements(); }
 
+void ContactSuite::Move(std::span<Body> bodies) const {
+  const SuiteFrame& frame = impl_->frame;
+  if (bodies.size() != frame.before_gravity.size())
+    throw std::invalid_argument("Move: there are " + std::to_string(bodies.size()) + " bodies, and were " +
+                                std::to_string(frame.before_gravity.size()) + " when Resolve was called");
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    Body& body = bodies[i];
+    if (!body.Moves()) continue;
+    const Twist& before = frame.before_gravity[i];
+    const Vector3 spin_W = 0.5 * (before.angular_W + body.angular_velocity_W);
+    const Vector3 turn_W = FreeRotation(body.inertia_B, body.rotation_WB, spin_W, frame.dt);
+    const Quaternion end_WB = (Exp(turn_W) * body.rotation_WB).normalized();
+    body.angular_velocity_W = AngularVelocityAfter(body.inertia_B, body.rotation_WB, body.angular_velocity_W, end_WB);
+    body.position_W += 0.5 * frame.dt * (before.linear_W + body.linear_velocity_W);
+    body.rotation_WB = end_WB;
+  }
+}
+
 // What steps 1 to 3 leave where nothing moves.
 void ContactSuite::Impl::StandStill() {
   frame.after_bounces.assign(frame.bodies.size(), {});
@@ -96,14 +121,46 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   for (const double approach : approach_speeds) fastest = std::max(fastest, approach);
   frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
   frame.threshold = 10 * settings.tolerance * frame.speed_floor;
-  frame.contacts = {contacts, frame.frames};
+  FindMeetings(contacts);
   for (auto* impulses : {&frame.bounces, &frame.collisions, &frame.holding})
     impulses->assign(contacts.size(), Vector3::Zero());
   freeze_counters.resize(bodies.size(), 0);
   was_frozen.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
+  WakeDisturbed();
   RecallHolding();
   if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame, settings);
+}
+
+// What bounces at full speed, and would close its gap within the step, has its blow now: a part of a step too early, and not as deep
+// inside each other as a step goes.
+void ContactSuite::Impl::FindMeetings(std::span<const Contact> contacts) {
+  meeting.clear();
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    const Contact& contact = contacts[c];
+    if (contact.touches || contact.restitution == 0) continue;
+    const double approach = -NormalVelocity(contact, frame.bodies[contact.body_a], frame.bodies[contact.body_b]);
+    if (approach * frame.dt <= contact.gap || approach <= frame.threshold ||
+        !OutlastsStep(contact, approach, frame.rest_speed))
+      continue;
+    if (meeting.empty()) meeting.assign(contacts.begin(), contacts.end());
+    meeting[c].touches = true;
+  }
+  frame.contacts = {meeting.empty() ? contacts : std::span<const Contact>(meeting), frame.frames};
+}
+
+// Who was frozen and has been given a velocity, or stands on a belt that runs otherwise than it did, is awake.
+void ContactSuite::Impl::WakeDisturbed() {
+  for (Body& body : frame.bodies)
+    if (!body.linear_velocity_W.isZero(0) || !body.angular_velocity_W.isZero(0)) body.frozen = false;
+  size_t p = 0;
+  for (const Contact& contact : frame.contacts.contacts) {
+    while (p < previous_contacts.size() && Earlier(previous_contacts[p], contact)) ++p;
+    if (p == previous_contacts.size() || !SameContact(previous_contacts[p], contact) ||
+        previous_contacts[p].surface_W == contact.surface_W)
+      continue;
+    frame.bodies[contact.body_a].frozen = frame.bodies[contact.body_b].frozen = false;
+  }
 }
 
 // Contacts keep the impulses that held in the frame before, per second: where nothing moves as they are, elsewhere as what
@@ -148,16 +205,18 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 }
 
 // The trapezoidal rule lets a contact do the work j . (u0 + u1) / 2. Where a body bounced off and gravity brought it back
-// within the step that would be positive: the body would rise on energy it does not have. Such bodies move with their final
-// velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
+// within the step that would be positive: the body would rise on energy it does not have. Along such a normal bodies move with
+// their final velocity alone, and so do those that close a gap by this step's end: their final velocity is what was chosen for that.
 // What the interior point leaves at a contact that does not press holds nobody.
 void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
   pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { catches[c] = Catches(c); });
   settled.assign(frame.bodies.size(), kInMotion);
+  settles.assign(contacts.size(), 0);
+  held_along.resize(frame.bodies.size());
   for (size_t c = 0; c < contacts.size(); ++c)
-    if (catches[c]) Settle(contacts[c]);
+    if (catches[c]) Settle(c);
   SettleRiders();
 }
 
@@ -175,25 +234,57 @@ bool ContactSuite::Impl::Catches(size_t c) const {
          std::abs(contact.normal_W.dot(velocity(contact.body_b) - velocity(contact.body_a))) > frame.threshold;
 }
 
-void ContactSuite::Impl::Settle(const Contact& contact) {
+void ContactSuite::Impl::Settle(size_t c) {
+  const Contact& contact = frame.contacts.contacts[c];
+  settles[c] = 1;
   for (const int i : {contact.body_a, contact.body_b}) {
-    frame.before_gravity[i] = TwistOf(frame.bodies[i]);
-    if (frame.bodies[i].Moves()) settled[i] = kSettled;
+    if (frame.bodies[i].Moves())
+      HoldAlong(contact, i);
+    else
+      frame.before_gravity[i] = TwistOf(frame.bodies[i]);
   }
+}
+
+// Gives the velocity before gravity that part of the final one which moves the point along the normal: the nearest by kinetic energy
+// that does.
+void ContactSuite::Impl::HoldAlong(const Contact& contact, int number) {
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  const Body& body = frame.bodies[number];
+  Held& along = held_along[number];
+  if (settled[number] == kInMotion) along.rank = 0;
+  settled[number] = kSettled;
+  const double root = std::sqrt(body.mass);
+  const Matrix3 inertia = body.InertiaW();
+  const Eigen::LLT<Matrix3> factor(inertia);
+  Vector6 direction;
+  direction << contact.normal_W / root,
+      factor.matrixL().solve((contact.point_W - body.position_W).cross(contact.normal_W));
+  const double length = direction.norm();
+  for (int twice = 0; twice < 2; ++twice)
+    for (int k = 0; k < along.rank; ++k) direction -= along.directions.col(k).dot(direction) * along.directions.col(k);
+  if (along.rank == 6 || direction.norm() <= kKnown * length) return;
+  direction.normalize();
+  along.directions.col(along.rank++) = direction;
+  Twist& before = frame.before_gravity[number];
+  Vector6 change;
+  change << root * (body.linear_velocity_W - before.linear_W),
+      factor.matrixL().transpose() * (body.angular_velocity_W - before.angular_W);
+  const Vector6 part = direction.dot(change) * direction;
+  before.linear_W += part.head<3>() / root;
+  before.angular_W += factor.matrixU().solve(part.tail<3>());
 }
 
 // What bounced with a body that was caught, and presses on it, comes along, or it would rise from it. There and back again, since
 // towers are numbered upwards or downwards.
 void ContactSuite::Impl::SettleRiders() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
-  const auto rides = [&](int rider, int on) {
-    return settled[on] == kSettled && settled[rider] == kInMotion && frame.bodies[rider].Moves();
-  };
+  const auto rides = [&](int rider, int on) { return settled[on] == kSettled && frame.bodies[rider].Moves(); };
   bool more = true;
   const auto visit = [&](size_t c) {
     const Contact& contact = contacts[c];
-    if (!(rides(contact.body_a, contact.body_b) || rides(contact.body_b, contact.body_a)) || !Catches(c)) return;
-    Settle(contact);
+    if (settles[c] || !(rides(contact.body_a, contact.body_b) || rides(contact.body_b, contact.body_a)) || !Catches(c))
+      return;
+    Settle(c);
     more = true;
   };
   while (more) {

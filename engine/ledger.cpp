@@ -108,7 +108,7 @@ bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
     const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
     return (a + u * way).norm() < kDeepSphere * shape.radius();
   }
-  double enter = 0, leave = 1;  // of the way
+  double enter = 0, leave = 1;                           // of the way
   if (shape.kind() == ShapeKind::kCustom) return false;  // only its owner knows
   if (shape.HasAxis()) return CrossesRoundCore(shape, a, way);
   const Polytope& polytope = shape.polytope();

@@ -2,6 +2,7 @@
 
 #include <BulletCollision/BroadphaseCollision/btCollisionAlgorithm.h>
 #include <BulletCollision/BroadphaseCollision/btDispatcher.h>
+#include <BulletCollision/BroadphaseCollision/btOverlappingPairCache.h>
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
@@ -11,8 +12,8 @@
 #include <LinearMath/btAabbUtil2.h>
 
 #include <algorithm>
-
-#include "engine/rotation.h"
+#include <stdexcept>
+#include <string>
 
 namespace islet::clients {
 namespace {
@@ -35,6 +36,18 @@ Settings SuiteSettings(const Vector3& gravity_W) {
   return settings;
 }
 
+// What the suite does not know of is refused, or it would be lost in silence.
+void RequirePlain(const btRigidBody& rigid) {
+  const auto refuse = [&](const char* what) {
+    throw std::runtime_error("BulletSolver: body " + std::to_string(rigid.getWorldArrayIndex()) + " has a " + what);
+  };
+  const btVector3 all(1, 1, 1);
+  if (!(rigid.getLinearFactor() == all)) refuse("linear factor");
+  if (!(rigid.getAngularFactor() == all)) refuse("angular factor");
+  if (rigid.getRollingFriction() != 0) refuse("rolling friction");
+  if (rigid.getSpinningFriction() != 0) refuse("spinning friction");
+}
+
 double RadiusOf(const btCollisionObject& object) {
   btVector3 centre;
   btScalar radius;
@@ -44,8 +57,8 @@ double RadiusOf(const btCollisionObject& object) {
 
 }  // namespace
 
-BulletSolver::BulletSolver(const Vector3& gravity_W, int threads)
-    : gravity_W_(gravity_W), pool_(threads), step_(SuiteSettings(gravity_W), &pool_) {}
+BulletSolver::BulletSolver(const Vector3& gravity_W, int threads, btOverlappingPairCache* near)
+    : gravity_W_(gravity_W), near_(near), pool_(threads), step_(SuiteSettings(gravity_W), &pool_) {}
 
 // The object's place in Bullet's world, which it keeps; fills its body at the first call of a step.
 int BulletSolver::Number(const btCollisionObject* object) {
@@ -70,6 +83,7 @@ int BulletSolver::Number(const btCollisionObject* object) {
     b.angular_velocity_W = FromBullet(rigid->getAngularVelocity());
   }
   if (rigid && rigid->getInvMass() > 0 && !object->isStaticOrKinematicObject()) {
+    RequirePlain(*rigid);
     b.kind = BodyKind::kDynamic;
     b.mass = 1 / rigid->getInvMass();
     b.inertia_B = FromBullet(rigid->getInvInertiaDiagLocal()).cwiseInverse().asDiagonal();
@@ -97,6 +111,24 @@ void BulletSolver::ReadContacts(const btPersistentManifold& manifold, std::vecto
   }
 }
 
+// Who may meet: by Bullet's broad phase, whose boxes are swept; without it by its manifolds, which compounds and meshes get only where
+// their parts overlap.
+void BulletSolver::FindPairs(btPersistentManifold** manifolds, int num_manifolds) {
+  pairs_.clear();
+  const auto add = [&](const btCollisionObject* a, const btCollisionObject* b) {
+    if (!a->hasContactResponse() || !b->hasContactResponse()) return;
+    if (step_.bodies[Number(a)].Moves() || step_.bodies[Number(b)].Moves()) pairs_.emplace_back(a, b);
+  };
+  if (!near_) {
+    for (int i = 0; i < num_manifolds; ++i) add(manifolds[i]->getBody0(), manifolds[i]->getBody1());
+    return;
+  }
+  const btBroadphasePairArray& near = near_->getOverlappingPairArray();
+  for (int i = 0; i < near.size(); ++i)
+    add(static_cast<const btCollisionObject*>(near[i].m_pProxy0->m_clientObject),
+        static_cast<const btCollisionObject*>(near[i].m_pProxy1->m_clientObject));
+}
+
 // Whether two bodies meet unseen in the step as it was resolved.
 bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
   btDispatcherInfo how;
@@ -118,7 +150,9 @@ bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
     btManifoldResult result(&one, &other);
     result.setPersistentManifold(nullptr);
     algorithm->processCollision(&one, &other, how, &result);
-    if (result.getPersistentManifold()) ReadContacts(*result.getPersistentManifold(), &found_);
+    btManifoldArray manifolds;  // a compound has one a child
+    algorithm->getAllContactManifolds(manifolds);
+    for (int k = 0; k < manifolds.size(); ++k) ReadContacts(*manifolds[k], &found_);
     algorithm->~btCollisionAlgorithm();
     dispatcher->freeCollisionAlgorithm(algorithm);
   }
@@ -134,7 +168,7 @@ void BulletSolver::HandBack(double dt) {
     if (!rigid) continue;
     const Body& b = step_.bodies[i];
     rigid->setWorldTransform(
-        ToBullet(b.position_W - dt * b.linear_velocity_W, Exp(-dt * b.angular_velocity_W) * b.rotation_WB));
+        ToBullet(b.position_W - dt * b.linear_velocity_W, Turned(-dt * b.angular_velocity_W, b.rotation_WB)));
     rigid->setLinearVelocity(ToBullet(b.linear_velocity_W));
     rigid->setAngularVelocity(ToBullet(b.angular_velocity_W));
   }
@@ -143,17 +177,17 @@ void BulletSolver::HandBack(double dt) {
 btScalar BulletSolver::solveGroup(btCollisionObject** bodies, int num_bodies, btPersistentManifold** manifolds,
                                   int num_manifolds, btTypedConstraint**, int, const btContactSolverInfo& info,
                                   btIDebugDraw*, btDispatcher* dispatcher) {
+  if (num_bodies == 0) return 0;  // Bullet asks once more when it is done with its islands
   step_.Begin(info.m_timeStep, gravity_W_);
   of_bullet_.clear();
-  pairs_.clear();
   for (int i = 0; i < num_bodies; ++i) Number(bodies[i]);
   for (int i = 0; i < num_manifolds; ++i) {
     const btCollisionObject *a = manifolds[i]->getBody0(), *b = manifolds[i]->getBody1();
     if (!a->hasContactResponse() || !b->hasContactResponse()) continue;
     if (!step_.bodies[Number(a)].Moves() && !step_.bodies[Number(b)].Moves()) continue;
-    pairs_.emplace_back(a, b);
     ReadContacts(*manifolds[i], &step_.contacts);
   }
+  FindPairs(manifolds, num_manifolds);
   step_.UndoOverlaps();
   step_.Resolve();
   for (int round = 0; round < kRounds && AddFound(info.m_timeStep, dispatcher); ++round) step_.Resolve();

@@ -5,6 +5,7 @@
 //
 //   each step  as in client_step.h; Bullet's narrow phase is asked again, for the pairs of its broad phase, where bodies come to
 //   contacts   Bullet's points, without names: islet finds again who is nearest. Joints are not resolved
+//   refused    by std::runtime_error: linear and angular factors, rolling and spinning friction
 //   sleeping   is Bullet's to switch off (DISABLE_DEACTIVATION)
 #pragma once
 
@@ -16,11 +17,14 @@
 #include "bench/clients/client_step.h"
 #include "parallel/worker_pool.h"
 
+class btOverlappingPairCache;
+
 namespace islet::clients {
 
 class BulletSolver final : public btConstraintSolver {
  public:
-  BulletSolver(const Vector3& gravity_W, int threads);
+  // near: the pairs of the world's broad phase, broadphase.getOverlappingPairCache(); null: those that have manifolds alone.
+  BulletSolver(const Vector3& gravity_W, int threads, btOverlappingPairCache* near);
 
   btScalar solveGroup(btCollisionObject** bodies, int num_bodies, btPersistentManifold** manifolds, int num_manifolds,
                       btTypedConstraint** constraints, int num_constraints, const btContactSolverInfo& info,
@@ -33,10 +37,12 @@ class BulletSolver final : public btConstraintSolver {
  private:
   int Number(const btCollisionObject* object);
   void ReadContacts(const btPersistentManifold& manifold, std::vector<Contact>* contacts);
+  void FindPairs(btPersistentManifold** manifolds, int num_manifolds);
   bool AddFound(double dt, btDispatcher* dispatcher);
   void HandBack(double dt);
 
   Vector3 gravity_W_;
+  btOverlappingPairCache* near_;
   parallel::WorkerPool pool_;
   ClientStep step_;  // its bodies by Bullet's number in its world; what is not of the group is removed
   std::vector<btRigidBody*> of_bullet_;  // of those that move

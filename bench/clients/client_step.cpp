@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/rotation.h"
-
 namespace islet::clients {
 namespace {
 
@@ -21,11 +19,13 @@ double Size(const Contact& c, std::span<const Body> bodies) {
   return std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
 }
 
-Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
-  return (Exp(turn_W) * rotation_WB).normalized();
-}
-
 }  // namespace
+
+Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
+  const double angle = turn_W.norm();
+  if (angle == 0) return rotation_WB;
+  return (Eigen::AngleAxisd(angle, turn_W / angle) * rotation_WB).normalized();
+}
 
 void ClientStep::Begin(double dt, const Vector3& gravity_W) {
   dt_ = dt;
@@ -97,9 +97,9 @@ bool ClientStep::AddFound(Contact c) {
 
 void ClientStep::Resolve() {
   if (first_)
-    memory_ = suite_.memory();
+    memory_ = suite_.CopyMemory();
   else
-    suite_.SetMemory(memory_);
+    suite_.SetMemory(*memory_);
   first_ = false;
   bodies = start_;
   contacts.insert(contacts.end(), found_.begin(), found_.end());
@@ -109,22 +109,16 @@ void ClientStep::Resolve() {
   Move();
 }
 
-// By the mean that the suite asks for.
 void ClientStep::Move() {
   const std::span<const Twist> before = suite_.velocities_before_gravity();
   way_.assign(bodies.size(), 0);
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    Body& b = bodies[i];
-    way_[i] = dt_ * (b.linear_velocity_W.norm() + b.radius * b.angular_velocity_W.norm());  // kinematic ones as well
-    if (!b.Moves()) continue;
-    const Vector3 mean_W = 0.5 * (before[i].linear_W + b.linear_velocity_W);
-    const Vector3 spin_W = 0.5 * (before[i].angular_W + b.angular_velocity_W);
-    const Quaternion end_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, spin_W, dt_), b.rotation_WB);
-    b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, end_WB);
-    b.position_W += dt_ * mean_W;
-    way_[i] = std::max(way_[i], dt_ * (mean_W.norm() + b.radius * spin_W.norm()));
-    b.rotation_WB = end_WB;
+  for (size_t i = 0; i < bodies.size(); ++i) {  // kinematic ones as well
+    const Body& b = bodies[i];
+    const auto farthest = [&](const Vector3& v, const Vector3& w) { return dt_ * (v.norm() + b.radius * w.norm()); };
+    way_[i] = std::max(farthest(b.linear_velocity_W, b.angular_velocity_W),
+                       farthest(before[i].linear_W, before[i].angular_W));
   }
+  suite_.Move(bodies);
 }
 
 }  // namespace islet::clients

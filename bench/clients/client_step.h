@@ -13,15 +13,18 @@
 //   threads: one caller at a time
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "engine/contact_suite.h"
-#include "engine/suite/suite_memory.h"
 
 namespace islet::clients {
 
 inline constexpr int kRounds = 8;
+
+// turn: [rad] rotation vector.
+Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB);
 
 class ClientStep {
  public:
@@ -45,8 +48,8 @@ class ClientStep {
   double Slop(const Contact& contact) const;  // [m]
 
   ContactSuite suite_;
-  SuiteMemory memory_;       // at the start of the step
-  double dt_ = 0, far_ = 0;  // [s], [m]
+  std::shared_ptr<const SuiteMemory> memory_;  // at the start of the step
+  double dt_ = 0, far_ = 0;                    // [s], [m]
   std::vector<Body> start_;
   std::vector<Contact> scratch_, found_;
   std::vector<double> way_;  // [m] of each body's farthest point, at most

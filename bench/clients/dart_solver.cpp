@@ -13,8 +13,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/rotation.h"
-
 namespace islet::clients {
 namespace {
 
@@ -182,7 +180,7 @@ void DartSolver::HandBack() {
     const Vector3 arm_W = b.rotation_WB * joint->getChildBodyNode()->getLocalCOM();
     const Vector3 velocity_W = b.linear_velocity_W - b.angular_velocity_W.cross(arm_W);  // of the body's origin
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = (Exp(-mTimeStep * b.angular_velocity_W) * b.rotation_WB).toRotationMatrix();
+    pose.linear() = Turned(-mTimeStep * b.angular_velocity_W, b.rotation_WB).toRotationMatrix();
     pose.translation() = b.position_W - arm_W - mTimeStep * velocity_W;
     Eigen::Matrix<double, 6, 1> velocities;
     velocities << pose.linear().transpose() * b.angular_velocity_W, pose.linear().transpose() * velocity_W;

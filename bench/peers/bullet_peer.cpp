@@ -36,7 +36,7 @@ class BulletPeer final : public Peer {
       direct_ = std::make_unique<btDantzigSolver>();
       solver_ = std::make_unique<btMLCPSolver>(direct_.get());
     } else if (setting.solver == "islet") {
-      solver_ = std::make_unique<clients::BulletSolver>(plan.gravity, 1);
+      solver_ = std::make_unique<clients::BulletSolver>(plan.gravity, 1, broadphase_.getOverlappingPairCache());
     } else {
       solver_ = std::make_unique<btSequentialImpulseConstraintSolver>();
     }

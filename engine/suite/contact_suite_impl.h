@@ -51,11 +51,21 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
   enum Settled : std::uint8_t { kInMotion, kSettled };
-  std::vector<Settled> settled;          // per body: whether it moves with its final velocity alone
+  std::vector<Settled> settled;  // per body: whether it moves with its final velocity along some normals
+  // Of such a body: orthonormal directions of its velocity, scaled by roots of mass and inertia, in which it does.
+  struct Held {
+    int rank = 0;
+    Eigen::Matrix<double, 6, 6> directions;
+  };
+  std::vector<Held> held_along;
+  std::vector<std::uint8_t> settles;     // per contact: its normal is among them
+  std::vector<Contact> meeting;          // the contacts, where some of them have their blow in this step
   std::vector<std::uint8_t> was_frozen;  // per body, at the start of the frame
   std::vector<double> errors;            // [m/s] per body: worst natural map of what was solved with it
 
   void Begin(double dt, std::span<Body> bodies, std::span<const Contact> contacts);
+  void FindMeetings(std::span<const Contact> contacts);
+  void WakeDisturbed();
   void RecallHolding();
   void RecallPair(std::pair<size_t, size_t> previous, std::pair<size_t, size_t> now, bool moves);
   template <typename LinkContact>
@@ -76,7 +86,8 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   void Freeze(StepReport * report);
   void SettleCaughtBodies();
   bool Catches(size_t contact) const;
-  void Settle(const Contact& contact);
+  void Settle(size_t contact);
+  void HoldAlong(const Contact& contact, int body);
   void SettleRiders();
   void Finish(StepReport * report);
 };

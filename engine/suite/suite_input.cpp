@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "engine/body_definition.h"
 #include "engine/number_text.h"
 
 namespace islet {
@@ -24,6 +25,10 @@ void RequireFinite(const char* what, size_t number, const char* field, const Vec
   if (!v.allFinite()) Reject(what, number, field, Text(v), " is not finite");
 }
 
+void RequireWithin(const char* what, size_t number, const char* field, const Vector3& v) {
+  if (!(v.array().abs() <= kLargest).all()) Reject(what, number, field, Text(v), " is not finite, or beyond 1e30");
+}
+
 // Symmetric, with positive leading minors.
 bool IsInertia(const Matrix3& m) {
   return m.allFinite() && (m - m.transpose()).cwiseAbs().maxCoeff() <= kSymmetric * m.cwiseAbs().maxCoeff() &&
@@ -38,8 +43,8 @@ void CheckSuiteBodies(std::span<const Body> bodies) {
     if (b.removed) continue;
     RequireFinite("body", i, "position", b.position_W);
     Require(std::abs(b.rotation_WB.norm() - 1) < kUnitError, "body", i, "length of rotation", b.rotation_WB.norm());
-    RequireFinite("body", i, "linear velocity", b.linear_velocity_W);
-    RequireFinite("body", i, "angular velocity", b.angular_velocity_W);
+    RequireWithin("body", i, "linear velocity", b.linear_velocity_W);
+    RequireWithin("body", i, "angular velocity", b.angular_velocity_W);
     if (b.kind == BodyKind::kFixed)
       Require(b.linear_velocity_W.isZero(0) && b.angular_velocity_W.isZero(0), "body", i, "speed",
               b.linear_velocity_W.norm() + b.angular_velocity_W.norm(),

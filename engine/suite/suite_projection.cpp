@@ -39,6 +39,8 @@ double SuiteProjection::Project(std::span<const Body> bodies, std::span<const Co
                       [&](int island, int worker) { ProjectIsland(island, settings, &workers_[worker]); });
   double left = 0;
   for (const Worker& worker : workers_) left = std::max(left, worker.left);
+  for (const Contact& c : smooth_)
+    if (cut_[c.body_a] && cut_[c.body_b]) left = std::max(left, -c.gap);  // nobody moves there
   return left;
 }
 
