@@ -73,6 +73,7 @@ MassProperties MassOf(const BodyDefinition& d, const std::string& name) {
     return {};
   }
   const double given = d.mass.value_or(d.density);
+  if (!(given >= 0)) RequirePositive(name, d.mass ? "mass" : "density", given);  // 0 and infinity are a wall's
   if (!dynamic && !(given > 0 && given <= kLargest)) return d.shape.MassFromDensity(1);
   if (d.mass) RequirePositive(name, "mass", *d.mass);
   if (dynamic || !d.mass) RequirePositive(name, "density", d.density);

@@ -17,6 +17,8 @@ constexpr int kPerTask = 64;         // bodies
 constexpr double kTurn = 0.04;       // [rad] of one step of the rotation's integration
 constexpr double kCore = 0.9;        // of a shape: what no other body's centre may pass
 constexpr double kSameTime = 1e-13;  // of a step
+constexpr int kMostLooks =
+    100000;  // at one pair in a step; a way that needs more cannot be judged, and is not taken for a clean one
 constexpr double kLook = 0.2;  // [rad] by which the other body turns at most between two looks at what goes through it
 constexpr double kDeepSphere = 0.5;  // of a radius: the same for spheres
 
@@ -442,12 +444,14 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   for (const Moment& moment : account.course) times.push_back(moment.time);
   for (const Moment& moment : partner.course) times.push_back(moment.time);
   std::sort(times.begin(), times.end());
+  int looks = 0;
   for (size_t s = 0; s + 1 < times.size(); ++s) {
     const double begin = times[s], end = times[s + 1];
     if (end <= begin || Misses(account, partner, begin, end, shape.radius())) continue;
-    const double longest = (end - begin) / (1 + std::floor(std::min(1e5, rate * (end - begin) / kLook)));
+    const double longest = (end - begin) / (1 + std::floor(std::min<double>(kMostLooks, rate * (end - begin) / kLook)));
     Vector3 a = inside(begin, &last);
     for (double t = begin, h = longest; t < end; h = std::min(2 * h, longest)) {
+      if (++looks > kMostLooks) return true;
       h = std::min(h, end - t);
       Spin then = last;
       const Vector3 middle = inside(t + 0.5 * h, &then), b = inside(t + h, &then), chord = 0.5 * (a + b);

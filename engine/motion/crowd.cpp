@@ -420,7 +420,9 @@ bool Crowd::Judge(int pass) {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    if (end[e].gap >= before_[e] - settings_.overlap_tolerance * size - dt_ * YieldOf(end[e])) continue;
+    // The tolerance is of the overlap, not of what a step adds to it: who is beyond goes no deeper.
+    const double deepest = std::min(before_[e] - kTouch * size, -settings_.overlap_tolerance * size);
+    if (end[e].gap >= deepest - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
   }

@@ -107,8 +107,13 @@ class StepReport:
     ledger: Ledger
     @property
     def missed(self) -> int: ...  # problems that ended above the tolerance
+    unstepped: float  # [s] for which a group stood still since no way on was found
+    overlapping: int  # pairs of bodies that are inside of each other at the end, by a fiftieth of a size
+    motion_failures: int  # small groups that gave up a step, and pieces of a crowd that missed their end for good
     @property
-    def failed(self) -> bool: ...  # the bodies did what physics does not allow
+    def unsolved(self) -> int: ...  # problems without an answer: walls that close
+    @property
+    def failed(self) -> bool: ...  # the ledger is not clean, or unstepped or overlapping is more than 0
 
 class Snapshot:
     def to_bytes(self) -> bytes: ...

@@ -279,6 +279,10 @@ void BindReport(py::module_& m) {
       .def_readonly("certificate", &StepReport::certificate)
       .def_readonly("ledger", &StepReport::ledger)
       .def_property_readonly("missed", [](const StepReport& r) { return r.collision_qp.missed + r.static_qp.missed; })
+      .def_property_readonly("unsolved", [](const StepReport& r) { return r.collision_qp.failed + r.static_qp.failed; })
+      .def_readonly("unstepped", &StepReport::unstepped)
+      .def_readonly("overlapping", &StepReport::overlapping)
+      .def_readonly("motion_failures", &StepReport::motion_failures)
       .def_property_readonly("failed", &StepReport::Failed)
       .def("__repr__", [](const StepReport& r) {
         return "<islet.StepReport: " + std::to_string(r.contacts) + " contacts, " + std::to_string(r.awake) +

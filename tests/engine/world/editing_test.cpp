@@ -1,6 +1,7 @@
 // Bodies that come, go and change while a world runs.
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <functional>
 #include <stdexcept>
 #include <string>
@@ -387,6 +388,12 @@ TEST(Editing, MassesBeyondReasonAreRefused) {
   wall.kind = BodyKind::kFixed;
   wall.inertia_B = -Matrix3::Identity();
   ExpectThrown<std::invalid_argument>([&] { world.Add(wall); }, "body 1: inertia");
+  for (const BodyKind kind : {BodyKind::kDynamic, BodyKind::kFixed, BodyKind::kKinematic}) {
+    ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1), .kind = kind, .mass = NAN}); },
+                                        "body 1: mass = nan");
+    ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1), .kind = kind, .density = -1}); },
+                                        "body 1: density = -1");
+  }
   ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1e-100)}); }, "body 1: mass");
   ExpectThrown<std::invalid_argument>([&] { world.Add({.shape = Shape::Sphere(1), .kind = static_cast<BodyKind>(7)}); },
                                       "kind");
