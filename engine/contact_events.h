@@ -18,7 +18,7 @@ enum class ContactEventKind : std::uint8_t {
 struct ContactEvent {
   ContactEventKind kind;  // began, went on or ended
   int body_a, body_b;     // a < b
-  bool sensor = false;    // one of them is a sensor: they overlap, and neither feels it
+  bool sensor = false;    // one of them is a sensor: they overlap, or did on the way of the step, and neither feels it
 };
 
 // What bounced or landed in a step, once a pair. Approaches slower than gravity makes anything in a step are told of only where a blow of

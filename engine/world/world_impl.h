@@ -67,10 +67,10 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::atomic<bool> stepping = false;
-  WorldState start;  // of a step whose callbacks may throw
-  std::vector<std::pair<int, int>> sensed;
-  std::vector<int> sensor_inside;        // of one sensor
-  std::vector<Contact> sensor_overlaps;  // scratch
+  WorldState start;                                 // of a step whose callbacks may throw
+  std::vector<std::pair<int, int>> sensed, passed;  // passed: on the way, in this step's parts so far
+  std::vector<int> sensor_inside;                   // of one sensor
+  std::vector<Contact> sensor_overlaps;             // scratch
   std::vector<ContactEvent> events_before;
   std::vector<Body> before;                        // the step
   std::vector<Vector3> planned;                    // [m] per body: its way without contacts
@@ -101,6 +101,9 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   StepReport StepWhole(double dt);
   void FindEvents();
   void FindSensed();
+  void AddPassed();
+  bool IsSensed(int sensor, int i) const;
+  bool PassesThrough(int sensor, int i);
   void RepeatEvents();
   void AddHits(double dt);
   double ApproachOf(const LedgerImpulse& j) const;

@@ -11,9 +11,10 @@
 namespace islet {
 namespace {
 
-constexpr double kMet = 1e-6;    // of a shape's size: overlap at which it has met a body
-constexpr double kNear = 1e-4;   // of a shape's size: where its contacts are looked for then
-constexpr double kTiny = 1e-12;  // of a body's size: more overlap than round-off makes of none
+constexpr double kMet = 1e-6;     // of a shape's size: overlap at which it has met a body
+constexpr double kNear = 1e-4;    // of a shape's size: where its contacts are looked for then
+constexpr int kMostLooks = 1000;  // at who goes through a sensor
+constexpr double kTiny = 1e-12;   // of a body's size: more overlap than round-off makes of none
 
 Placement PlaceOf(const Body& body) { return {body.position_W, body.rotation_WB.toRotationMatrix()}; }
 
@@ -110,20 +111,60 @@ void World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::ui
   });
 }
 
-// Pairs of a sensor and what overlaps it, ascending.
+// Who was within a sensor on its way through the step or its part: looked for where a body moves by more than half of a size against it.
+void World::Impl::AddPassed() {
+  const int n = static_cast<int>(bodies.size());
+  for (int s = 0; s < n; ++s) {
+    if (!bodies[s].sensor || bodies[s].removed) continue;
+    for (int i = 0; i < n; ++i)
+      if (i != s && IsSensed(s, i) && PassesThrough(s, i)) passed.push_back(std::minmax(s, i));
+  }
+}
+
+// Whether a sensor may tell of a body.
+bool World::Impl::IsSensed(int sensor, int i) const {
+  return !bodies[i].removed && !bodies[i].sensor && LayersAgree(bodies[i], bodies[sensor]) &&
+         !pairs_apart.Has(sensor, i);
+}
+
+bool World::Impl::PassesThrough(int sensor, int i) {
+  const auto way = [&](int k) -> Vector3 { return bodies[k].position_W - before[k].position_W; };
+  const double travel = (way(i) - way(sensor)).norm(), size = std::min(shapes[sensor].size(), shapes[i].size());
+  if (!(travel > 0.5 * size)) return false;
+  const Vector3 apart = before[i].position_W - before[sensor].position_W, relative = way(i) - way(sensor);
+  const double nearest = std::clamp(-apart.dot(relative) / (travel * travel), 0.0, 1.0);
+  if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
+  const int looks = static_cast<int>(std::min<double>(kMostLooks, std::ceil(2 * travel / size)));
+  const auto at = [&](int k, double u) -> Placement {
+    return {before[k].position_W + u * way(k),
+            before[k].rotation_WB.slerp(u, bodies[k].rotation_WB).toRotationMatrix()};
+  };
+  for (int k = 1; k < looks; ++k) {
+    const double u = static_cast<double>(k) / looks;
+    sensor_overlaps.clear();
+    CollideShapes(shapes[sensor], at(sensor, u), shapes[i], at(i, u), 0, &sensor_overlaps);
+    if (std::any_of(sensor_overlaps.begin(), sensor_overlaps.end(),
+                    [&](const Contact& c) { return c.gap < -kTiny * size; }))
+      return true;
+  }
+  return false;
+}
+
+// Pairs of a sensor and what overlaps it, or did on its way, ascending.
 void World::Impl::FindSensed() {
-  sensed.clear();
+  std::swap(sensed, passed);
+  passed.clear();
   for (int s = 0; s < static_cast<int>(bodies.size()); ++s) {
     const Body& sensor = bodies[s];
     if (!sensor.sensor || sensor.removed) continue;
     BodiesIn(shapes[s], {sensor.position_W, sensor.rotation_WB}, sensor.collides_with, &sensor_overlaps,
              &sensor_inside);
     for (const int i : sensor_inside) {
-      if (i == s || bodies[i].sensor || !LayersAgree(bodies[i], sensor) || pairs_apart.Has(s, i)) continue;
-      sensed.push_back(std::minmax(s, i));
+      if (i != s && IsSensed(s, i)) sensed.push_back(std::minmax(s, i));
     }
   }
   std::sort(sensed.begin(), sensed.end());
+  sensed.erase(std::unique(sensed.begin(), sensed.end()), sensed.end());
 }
 
 }  // namespace islet

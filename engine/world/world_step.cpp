@@ -244,6 +244,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   }
   KeepLedger(dt, report);
   AddHits(dt);
+  AddPassed();
   AddGroups(report);
   time += dt;
   return true;
@@ -285,6 +286,7 @@ StepReport World::Impl::StepWhole(double dt) {
   const double start_seconds = Seconds();
   CheckNewcomers();
   hits.clear();
+  passed.clear();
   if (settings.stateless) ForgetAll();
   report.seconds.detect += Seconds() - start_seconds;
   if (StepOnce(dt, false, &report)) {

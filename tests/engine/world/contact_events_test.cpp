@@ -95,6 +95,35 @@ TEST(ContactEvents, WhatRestsHitsNobody) {
   }
 }
 
+// However fast, what goes through a sensor begins and ends there once, forwards and backwards, whichever of the two moves.
+TEST(ContactEvents, NothingPassesASensorUnseen) {
+  for (const double speed : {5.0, 30.0, 70.0, 300.0, -300.0})
+    for (const bool sensor_moves : {false, true}) {
+      World world;
+      world.SetGravity({0, 0, 0});
+      const Vector3 v(0, 0, -speed);
+      world.Add({.shape = Shape::Box({1, 1, 0.01}),
+                 .kind = BodyKind::kKinematic,
+                 .linear_velocity_W = sensor_moves ? Vector3(-v) : Vector3(Vector3::Zero()),
+                 .sensor = true});
+      for (const double x : {0.0, 3.0})  // the second one misses it
+        world.Add({.shape = Shape::Sphere(0.05),
+                   .position_W = {x, 0, speed > 0 ? 1.07 : -1.07},
+                   .linear_velocity_W = sensor_moves ? Vector3(Vector3::Zero()) : v});
+      int begins = 0, ends = 0;
+      for (int i = 0; i < 60; ++i) {
+        world.Step(0.01);
+        for (const ContactEvent& e : world.events()) {
+          EXPECT_TRUE(e.sensor && e.body_b == 1);
+          begins += e.kind == ContactEventKind::kBegin;
+          ends += e.kind == ContactEventKind::kEnd;
+        }
+      }
+      EXPECT_EQ(begins, 1) << speed << sensor_moves;
+      EXPECT_EQ(ends, 1) << speed << sensor_moves;
+    }
+}
+
 TEST(ContactEvents, ASensorTellsAndIsNotFelt) {
   for (const bool crowd : {false, true}) {
     World world(crowd ? AsCrowd(Awake()) : Awake());
