@@ -16,6 +16,7 @@
 #include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
+#include "scenes/seconds_option.h"
 
 namespace islet {
 namespace {
@@ -164,8 +165,12 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
 
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
-  add(kTime, "--seconds", o.seconds, "S", "stop after S seconds of simulated time")->excludes(frames);
-  add(kTime, "--dt", o.dt, "S", "time step, at most 1 s (default 1/30)");
+  const auto add_time = [&](const char* group, const char* name, auto* target, const char* help) {
+    const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
+    return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
+  };
+  add_time(kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")->excludes(frames);
+  add_time(kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30)");
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -195,7 +200,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
-  add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+  add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);

@@ -6,8 +6,9 @@
 #include <cmath>
 #include <exception>
 #include <initializer_list>
-#include <limits>
 #include <stdexcept>
+
+#include "scenes/seconds_option.h"
 
 namespace islet {
 namespace {
@@ -22,19 +23,6 @@ std::vector<std::string> Split(const std::string& list) {
     if (end == std::string::npos) return parts;
     begin = end + 1;
   }
-}
-
-// NaN if it is no number from its first character to its last.
-double Number(std::string_view text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() ? value : std::numeric_limits<double>::quiet_NaN();
-}
-
-double DecimalOrFraction(std::string_view text) {
-  const size_t slash = text.find('/');
-  return slash == std::string_view::npos ? Number(text)
-                                         : Number(text.substr(0, slash)) / Number(text.substr(slash + 1));
 }
 
 std::vector<std::string> Choose(const char* option, const std::string& list,
@@ -97,7 +85,7 @@ std::string Upper(std::string text) {
 std::vector<TimeStep> ParseTimeSteps(const std::string& list) {
   std::vector<TimeStep> steps;
   for (const std::string& text : Split(list)) {
-    const double seconds = DecimalOrFraction(text);
+    const double seconds = ParseSeconds("--dt", text);
     if (!(seconds >= kShortestStep && seconds <= kLongestStep))
       throw std::invalid_argument("--dt must be numbers or fractions in [1e-6, 0.1] s, as in 1/60,0.004; got " + text);
     steps.push_back({text, seconds});
