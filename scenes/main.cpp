@@ -7,7 +7,7 @@
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
 // written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
-// value, and no file has been touched.
+// value, and no file has been touched, 130 interrupted: what was done until then has been written.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "scenes/interrupt.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
@@ -34,6 +35,11 @@ void ListScenes(bool with_expectations) {
 int Run(int argc, char** argv) {
   CLI::App app("Contact and friction among thousands of rigid bodies, exactly and fast", "islet");
   app.require_subcommand(1);
+  app.footer(
+      "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
+      "hold;\n"
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, solve and verify in order: what is\n"
+      "done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
@@ -63,10 +69,12 @@ int Run(int argc, char** argv) {
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
+  bool good = true;
   if (run->parsed()) islet::RunScene(options);
-  if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
-  if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
-  return 0;
+  if (solve->parsed()) good = islet::SolveFiles(solve_options);
+  if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
+  if (islet::Interrupt::Obeyed()) return islet::Interrupt::kExitStatus;
+  return good ? 0 : 1;
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 
 #include "scenes/export_fclib.h"
 #include "scenes/frame_log.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
@@ -67,6 +68,7 @@ void RunScene(const RunOptions& options) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
+  const Interrupt interrupt("the frame under way");
   auto [world, info] = BuildScene(scene, options.parameters, MakeSettings(options));
 
   RunReport run_report(scene, info, world, options.dt);
@@ -89,6 +91,10 @@ void RunScene(const RunOptions& options) {
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
+    if (Interrupt::Asked()) {
+      stopped_by = "interrupt";
+      break;
+    }
     if (drawing.empty() && !options.picture.empty() && (frame - 1) * options.dt >= picture_time - 1e-9) {
       drawing = picture.Draw(world);
     }

@@ -12,6 +12,7 @@
 
 #include "engine/stopwatch.h"
 #include "parallel/worker_pool.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
 #include "scenes/solve_judge.h"
 #include "scenes/solve_problem.h"
@@ -177,7 +178,9 @@ bool SolveFiles(const SolveOptions& options) {
   Json list = Json::array();
   int solved = 0;
   bool all_read = true;
+  const Interrupt interrupt("the file under way");
   for (const std::string& path : options.files) {
+    if (Interrupt::Asked()) break;
     const Result result = SolveFile(path, options, &pool);
     if (!result.error.empty()) fmt::print(stderr, "islet: {}\n", result.error);
     fmt::print(table, "{}", Row(result));
@@ -189,6 +192,7 @@ bool SolveFiles(const SolveOptions& options) {
   fmt::print(table,
              "{} of {} solved: {} model, natural map {:g} rms and {:g} at any contact, over the fastest approach\n",
              solved, options.files.size(), options.model, options.tolerance, kWorstContact * options.tolerance);
+  if (Interrupt::Obeyed()) fmt::print(table, "stopped by interrupt after {} files\n", list.size());
   if (options.report == "-") fmt::print(stdout, "{}\n", list.dump(2));
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, list.dump(2) + "\n");
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");

@@ -2,6 +2,7 @@
 //
 //   table on the standard output, a JSON list with --report; on a file that cannot be read or solved a message on the standard
 //   error, an entry in both, and the other files are still solved
+//   an interrupt ends it after the file under way; what was solved is reported
 //   errors: std::invalid_argument that names the option and its value, before any file is read
 #pragma once
 

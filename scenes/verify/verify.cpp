@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "scenes/effort_option.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
 #include "scenes/verify/verify_report.h"
 #include "scenes/verify/verify_run.h"
@@ -94,17 +95,23 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
     return true;
   }
   std::FILE* const table = options.report == "-" ? stderr : stdout;
+  const Interrupt interrupt("the run under way");
   fmt::print(table, "{}", VerifyHeader(settings, options.all_settings));
   std::vector<VerifyRow> rows;
-  for (size_t k = 0; k < selected.size(); ++k) {
+  size_t num_checks = 0;  // begun
+  for (size_t k = 0; k < selected.size() && !Interrupt::Asked(); ++k) {
     const VerifyProgress progress = ProgressLine(k * settings.size(), selected.size() * settings.size());
     const std::vector<VerifyRow> of_check = RunCheck(*selected[k], settings, progress);
     if (progress) fmt::print(stderr, "\r\033[K");
     fmt::print(table, "{}", VerifyTable(of_check, settings, options.all_settings));
     std::fflush(table);
     rows.insert(rows.end(), of_check.begin(), of_check.end());
+    ++num_checks;
   }
-  PrintSummary(table, rows, selected.size());
+  PrintSummary(table, rows, num_checks);
+  if (Interrupt::Obeyed())
+    fmt::print(table, "stopped by interrupt: of {} checks {} begun, the last perhaps not in every setting\n",
+               selected.size(), num_checks);
   if (options.report == "-") fmt::print(stdout, "{}", VerifyJson(rows, options.tolerance));
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, VerifyJson(rows, options.tolerance));
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");

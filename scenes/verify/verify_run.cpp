@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <stdexcept>
 
+#include "scenes/interrupt.h"
 #include "scenes/seconds_option.h"
 
 namespace islet {
@@ -133,7 +134,7 @@ bool VerifyRow::GateFailed() const {
 
 std::vector<VerifyRow> RunCheck(const Check& check, std::span<const Setting> settings, const VerifyProgress& progress) {
   std::vector<VerifyRow> rows;
-  for (size_t k = 0; k < settings.size(); ++k) {
+  for (size_t k = 0; k < settings.size() && !Interrupt::Asked(); ++k) {
     if (progress) progress(check, settings[k], static_cast<int>(k));
     Measurements measured;
     std::string problem;
