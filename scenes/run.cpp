@@ -73,10 +73,10 @@ void RunScene(const RunOptions& options) {
 
   RunReport run_report(scene, info, world, options.dt);
   FrameLog frame_log;
-  Progress progress(frame_limit * options.dt);
   RestWatch rest(world.settings());
   const Picture picture(world, info);
   const bool until_rest = !options.frames && !options.seconds;
+  Progress progress(frame_limit, options.dt, until_rest);
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
 
@@ -92,6 +92,7 @@ void RunScene(const RunOptions& options) {
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
     if (Interrupt::Asked()) {
+      progress.End();
       stopped_by = "interrupt";
       break;
     }
@@ -111,10 +112,10 @@ void RunScene(const RunOptions& options) {
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
     if (at_rest || frame == frame_limit) {
-      progress.Finish(frame * options.dt, frame, step_seconds, report);
+      progress.Finish(frame, step_seconds, report);
       break;
     }
-    progress.Update(frame * options.dt, frame, step_seconds, report);
+    progress.Update(frame, step_seconds, report);
   }
   run_report.Finish(world, WallTime() - start, stopped_by);
 

@@ -1,7 +1,6 @@
 #include "scenes/verify/verify.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -10,6 +9,7 @@
 #include "scenes/effort_option.h"
 #include "scenes/interrupt.h"
 #include "scenes/output_file.h"
+#include "scenes/terminal_line.h"
 #include "scenes/verify/verify_report.h"
 #include "scenes/verify/verify_run.h"
 
@@ -33,12 +33,10 @@ void ListChecks(std::span<const Check* const> checks) {
 }
 
 // On a terminal, which of how many runs is going on.
-VerifyProgress ProgressLine(size_t done_before, size_t total) {
-  if (::isatty(STDERR_FILENO) == 0) return {};
+VerifyProgress ProgressIn(TerminalLine* line, size_t done_before, size_t total) {
   return [=](const Check& check, const Setting& setting, int done) {
-    fmt::print(stderr, "\r{} of {}: {} {}, dt {}, {}, freezing {}\033[K", done_before + done + 1, total, check.id,
-               check.name, setting.dt.name, setting.model, setting.freeze);
-    std::fflush(stderr);
+    line->Show(fmt::format("{} of {}: {} {}, dt {}, {}, freezing {}", done_before + done + 1, total, check.id,
+                           check.name, setting.dt.name, setting.model, setting.freeze));
   };
 }
 
@@ -98,11 +96,12 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
   const Interrupt interrupt("the run under way");
   fmt::print(table, "{}", VerifyHeader(settings, options.all_settings));
   std::vector<VerifyRow> rows;
+  TerminalLine line;
   size_t num_checks = 0;  // begun
   for (size_t k = 0; k < selected.size() && !Interrupt::Asked(); ++k) {
-    const VerifyProgress progress = ProgressLine(k * settings.size(), selected.size() * settings.size());
-    const std::vector<VerifyRow> of_check = RunCheck(*selected[k], settings, progress);
-    if (progress) fmt::print(stderr, "\r\033[K");
+    const std::vector<VerifyRow> of_check =
+        RunCheck(*selected[k], settings, ProgressIn(&line, k * settings.size(), selected.size() * settings.size()));
+    line.Clear();
     fmt::print(table, "{}", VerifyTable(of_check, settings, options.all_settings));
     std::fflush(table);
     rows.insert(rows.end(), of_check.begin(), of_check.end());

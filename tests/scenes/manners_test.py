@@ -1,10 +1,15 @@
 """The program islet among terminals, signals and pipes: manners_test.py ISLET [name of a test]."""
+import fcntl
 import json
 import os
+import pty
+import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import time
 import unittest
 
@@ -29,6 +34,64 @@ def wait_for(condition):
             return
         time.sleep(0.02)
     raise AssertionError("waited in vain")
+
+
+def on_terminal(arguments, columns, environment=None, seconds=60):
+    """What the program writes to a terminal of so many columns, and its exit status."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.environ.pop("COLUMNS", None)
+        os.environ.update(environment or {})
+        fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        os.execv(ISLET, [ISLET] + arguments)
+    text, end = b"", time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            piece = os.read(terminal, 65536)
+        except OSError:  # its end on Linux
+            break
+        if not piece:
+            break
+        text += piece
+    os.close(terminal)
+    return text.decode(), os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+
+class ProgressLine(unittest.TestCase):
+    RUN = ["run", "cubeglass", "--count", "60", "--seconds", "60", "--freeze", "off"]
+
+    def lines(self, columns, environment=None, arguments=None):
+        text, status = on_terminal(arguments or self.RUN, columns, environment)
+        self.assertEqual(status, 0, text)
+        self.assertNotIn("\033", text)
+        return text.split("\n")[0].split("\r"), text
+
+    def test_tells_time_frame_pace_and_what_is_left(self):
+        drawn, _ = self.lines(120)
+        self.assertTrue(any(re.search(r"\d+\.\d\d of 60 s  frame \d+  \d+\.\d ms a frame  about \d+ (s|min) left", line)
+                            for line in drawn), drawn)
+        self.assertTrue(any(line.startswith("[=") for line in drawn))
+        self.assertLessEqual(max(map(len, drawn)), 119)
+        last = [line for line in drawn if line.strip()][-1]
+        self.assertIn("60.00 of 60 s  frame 1800", last)
+
+    def test_fits_the_terminal(self):
+        for columns, environment, most in (40, None, 39), (200, {"COLUMNS": "50"}, 49), (50, {"COLUMNS": "x"}, 49):
+            drawn, _ = self.lines(columns, environment, ["run", "cubeglass", "--count", "60", "--frames", "60"])
+            self.assertLessEqual(max(map(len, drawn)), most)
+            self.assertTrue(any("frame" in line for line in drawn))
+
+    def test_says_that_rest_may_come_before(self):
+        drawn, text = self.lines(160, None, ["run", "cubeglass", "--count", "100"])
+        self.assertTrue(any("left, or until rest" in line for line in drawn), drawn)
+        self.assertIn("stopped by rest", text)
+
+    def test_is_no_line_elsewhere(self):
+        program = start(["run", "cubeglass", "--count", "60", "--frames", "70"])
+        _, err = program.communicate(timeout=60)
+        self.assertEqual(len(err.splitlines()), 2)  # one a simulated second
+        self.assertNotIn("\r", err)
+        self.assertNotIn("\033", err)
 
 
 class Interrupts(unittest.TestCase):
