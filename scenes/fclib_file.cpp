@@ -246,6 +246,12 @@ void WriteAll(hid_t file, const FclibProblem& problem, const FclibSolution* solu
 
 }  // namespace
 
+std::string Hdf5Version() {
+  unsigned major = 0, minor = 0, release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return std::to_string(major) + "." + std::to_string(minor) + "." + std::to_string(release);
+}
+
 FclibProblem ReadFclib(const std::string& path) {
   const Reader reader(path);
   const std::string root = FindRoot(reader), vectors = root + "/vectors";

@@ -4,6 +4,7 @@
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
+//   islet --version       tells its version, and what it is made of
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
 // written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
@@ -16,6 +17,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "scenes/about.h"
 #include "scenes/interrupt.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
@@ -35,6 +37,7 @@ void ListScenes(bool with_expectations) {
 int Run(int argc, char** argv) {
   CLI::App app("Contact and friction among thousands of rigid bodies, exactly and fast", "islet");
   app.require_subcommand(1);
+  app.set_version_flag("--version", islet::About, "Tell the version, and those of the libraries in it");
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"

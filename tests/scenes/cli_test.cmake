@@ -137,6 +137,20 @@ foreach(scene stack cubejam csstack cubeglass cubeglass7 sphereglass officetoy b
   check_match("islet scenes" stdout "(^|\n)${scene} ")
 endforeach()
 
+# The version: a number for each library, and kernels that this machine has.
+islet(status stdout stderr --version)
+check_equal("exit status of islet --version" "${status}" 0)
+check_match("islet --version" stdout "^islet [0-9]+\\.[0-9]+\\.[0-9]+\n")
+foreach(library Eigen oneTBB FCL "SuiteSparse AMD" HDF5 fmt CLI11 nlohmann-json)
+  check_match("islet --version" stdout "\n  ${library} +[0-9]+\\.[0-9.]+\n")
+endforeach()
+check_match("islet --version" stdout "\n  compiler +[a-z]+ [0-9.]+\n")
+check_match("islet --version" stdout "\n  vector kernels +(sse2|avx2|avx512); this machine runs sse2")
+set(ENV{ISLET_KERNELS} sse2)
+islet(status stdout stderr --version)
+check_match("islet --version with ISLET_KERNELS=sse2" stdout "\n  vector kernels +sse2; this machine runs sse2")
+unset(ENV{ISLET_KERNELS})
+
 # The report has every key, and the table one row per frame.
 islet(status stdout stderr run stack --count 3 --frames 5 --report r.json --frames-csv f.csv --picture p.svg)
 check_equal("exit status of islet run stack (${stderr})" "${status}" 0)

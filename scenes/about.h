@@ -1,0 +1,12 @@
+// What this program is: its version, and those of the libraries in it.
+//   threads: pure function
+#pragma once
+
+#include <string>
+
+namespace islet {
+
+// "islet 0.1.0", then a line for the compiler, for the vector kernels that this machine runs and for each library; without the last newline.
+std::string About();
+
+}  // namespace islet
