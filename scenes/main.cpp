@@ -6,19 +6,22 @@
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //   islet --version       tells its version, and what it is made of
 //
-// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
-// written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
+// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard output
+// among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
 // value, and no file has been touched, 130 interrupted: what was done until then has been written.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
 #include "scenes/about.h"
 #include "scenes/interrupt.h"
+#include "scenes/output_file.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
@@ -27,11 +30,13 @@
 namespace {
 
 void ListScenes(bool with_expectations) {
+  std::string list;
   for (const islet::Scene& scene : islet::AllScenes()) {
     const std::string size = fmt::format("{} {}", scene.default_count, scene.counted);
-    fmt::print("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
-    if (with_expectations) fmt::print("{:<26} expected: {}\n", "", scene.expected);
+    list += fmt::format("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
+    if (with_expectations) list += fmt::format("{:<26} expected: {}\n", "", scene.expected);
   }
+  islet::Print(stdout, list);
 }
 
 int Run(int argc, char** argv) {
@@ -64,11 +69,16 @@ int Run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help
+    if (error.get_exit_code() == 0) {  // --help, --version
+      std::ostringstream text;
+      app.exit(error, text);
+      islet::Print(stdout, text.str());
+      return 0;
+    }
     const std::string problem = argc > 1 && app.get_subcommands().empty()
                                     ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
                                     : error.what();
-    fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
+    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help` and `islet run --help`.\n", problem));
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
@@ -83,13 +93,16 @@ int Run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // who reads no more of what is printed does not cost the files
   try {
-    return Run(argc, argv);
+    const int status = Run(argc, argv);
+    islet::FinishStandardOutput();
+    return status;
   } catch (const std::invalid_argument& error) {
-    fmt::print(stderr, "islet: {}\n", error.what());
+    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
     return 2;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "islet: {}\n", error.what());
+    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
     return 1;
   }
 }

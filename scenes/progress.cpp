@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/stopwatch.h"
+#include "scenes/output_file.h"
 
 namespace islet {
 namespace {
@@ -45,9 +46,8 @@ void Progress::Update(int frame, double step_seconds, const StepReport& report) 
     line_.Show(Line(frame, step_seconds, report));
     return;
   }
-  fmt::print(stderr, "{:6.2f} s  frame {:5}  {:6.1f} ms  contacts {:5}  awake {:5}  kinetic {:9.3e} J\n", time, frame,
-             1e3 * step_seconds, report.active_contacts, report.awake, report.kinetic_energy);
-  std::fflush(stderr);
+  Print(stderr, fmt::format("{:6.2f} s  frame {:5}  {:6.1f} ms  contacts {:5}  awake {:5}  kinetic {:9.3e} J\n", time,
+                            frame, 1e3 * step_seconds, report.active_contacts, report.awake, report.kinetic_energy));
 }
 
 void Progress::Finish(int frame, double step_seconds, const StepReport& report) {

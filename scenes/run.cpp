@@ -122,9 +122,8 @@ void RunScene(const RunOptions& options) {
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
-  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
-  if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  Print(options.ReportOnStdout() ? stderr : stdout, run_report.Summary());
+  if (options.ReportOnStdout()) Print(stdout, run_report.Json());
 }
 
 }  // namespace islet

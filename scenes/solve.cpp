@@ -173,8 +173,8 @@ bool SolveFiles(const SolveOptions& options) {
   CheckOptions(options);
   parallel::WorkerPool pool(options.threads.value_or(0));
   std::FILE* const table = options.report == "-" ? stderr : stdout;
-  fmt::print(table, kHeader, "file", "contacts", "bodies", "method", "status", "steps", "ms", "map rms", "map max",
-             "coulomb", "worst", "siconos", "asymm.");
+  Print(table, fmt::format(kHeader, "file", "contacts", "bodies", "method", "status", "steps", "ms", "map rms",
+                           "map max", "coulomb", "worst", "siconos", "asymm."));
   Json list = Json::array();
   int solved = 0;
   bool all_read = true;
@@ -182,20 +182,20 @@ bool SolveFiles(const SolveOptions& options) {
   for (const std::string& path : options.files) {
     if (Interrupt::Asked()) break;
     const Result result = SolveFile(path, options, &pool);
-    if (!result.error.empty()) fmt::print(stderr, "islet: {}\n", result.error);
-    fmt::print(table, "{}", Row(result));
-    std::fflush(table);
+    if (!result.error.empty()) Print(stderr, "islet: " + result.error + "\n");
+    const bool shown = Print(table, Row(result));
     list.push_back(ToJson(result, options));
     solved += result.status == "solved";
     all_read = all_read && result.error.empty();
+    if (!shown && options.report.empty()) break;  // nobody would see the others
   }
-  fmt::print(table,
-             "{} of {} solved: {} model, natural map {:g} rms and {:g} at any contact, over the fastest approach\n",
-             solved, options.files.size(), options.model, options.tolerance, kWorstContact * options.tolerance);
-  if (Interrupt::Obeyed()) fmt::print(table, "stopped by interrupt after {} files\n", list.size());
-  if (options.report == "-") fmt::print(stdout, "{}\n", list.dump(2));
+  Print(table,
+        fmt::format(
+            "{} of {} solved: {} model, natural map {:g} rms and {:g} at any contact, over the fastest approach\n",
+            solved, options.files.size(), options.model, options.tolerance, kWorstContact * options.tolerance));
+  if (Interrupt::Obeyed()) Print(table, fmt::format("stopped by interrupt after {} files\n", list.size()));
+  if (options.report == "-") Print(stdout, list.dump(2) + "\n");
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, list.dump(2) + "\n");
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
   return all_read;
 }
 

@@ -9,15 +9,12 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "scenes/output_file.h"
+
 namespace islet {
 namespace {
 
 constexpr size_t kUsualWidth = 80, kWidest = 1000;
-
-void Write(const std::string& text) {
-  std::fwrite(text.data(), 1, text.size(), stderr);
-  std::fflush(stderr);
-}
 
 }  // namespace
 
@@ -41,18 +38,18 @@ void TerminalLine::Show(std::string text) {
   text.resize(std::min(text.size(), columns));
   const size_t length = text.size();
   if (length < shown_) text.append(std::min(shown_, columns) - length, ' ');
-  Write("\r" + text);
+  Print(stderr, "\r" + text);
   shown_ = length;
 }
 
 void TerminalLine::Clear() {
   if (!terminal_ || shown_ == 0) return;
   Show("");
-  Write("\r");
+  Print(stderr, "\r");
 }
 
 void TerminalLine::End() {
-  if (terminal_ && shown_ > 0) Write("\n");
+  if (terminal_ && shown_ > 0) Print(stderr, "\n");
   shown_ = 0;
 }
 

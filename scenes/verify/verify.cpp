@@ -28,8 +28,10 @@ VerifyBase CheckOptions(const VerifyOptions& o) {
 }
 
 void ListChecks(std::span<const Check* const> checks) {
+  std::string list;
   for (const Check* const check : checks)
-    fmt::print("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
+    list += fmt::format("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
+  Print(stdout, list);
 }
 
 // On a terminal, which of how many runs is going on.
@@ -48,16 +50,17 @@ void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_ch
     passed += counts && row.Pass();
   }
   if (coulomb == 0) {
-    fmt::print(out, "{} checks; no gates: these hold for the model coulomb alone\n", num_checks);
+    Print(out, fmt::format("{} checks; no gates: these hold for the model coulomb alone\n", num_checks));
     return;
   }
   const int failed = CountFailedGates(rows);
   const auto open = std::count_if(rows.begin(), rows.end(), [](const VerifyRow& row) {
     return row.measurement.open && !row.Pass() && row.setting->settings.engine.model == Model::kCoulomb;
   });
-  fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds, {} open; {}\n",
-             num_checks, passed, coulomb, open,
-             failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s"));
+  Print(out,
+        fmt::format("{} checks; under exact Coulomb friction {} of {} measurements within their bounds, {} open; {}\n",
+                    num_checks, passed, coulomb, open,
+                    failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s")));
 }
 
 }  // namespace
@@ -94,7 +97,7 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
   }
   std::FILE* const table = options.report == "-" ? stderr : stdout;
   const Interrupt interrupt("the run under way");
-  fmt::print(table, "{}", VerifyHeader(settings, options.all_settings));
+  Print(table, VerifyHeader(settings, options.all_settings));
   std::vector<VerifyRow> rows;
   TerminalLine line;
   size_t num_checks = 0;  // begun
@@ -102,18 +105,17 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
     const std::vector<VerifyRow> of_check =
         RunCheck(*selected[k], settings, ProgressIn(&line, k * settings.size(), selected.size() * settings.size()));
     line.Clear();
-    fmt::print(table, "{}", VerifyTable(of_check, settings, options.all_settings));
-    std::fflush(table);
+    const bool shown = Print(table, VerifyTable(of_check, settings, options.all_settings));
     rows.insert(rows.end(), of_check.begin(), of_check.end());
     ++num_checks;
+    if (!shown && options.report.empty()) break;  // nobody would see the others
   }
   PrintSummary(table, rows, num_checks);
   if (Interrupt::Obeyed())
-    fmt::print(table, "stopped by interrupt: of {} checks {} begun, the last perhaps not in every setting\n",
-               selected.size(), num_checks);
-  if (options.report == "-") fmt::print(stdout, "{}", VerifyJson(rows, options.tolerance));
+    Print(table, fmt::format("stopped by interrupt: of {} checks {} begun, the last perhaps not in every setting\n",
+                             selected.size(), num_checks));
+  if (options.report == "-") Print(stdout, VerifyJson(rows, options.tolerance));
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, VerifyJson(rows, options.tolerance));
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
   return CountFailedGates(rows) == 0;
 }
 

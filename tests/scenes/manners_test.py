@@ -94,6 +94,64 @@ class ProgressLine(unittest.TestCase):
         self.assertNotIn("\033", err)
 
 
+class LostOutput(unittest.TestCase):
+    """What was printed and did not arrive is no success."""
+
+    COMMANDS = (["scenes"], ["--help"], ["--version"], ["run", "--help"], ["verify", "--list"],
+                ["run", "stack", "--count", "2", "--frames", "3"],
+                ["run", "stack", "--count", "2", "--frames", "3", "--report", "-"],
+                ["verify", "T1", "--quick"], ["verify", "T1", "--quick", "--report", "-"])
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        subprocess.run([ISLET, "run", "stack", "--count", "2", "--frames", "2", "--group-bodies", "0", "--export-fclib", "out"],
+                       cwd=self.folder.name, check=True, capture_output=True)
+        self.problems = sorted(os.path.join("out", name) for name in os.listdir(os.path.join(self.folder.name, "out")))
+
+    def finish(self, arguments, stdout, **more):
+        return subprocess.run([ISLET] + arguments, stdout=stdout, stderr=subprocess.PIPE, text=True, timeout=120,
+                              cwd=self.folder.name, **more)
+
+    def test_full_disk(self):
+        for command in self.COMMANDS + (["solve"] + self.problems,):
+            with self.subTest(command), open("/dev/full", "w") as full:
+                done = self.finish(command, full)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn("islet: cannot write to the standard output: No space left on device", done.stderr)
+
+    def test_closed_pipe(self):
+        for command in self.COMMANDS + (["solve"] + self.problems,):
+            with self.subTest(command):
+                reader, writer = os.pipe()
+                os.close(reader)
+                done = self.finish(command, writer)
+                os.close(writer)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn("islet: cannot write to the standard output: Broken pipe", done.stderr)
+
+    def test_files_are_written_all_the_same(self):
+        with open("/dev/full", "w") as full:
+            for command, name in ((self.COMMANDS[5], "run.json"), (["verify", "T1", "T2", "--quick"], "verify.json"),
+                                  (["solve"] + self.problems, "solve.json")):
+                self.assertEqual(self.finish(command + ["--report", name], full).returncode, 1)
+                json.loads(read(os.path.join(self.folder.name, name)))
+        self.assertEqual(len(json.loads(read(os.path.join(self.folder.name, "solve.json")))), len(self.problems))
+
+    def test_lost_messages_do_not_end_a_run(self):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([ISLET, "run", "stack", "--count", "2", "--frames", "70", "--tier", "swept"], stderr=full,
+                                  stdout=subprocess.PIPE, text=True)
+        self.assertEqual(done.returncode, 0)
+        self.assertIn("70 frames", done.stdout)
+
+    def test_files_that_do_not_fit(self):
+        for option in "--report", "--frames-csv", "--picture":
+            done = self.finish(["run", "stack", "--count", "2", "--frames", "3", option, "/dev/full"], subprocess.PIPE)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("cannot write /dev/full: No space left on device", done.stderr)
+
+
 class Interrupts(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
