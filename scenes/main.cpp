@@ -52,11 +52,11 @@ int Run(int argc, char** argv) {
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
   scenes->add_flag("--expected", with_expectations, "also tell what a right simulation shows");
+  scenes->footer("Examples:\n  islet scenes\n  islet scenes --expected");
 
   CLI::App* const run = app.add_subcommand("run", "Simulate a scene");
   islet::RunOptions options;
   islet::AddRunOptions(run, &options);
-  run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
 
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;

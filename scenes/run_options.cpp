@@ -205,6 +205,14 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);
   add(kOutput, "--export-frames", o.export_frames, "N,N,...", "of these frames only, the first is 1")->delimiter(',');
+  command->footer(
+      "Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.\n\n"
+      "Examples:\n"
+      "  islet run stack --count 5 --seconds 2\n"
+      "  islet run cubeglass --count 60 --frames 60 --report report.json --picture glass.svg\n"
+      "  islet run csstack --seconds 1/2 --dt 1/120 --threads 1 --frames-csv frames.csv\n"
+      "  islet run balance --freeze paper --freeze-count 1 --report -\n"
+      "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems --export-frames 1,3");
 }
 
 void CheckRunOptions(const RunOptions& options) {

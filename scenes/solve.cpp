@@ -167,6 +167,11 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
   command->add_option("--threads", o->threads, "0: all cores (default); a dense problem uses one")->type_name("N");
   command->add_option("--report", o->report, "write all numbers as a JSON list; - is the standard output")
       ->type_name("FILE");
+  command->footer(
+      "Examples:\n"
+      "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems\n"
+      "  islet solve problems/*.hdf5\n"
+      "  islet solve problems/*.hdf5 --model convex --cone octagon --report answers.json");
 }
 
 bool SolveFiles(const SolveOptions& options) {

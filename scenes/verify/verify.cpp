@@ -85,6 +85,11 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   command->add_flag("--all", o->all_settings, "a row for every setting, not only for the worst one");
   command->add_flag("--list", o->list, "tell the checks and where their references come from, and run none");
   add("--report", o->report, "FILE|-", "write all measurements as a JSON list; - is the standard output");
+  command->footer(
+      "Examples:\n"
+      "  islet verify --list\n"
+      "  islet verify T1 T3 --quick\n"
+      "  islet verify T1 --quick --dt 1/60,0.004 --model coulomb,convex --all --report -");
 }
 
 bool Verify(const VerifyOptions& options, std::span<const Check> checks) {

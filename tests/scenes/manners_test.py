@@ -152,6 +152,23 @@ class LostOutput(unittest.TestCase):
             self.assertIn("cannot write /dev/full: No space left on device", done.stderr)
 
 
+class Help(unittest.TestCase):
+    def test_examples_run(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.dirname(ISLET) + os.pathsep + os.environ["PATH"]
+            for command in "scenes", "run", "solve", "verify":
+                text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
+                examples = [line.strip() for line in text.split("Examples:\n")[1].splitlines() if line.strip()]
+                self.assertGreaterEqual(len(examples), 2)
+                self.assertTrue(any(example.startswith("islet " + command) for example in examples))
+                for example in examples:
+                    with self.subTest(example):
+                        done = subprocess.run(example, shell=True, cwd=folder, env=dict(os.environ, PATH=path), text=True,
+                                              capture_output=True, timeout=120)
+                        self.assertEqual(done.returncode, 0, done.stderr)
+                        self.assertTrue(done.stdout)
+
+
 class Interrupts(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
