@@ -16,7 +16,7 @@ constexpr std::array<int, 2> kSignals{SIGINT, SIGTERM};
 std::atomic<bool> asked{false}, obeyed{false};
 static_assert(std::atomic<bool>::is_always_lock_free);  // or a handler could not use it
 std::array<struct sigaction, kSignals.size()> before;
-const char* end_of_message = "";
+const char* message = "";
 
 // Only what a signal handler may do: no allocation, no stdio.
 void Say(const char* text) {
@@ -26,15 +26,15 @@ void Say(const char* text) {
 
 void Handle(int) {
   if (asked.exchange(true)) ::_exit(Interrupt::kExitStatus);
-  Say("\nislet: ends after ");
-  Say(end_of_message);
+  Say("\nislet: ");
+  Say(message);
   Say("; once more ends it at once\n");
 }
 
 }  // namespace
 
-Interrupt::Interrupt(const char* after) {
-  end_of_message = after;
+Interrupt::Interrupt(const char* what) {
+  message = what;
   asked = obeyed = false;
   struct sigaction action = {};
   action.sa_handler = Handle;

@@ -11,8 +11,8 @@ class Interrupt {
  public:
   static constexpr int kExitStatus = 130;  // as shells count: 128 + SIGINT
 
-  // after: what is still brought to its end, as "the frame under way"; must outlive this.
-  explicit Interrupt(const char* after);
+  // what: that is done before the end, as "ends after the frame under way"; must outlive this.
+  explicit Interrupt(const char* what);
   ~Interrupt();  // the signals mean again what they meant before
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;

@@ -68,7 +68,7 @@ void RunScene(const RunOptions& options) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
-  const Interrupt interrupt("the frame under way");
+  const Interrupt interrupt("ends after the frame under way");
   auto [world, info] = BuildScene(scene, options.parameters, MakeSettings(options));
 
   RunReport run_report(scene, info, world, options.dt);

@@ -101,7 +101,7 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
     return true;
   }
   std::FILE* const table = options.report == "-" ? stderr : stdout;
-  const Interrupt interrupt("the run under way");
+  const Interrupt interrupt("ends after the run under way");
   Print(table, VerifyHeader(settings, options.all_settings));
   std::vector<VerifyRow> rows;
   TerminalLine line;
