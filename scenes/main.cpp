@@ -4,12 +4,14 @@
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
+//   islet completion S   what lets the shell S complete all this
 //   islet --version       tells its version, and what it is made of
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard output
 // among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
 // value, and no file has been touched, 130 interrupted: what was done until then has been written.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
@@ -18,8 +20,10 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "scenes/about.h"
+#include "scenes/completion.h"
 #include "scenes/interrupt.h"
 #include "scenes/output_file.h"
 #include "scenes/run.h"
@@ -37,6 +41,21 @@ void ListScenes(bool with_expectations) {
     if (with_expectations) list += fmt::format("{:<26} expected: {}\n", "", scene.expected);
   }
   islet::Print(stdout, list);
+}
+
+std::string CommandNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(command->get_name());
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// What may stand where a command takes a name.
+islet::ArgumentWords Words() {
+  islet::ArgumentWords words{{"shell", {"bash", "zsh", "fish"}}};
+  for (const islet::Scene& scene : islet::AllScenes()) words["scene"].emplace_back(scene.name);
+  for (const islet::Check& check : islet::AllChecks()) words["checks"].emplace_back(check.id);
+  return words;
 }
 
 int Run(int argc, char** argv) {
@@ -66,6 +85,12 @@ int Run(int argc, char** argv) {
   islet::VerifyOptions verify_options;
   islet::AddVerifyOptions(verify, &verify_options);
 
+  CLI::App* const completion =
+      app.add_subcommand("completion", "Print what lets a shell complete this program's command line");
+  std::string shell;
+  completion->add_option("shell", shell, "bash, zsh or fish")->required()->type_name("SHELL");
+  completion->footer("Examples:\n  islet completion bash > islet.bash\n  islet completion zsh");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -76,7 +101,7 @@ int Run(int argc, char** argv) {
       return 0;
     }
     const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
+                                    ? fmt::format("the commands are {}; got {}", CommandNames(app), argv[1])
                                     : error.what();
     islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help` and `islet run --help`.\n", problem));
     return 2;
@@ -86,6 +111,7 @@ int Run(int argc, char** argv) {
   if (run->parsed()) islet::RunScene(options);
   if (solve->parsed()) good = islet::SolveFiles(solve_options);
   if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
+  if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));
   if (islet::Interrupt::Obeyed()) return islet::Interrupt::kExitStatus;
   return good ? 0 : 1;
 }
