@@ -27,8 +27,10 @@ std::string Compiler() {
 
 }  // namespace
 
+std::string Version() { return ISLET_VERSION; }
+
 std::string About() {
-  std::string text = fmt::format("islet {}\n", ISLET_VERSION);
+  std::string text = fmt::format("islet {}\n", Version());
   const auto line = [&](const char* name, const std::string& value) {
     text += fmt::format("  {:<16}{}\n", name, value);
   };

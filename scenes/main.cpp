@@ -5,6 +5,7 @@
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //   islet completion S   what lets the shell S complete all this
+//   islet man            this, as a manual page
 //   islet --version       tells its version, and what it is made of
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard output
@@ -25,6 +26,7 @@
 #include "scenes/about.h"
 #include "scenes/completion.h"
 #include "scenes/interrupt.h"
+#include "scenes/manual.h"
 #include "scenes/output_file.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
@@ -91,6 +93,9 @@ int Run(int argc, char** argv) {
   completion->add_option("shell", shell, "bash, zsh or fish")->required()->type_name("SHELL");
   completion->footer("Examples:\n  islet completion bash > islet.bash\n  islet completion zsh");
 
+  CLI::App* const manual = app.add_subcommand("man", "Print this program's manual page");
+  manual->footer("Examples:\n  islet man > islet.1");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -112,6 +117,7 @@ int Run(int argc, char** argv) {
   if (solve->parsed()) good = islet::SolveFiles(solve_options);
   if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
   if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));
+  if (manual->parsed()) islet::Print(stdout, islet::Manual(app, islet::Version()));
   if (islet::Interrupt::Obeyed()) return islet::Interrupt::kExitStatus;
   return good ? 0 : 1;
 }
