@@ -16,6 +16,7 @@
 #include "scenes/picture.h"
 #include "scenes/progress.h"
 #include "scenes/run_report.h"
+#include "scenes/trace.h"
 
 namespace islet {
 namespace {
@@ -69,6 +70,8 @@ void RunScene(const RunOptions& options) {
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
   const Interrupt interrupt("ends after the frame under way");
+  Trace trace;
+  if (!options.trace.empty()) trace.Begin();
   auto [world, info] = BuildScene(scene, options.parameters, MakeSettings(options));
 
   RunReport run_report(scene, info, world, options.dt);
@@ -105,6 +108,7 @@ void RunScene(const RunOptions& options) {
     const double step_start = WallTime();
     const StepReport report = world.Step(options.dt);
     const double step_seconds = WallTime() - step_start;
+    if (!options.trace.empty()) trace.AddFrame(frame, step_start, step_start + step_seconds);
     world.SetProblemObserver({});
 
     run_report.AddFrame(report, step_seconds, world);
@@ -120,6 +124,7 @@ void RunScene(const RunOptions& options) {
   run_report.Finish(world, WallTime() - start, stopped_by);
 
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
+  if (!options.trace.empty()) WriteWhole(options.trace, trace.Json());
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
   Print(options.ReportOnStdout() ? stderr : stdout, run_report.Summary());

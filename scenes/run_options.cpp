@@ -121,6 +121,7 @@ void CheckNumbers(const RunOptions& o) {
 void CheckFiles(const RunOptions& o) {
   if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
   if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
+  if (!o.trace.empty()) CheckWritable("--trace", o.trace);
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
@@ -129,7 +130,7 @@ void CheckFiles(const RunOptions& o) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
+  const std::array<const std::string*, 4> files{&o.report, &o.frames_csv, &o.trace, &o.picture};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -199,6 +200,9 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
+  add(kOutput, "--trace", o.trace, "FILE.json",
+      "write where the time went, each island's solve on its core, for ui.perfetto.dev")
+      ->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
   add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
@@ -211,6 +215,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "  islet run stack --count 5 --seconds 2\n"
       "  islet run cubeglass --count 60 --frames 60 --report report.json --picture glass.svg\n"
       "  islet run csstack --seconds 1/2 --dt 1/120 --threads 1 --frames-csv frames.csv\n"
+      "  islet run cubejam --frames 30 --trace trace.json\n"
       "  islet run balance --freeze paper --freeze-count 1 --report -\n"
       "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems --export-frames 1,3");
 }

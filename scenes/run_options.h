@@ -35,6 +35,7 @@ struct RunOptions {
 
   std::string report;                  // file, "-" for the standard output, empty for none
   std::string frames_csv;              // file or empty
+  std::string trace;                   // file or empty
   std::string picture;                 // file or empty
   std::optional<double> picture_time;  // [s] of simulated time; absent: at the end
 
