@@ -10,6 +10,7 @@
 #include "engine/fcl_version.h"
 #include "parallel/tbb_version.h"
 #include "qp/build_facts.h"
+#include "scenes/drawing_png.h"
 #include "scenes/fclib_file.h"
 
 namespace islet {
@@ -42,6 +43,7 @@ std::string About() {
   line("FCL", FclVersion());
   line("SuiteSparse AMD", qp::AmdVersion());
   line("HDF5", Hdf5Version());
+  line("cairo", CairoVersion());
   line("fmt", fmt::format("{}.{}.{}", FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100));
   line("CLI11", CLI11_VERSION);
   line("nlohmann-json",

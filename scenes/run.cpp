@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -9,6 +11,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "scenes/drawing_png.h"
 #include "scenes/export_fclib.h"
 #include "scenes/frame_log.h"
 #include "scenes/interrupt.h"
@@ -54,6 +57,12 @@ class RestWatch {
   double calm_seconds_ = 0;
 };
 
+bool IsPng(const std::string& file) {
+  std::string end = file.substr(file.size() - std::min<size_t>(file.size(), 4));
+  std::transform(end.begin(), end.end(), end.begin(), [](unsigned char c) { return std::tolower(c); });
+  return end == ".png";
+}
+
 int FrameLimit(const RunOptions& options, const Scene& scene) {
   if (options.frames) return *options.frames;
   const double frames = std::ceil(options.seconds.value_or(scene.time_limit) / options.dt - 1e-9);
@@ -82,6 +91,11 @@ void RunScene(const RunOptions& options) {
   Progress progress(frame_limit, options.dt, until_rest);
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
+  const auto draw = [&] { return IsPng(options.picture) ? Png(picture.Draw(world)) : Svg(picture.Draw(world)); };
+  const auto is_time_to_draw = [&](int frames_done) {
+    if (options.picture_frame) return frames_done >= *options.picture_frame;
+    return frames_done * options.dt >= picture_time - 1e-9;
+  };
 
   std::optional<FclibExport> problems;
   if (!options.export_fclib.empty()) {
@@ -99,9 +113,7 @@ void RunScene(const RunOptions& options) {
       stopped_by = "interrupt";
       break;
     }
-    if (drawing.empty() && !options.picture.empty() && (frame - 1) * options.dt >= picture_time - 1e-9) {
-      drawing = picture.Draw(world);
-    }
+    if (drawing.empty() && !options.picture.empty() && is_time_to_draw(frame - 1)) drawing = draw();
     if (problems && problems->Wants(frame)) {
       world.SetProblemObserver([&](const ProblemRecord& record) { problems->Write(frame, record); });
     }
@@ -123,7 +135,7 @@ void RunScene(const RunOptions& options) {
   }
   run_report.Finish(world, WallTime() - start, stopped_by);
 
-  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
+  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw() : drawing);
   if (!options.trace.empty()) WriteWhole(options.trace, trace.Json());
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());

@@ -112,6 +112,7 @@ void CheckNumbers(const RunOptions& o) {
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
+  if (o.picture_frame) RequireRange("--picture-frame", *o.picture_frame, *o.picture_frame >= 0, "at least 0");
   if (o.picture_time) {
     RequireRange("--picture-time", *o.picture_time, *o.picture_time >= 0 && *o.picture_time <= kLongestRun,
                  "in [0, 1e6] s");
@@ -125,6 +126,9 @@ void CheckFiles(const RunOptions& o) {
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
+  }
+  if (o.picture_frame && o.picture.empty()) {
+    throw std::invalid_argument(fmt::format("--picture-frame {} needs --picture FILE", *o.picture_frame));
   }
   if (!o.export_frames.empty() && o.export_fclib.empty()) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
@@ -203,8 +207,10 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--trace", o.trace, "FILE.json",
       "write where the time went, each island's solve on its core, for ui.perfetto.dev")
       ->check(FileName);
-  add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
-  add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+  add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")->check(FileName);
+  CLI::Option* const picture_time =
+      add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+  add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);
@@ -213,7 +219,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.\n\n"
       "Examples:\n"
       "  islet run stack --count 5 --seconds 2\n"
-      "  islet run cubeglass --count 60 --frames 60 --report report.json --picture glass.svg\n"
+      "  islet run cubeglass --count 60 --frames 60 --report report.json --picture glass.png\n"
       "  islet run csstack --seconds 1/2 --dt 1/120 --threads 1 --frames-csv frames.csv\n"
       "  islet run cubejam --frames 30 --trace trace.json\n"
       "  islet run balance --freeze paper --freeze-count 1 --report -\n"
