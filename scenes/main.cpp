@@ -4,13 +4,13 @@
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
-//   islet completion S   what lets the shell S complete all this
-//   islet man            this, as a manual page
+//   islet completion S    what lets the shell S complete all this
+//   islet man             this, as a manual page
 //   islet --version       tells its version, and what it is made of
 //
-// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard output
-// among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
-// value, and no file has been touched, 130 interrupted: what was done until then has been written.
+// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard
+// output among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the
+// message names the field and the value, and no file has been touched, 130 interrupted: what was done has been written.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

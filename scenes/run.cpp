@@ -91,7 +91,9 @@ void RunScene(const RunOptions& options) {
   Progress progress(frame_limit, options.dt, until_rest);
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
-  const auto draw = [&] { return IsPng(options.picture) ? Png(picture.Draw(world)) : Svg(picture.Draw(world)); };
+  const auto draw = [&](const World& seen) {
+    return IsPng(options.picture) ? Png(picture.Draw(seen)) : Svg(picture.Draw(seen));
+  };
   const auto is_time_to_draw = [&](int frames_done) {
     if (options.picture_frame) return frames_done >= *options.picture_frame;
     return frames_done * options.dt >= picture_time - 1e-9;
@@ -113,7 +115,7 @@ void RunScene(const RunOptions& options) {
       stopped_by = "interrupt";
       break;
     }
-    if (drawing.empty() && !options.picture.empty() && is_time_to_draw(frame - 1)) drawing = draw();
+    if (drawing.empty() && !options.picture.empty() && is_time_to_draw(frame - 1)) drawing = draw(world);
     if (problems && problems->Wants(frame)) {
       world.SetProblemObserver([&](const ProblemRecord& record) { problems->Write(frame, record); });
     }
@@ -135,7 +137,7 @@ void RunScene(const RunOptions& options) {
   }
   run_report.Finish(world, WallTime() - start, stopped_by);
 
-  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw() : drawing);
+  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw(world) : drawing);
   if (!options.trace.empty()) WriteWhole(options.trace, trace.Json());
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());

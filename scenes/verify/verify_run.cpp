@@ -86,6 +86,7 @@ std::string Upper(std::string text) {
 std::vector<TimeStep> ParseTimeSteps(const std::string& list) {
   std::vector<TimeStep> steps;
   for (const std::string& text : Split(list)) {
+    if (text.empty()) throw std::invalid_argument("--dt: an empty time in '" + list + "'");
     const double seconds = ParseSeconds("--dt", text);
     if (!(seconds >= kShortestStep && seconds <= kLongestStep))
       throw std::invalid_argument("--dt must be numbers or fractions in [1e-6, 0.1] s, as in 1/60,0.004; got " + text);
