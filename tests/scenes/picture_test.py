@@ -3,12 +3,11 @@ import os
 import re
 import struct
 import subprocess
-import sys
 import tempfile
 import unittest
 import zlib
 
-ISLET = os.path.abspath(sys.argv.pop(1))
+from program import ISLET
 
 
 def pixels(data):
