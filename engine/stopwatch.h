@@ -27,6 +27,7 @@ class LapTimer {
 class Stopwatch {
  public:
   double seconds() const { return Seconds() - start_; }
+  double begin() const { return start_; }  // of Seconds()
 
  private:
   double start_ = Seconds();

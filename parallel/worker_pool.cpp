@@ -14,8 +14,10 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/partitioner.h>
 #include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/version.h>
 
 #include "parallel/fork.h"
+#include "parallel/tbb_version.h"
 
 namespace islet::parallel {
 namespace {
@@ -130,6 +132,8 @@ WorkerPool::WorkerPool(int num_workers, Enter enter) : impl_(std::make_unique<Im
 }
 
 WorkerPool::~WorkerPool() = default;
+
+const char* TbbVersion() { return TBB_runtime_version(); }
 
 int WorkerPool::num_workers() const { return impl_->num_workers; }
 

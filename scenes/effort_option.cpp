@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "scenes/output_file.h"
+
 namespace islet {
 namespace {
 
@@ -35,9 +37,10 @@ std::string NameOf(const Effort& effort) {
 }
 
 void NoteTier(const std::string& value) {
-  fmt::print(stderr,
-             "islet: --tier {} is without effect, use --effort: quick, normal (default), thorough, or so many sweeps\n",
-             value);
+  Print(stderr,
+        fmt::format(
+            "islet: --tier {} is without effect, use --effort: quick, normal (default), thorough, or so many sweeps\n",
+            value));
 }
 
 }  // namespace islet

@@ -17,6 +17,7 @@ namespace {
 
 constexpr hsize_t kMostNumbers = hsize_t{1} << 28;  // in one data set; more is taken for a broken file
 constexpr int kMostRows = 1 << 25;                  // of a matrix
+constexpr hsize_t kMostPacked = 1032;               // bytes that deflate makes of one
 
 // Closes what it holds; a negative number is none.
 class Handle {
@@ -39,6 +40,9 @@ class Reader {
  public:
   explicit Reader(const std::string& path) : path_(path), file_(Open(path), H5Fclose) {
     if (!file_.valid()) throw FclibError(path + ": not a readable HDF5 file");
+    std::error_code error;
+    bytes_ = std::filesystem::file_size(path, error);
+    if (error) throw FclibError(path + ": " + error.message());
   }
 
   [[noreturn]] void Fail(const std::string& place, const std::string& what) const {
@@ -51,6 +55,15 @@ class Reader {
       if (H5Lexists(file_, place.substr(0, end).c_str(), H5P_DEFAULT) <= 0) return false;
       if (end == std::string::npos) return H5Oexists_by_name(file_, place.c_str(), H5P_DEFAULT) > 0;
     }
+  }
+
+  // Rows or columns: each has numbers of its own in the file, so they are no more than its bytes.
+  int Lines(const std::string& place) const {
+    const int lines = Integer(place);
+    if (lines < 0 || lines > kMostRows) Fail(place, "is " + std::to_string(lines));
+    if (static_cast<hsize_t>(lines) > bytes_)
+      Fail(place, "is " + std::to_string(lines) + ", which a file of " + std::to_string(bytes_) + " bytes cannot hold");
+    return lines;
   }
 
   int Integer(const std::string& place) const { return Integers(place, 1)[0]; }
@@ -101,6 +114,16 @@ class Reader {
     return static_cast<hsize_t>(count);
   }
 
+  // Before memory is allocated for it: what a data set claims to hold must be there, in this file.
+  void CheckStorage(const std::string& place, hid_t set, hsize_t claimed) const {
+    const Handle properties(H5Dget_create_plist(set), H5Pclose);
+    if (H5Pget_external_count(properties) > 0) Fail(place, "has its numbers in another file");
+    const hsize_t stored = H5Dget_storage_size(set);
+    if (stored > bytes_ || claimed > stored * kMostPacked)
+      Fail(place, "claims " + std::to_string(claimed) + " bytes, of which the file holds " +
+                      std::to_string(std::min(stored, bytes_)));
+  }
+
   template <typename T>
   void Read(const std::string& place, hsize_t count, H5T_class_t wanted, const char* name, hid_t memory_type,
             std::vector<T>* values) const {
@@ -109,6 +132,7 @@ class Reader {
     const Handle set(H5Dopen2(file_, place.c_str(), H5P_DEFAULT), H5Dclose);
     const Handle type(H5Dget_type(set), H5Tclose);
     if (H5Tget_class(type) != wanted) Fail(place, std::string("does not hold ") + name);
+    CheckStorage(place, set, held * H5Tget_size(type));
     values->resize(held);
     if (held > 0 && H5Dread(set, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values->data()) < 0)
       Fail(place, "cannot be read");
@@ -123,6 +147,7 @@ class Reader {
 
   std::string path_;
   Handle file_;
+  hsize_t bytes_ = 0;  // of the file
 };
 
 bool AllBelow(const std::vector<int>& indices, int limit) {
@@ -131,9 +156,7 @@ bool AllBelow(const std::vector<int>& indices, int limit) {
 
 SparseMatrix Reader::Matrix(const std::string& place) const {
   if (!Has(place)) Fail(place, "is missing");
-  const int rows = Integer(place + "/m"), columns = Integer(place + "/n"), nz = Integer(place + "/nz");
-  if (rows < 0 || rows > kMostRows) Fail(place + "/m", "is " + std::to_string(rows));
-  if (columns < 0 || columns > kMostRows) Fail(place + "/n", "is " + std::to_string(columns));
+  const int rows = Lines(place + "/m"), columns = Lines(place + "/n"), nz = Integer(place + "/nz");
   if (nz < -2) Fail(place + "/nz", "is " + std::to_string(nz));
   std::vector<int> row, column;
   std::vector<double> value;
@@ -245,6 +268,12 @@ void WriteAll(hid_t file, const FclibProblem& problem, const FclibSolution* solu
 }
 
 }  // namespace
+
+std::string Hdf5Version() {
+  unsigned major = 0, minor = 0, release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return std::to_string(major) + "." + std::to_string(minor) + "." + std::to_string(release);
+}
 
 FclibProblem ReadFclib(const std::string& path) {
   const Reader reader(path);

@@ -41,6 +41,8 @@ struct FclibSolution {
   Eigen::VectorXd u, r;
 };
 
+std::string Hdf5Version();  // of the library that this process runs on
+
 FclibProblem ReadFclib(const std::string& path);
 
 // Title and description go to the group `info`. solution may be null. The file appears whole or not at all.

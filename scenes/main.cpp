@@ -4,18 +4,30 @@
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
+//   islet completion S    what lets the shell S complete all this
+//   islet man             this, as a manual page
+//   islet --version       tells its version, and what it is made of
 //
-// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output could not be
-// written, a problem not be read, or a check failed that must hold, 2 a bad argument: the message names the field and the
-// value, and no file has been touched.
+// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard
+// output among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the
+// message names the field and the value, and no file has been touched, 130 interrupted: what was done has been written.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
+#include "scenes/about.h"
+#include "scenes/completion.h"
+#include "scenes/interrupt.h"
+#include "scenes/manual.h"
+#include "scenes/output_file.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
@@ -24,25 +36,48 @@
 namespace {
 
 void ListScenes(bool with_expectations) {
+  std::string list;
   for (const islet::Scene& scene : islet::AllScenes()) {
     const std::string size = fmt::format("{} {}", scene.default_count, scene.counted);
-    fmt::print("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
-    if (with_expectations) fmt::print("{:<26} expected: {}\n", "", scene.expected);
+    list += fmt::format("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
+    if (with_expectations) list += fmt::format("{:<26} expected: {}\n", "", scene.expected);
   }
+  islet::Print(stdout, list);
+}
+
+std::string CommandNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(command->get_name());
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// What may stand where a command takes a name.
+islet::ArgumentWords Words() {
+  islet::ArgumentWords words{{"shell", {"bash", "zsh", "fish"}}};
+  for (const islet::Scene& scene : islet::AllScenes()) words["scene"].emplace_back(scene.name);
+  for (const islet::Check& check : islet::AllChecks()) words["checks"].emplace_back(check.id);
+  return words;
 }
 
 int Run(int argc, char** argv) {
   CLI::App app("Contact and friction among thousands of rigid bodies, exactly and fast", "islet");
   app.require_subcommand(1);
+  app.set_version_flag("--version", islet::About, "Tell the version, and those of the libraries in it");
+  app.footer(
+      "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
+      "hold;\n"
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, solve and verify in order: what is\n"
+      "done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
   scenes->add_flag("--expected", with_expectations, "also tell what a right simulation shows");
+  scenes->footer("Examples:\n  islet scenes\n  islet scenes --expected");
 
   CLI::App* const run = app.add_subcommand("run", "Simulate a scene");
   islet::RunOptions options;
   islet::AddRunOptions(run, &options);
-  run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
 
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
@@ -52,33 +87,54 @@ int Run(int argc, char** argv) {
   islet::VerifyOptions verify_options;
   islet::AddVerifyOptions(verify, &verify_options);
 
+  CLI::App* const completion =
+      app.add_subcommand("completion", "Print what lets a shell complete this program's command line");
+  std::string shell;
+  completion->add_option("shell", shell, "bash, zsh or fish")->required()->type_name("SHELL");
+  completion->footer("Examples:\n  islet completion bash > islet.bash\n  islet completion zsh");
+
+  CLI::App* const manual = app.add_subcommand("man", "Print this program's manual page");
+  manual->footer("Examples:\n  islet man > islet.1");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help
+    if (error.get_exit_code() == 0) {  // --help, --version
+      std::ostringstream text;
+      app.exit(error, text);
+      islet::Print(stdout, text.str());
+      return 0;
+    }
     const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
+                                    ? fmt::format("the commands are {}; got {}", CommandNames(app), argv[1])
                                     : error.what();
-    fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
+    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help` and `islet run --help`.\n", problem));
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
+  bool good = true;
   if (run->parsed()) islet::RunScene(options);
-  if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
-  if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
-  return 0;
+  if (solve->parsed()) good = islet::SolveFiles(solve_options);
+  if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
+  if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));
+  if (manual->parsed()) islet::Print(stdout, islet::Manual(app, islet::Version()));
+  if (islet::Interrupt::Obeyed()) return islet::Interrupt::kExitStatus;
+  return good ? 0 : 1;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // who reads no more of what is printed does not cost the files
   try {
-    return Run(argc, argv);
+    const int status = Run(argc, argv);
+    islet::FinishStandardOutput();
+    return status;
   } catch (const std::invalid_argument& error) {
-    fmt::print(stderr, "islet: {}\n", error.what());
+    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
     return 2;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "islet: {}\n", error.what());
+    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
     return 1;
   }
 }

@@ -44,7 +44,22 @@ std::string Write(const fs::path& path, const std::string& text) {
   return good ? "" : std::strerror(errno ? errno : write_error);
 }
 
+int stdout_error = 0;  // errno of the first text that did not arrive
+
 }  // namespace
+
+bool Print(std::FILE* stream, const std::string& text) {
+  errno = 0;
+  const bool good = std::fwrite(text.data(), 1, text.size(), stream) == text.size() && std::fflush(stream) == 0;
+  if (!good && stream == stdout && stdout_error == 0) stdout_error = errno ? errno : EIO;
+  return good && !std::ferror(stream);
+}
+
+void FinishStandardOutput() {
+  Print(stdout, "");
+  if (stdout_error != 0)
+    throw std::runtime_error(std::string("cannot write to the standard output: ") + std::strerror(stdout_error));
+}
 
 void CheckWritable(const std::string& option, const std::string& path) {
   const fs::path target = Target(path);

@@ -1,7 +1,5 @@
 #include "scenes/picture.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,10 +16,10 @@ namespace {
 constexpr double kHeight = 1000;  // [px] of the larger side of the picture
 constexpr double kMargin = 24;    // [px]
 constexpr double kBodyShadow = 0.5, kWallShadow = 0.8;
-constexpr double kReach = 2;  // [m] how much of floor and walls is seen around the bodies
+constexpr double kTranslucent = 0.4;  // opacity of tilted walls
+constexpr double kReach = 2;          // [m] how much of floor and walls is seen around the bodies
 
 using Polygon = std::vector<Vector3>;
-using Colour = Eigen::Array3d;  // red, green, blue in [0, 1]
 
 struct Face {
   Polygon corners_W;
@@ -30,7 +28,7 @@ struct Face {
 
 struct Item {    // what is painted at once
   double depth;  // [m] Camera::Nearness
-  std::string svg;
+  std::vector<Mark> marks;
 };
 
 Colour Palette(double t) {
@@ -41,11 +39,6 @@ Colour Palette(double t) {
   const size_t low = std::min(static_cast<size_t>(at), kStops.size() - 2);
   const double mix = at - static_cast<double>(low);
   return kStops[low] * (1 - mix) + kStops[low + 1] * mix;
-}
-
-std::string Hex(const Colour& colour) {
-  const auto byte = [](double v) { return static_cast<int>(std::lround(255 * std::clamp(v, 0.0, 1.0))); };
-  return fmt::format("#{:02x}{:02x}{:02x}", byte(colour[0]), byte(colour[1]), byte(colour[2]));
 }
 
 // Soft light from above and from the camera's left; `shadow` is what a face gets that is turned away from it.
@@ -127,36 +120,23 @@ Polygon Clip(Polygon polygon, const Region& region) {
   return polygon;
 }
 
-std::string Path(const Polygon& polygon, const std::string& attributes, const Camera& camera) {
-  std::string path = "<path d=\"";
-  for (size_t i = 0; i < polygon.size(); ++i) {
-    const Eigen::Vector2d p = camera.Project(polygon[i]);
-    fmt::format_to(std::back_inserter(path), "{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', p.x(), p.y());
-  }
-  return path + "Z\" " + attributes + "/>\n";
+Mark Flat(const Polygon& polygon, const Colour& colour, double opacity, const Camera& camera) {
+  Mark mark{{}, colour, opacity, 0};
+  for (const Vector3& corner : polygon) mark.outline.push_back(camera.Project(corner));
+  return mark;
 }
 
 Item DrawSphere(const Shape& shape, const Body& body, const Colour& colour, const Camera& camera) {
   const Eigen::Vector2d centre = camera.Project(body.position_W);
   const double radius = (camera.Project(body.position_W + shape.radius() * camera.right) - centre).norm();
-  const std::string name = Hex(colour).substr(1);  // of its gradient: one per colour, not per sphere
-  return {camera.Nearness(body.position_W),
-          fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\" fill=\"url(#s{})\"/>\n", centre.x(), centre.y(),
-                      radius, name)};
-}
-
-std::string SphereGradient(const Colour& colour) {
-  return fmt::format(
-      "<radialGradient id=\"s{}\" cx=\".36\" cy=\".3\" r=\".75\"><stop offset=\"0\" stop-color=\"{}\"/>"
-      "<stop offset=\".55\" stop-color=\"{}\"/><stop offset=\"1\" stop-color=\"{}\"/></radialGradient>\n",
-      Hex(colour).substr(1), Hex(colour * 0.75 + 0.3), Hex(colour * 0.95), Hex(colour * 0.5));
+  return {camera.Nearness(body.position_W), {{{centre}, colour, 1, radius}}};
 }
 
 Item DrawSolid(const Shape& shape, const Body& body, const Colour& colour, const Camera& camera) {
-  Item item{camera.Nearness(body.position_W), ""};
+  Item item{camera.Nearness(body.position_W), {}};
   for (const Face& face : Faces(shape, body)) {
     if (!FacesCamera(face, camera)) continue;
-    item.svg += Path(face.corners_W, "fill=\"" + Hex(Lit(colour, face.normal_W, camera, kBodyShadow)) + "\"", camera);
+    item.marks.push_back(Flat(face.corners_W, Lit(colour, face.normal_W, camera, kBodyShadow), 1, camera));
   }
   return item;
 }
@@ -177,13 +157,13 @@ double FixedDepth(const Body& body, bool upright, const Region& visible, const C
 Item DrawFixed(const Shape& shape, const Body& body, const Region& visible, const Camera& camera) {
   const bool upright = body.rotation_WB.vec().norm() < 1e-9;
   const Colour colour = upright ? Colour(0.90, 0.89, 0.86) : Colour(0.62, 0.66, 0.70);
-  Item item{FixedDepth(body, upright, visible, camera), ""};
+  Item item{FixedDepth(body, upright, visible, camera), {}};
   for (const Face& face : Faces(shape, body)) {
     if (!FacesCamera(face, camera)) continue;
     const Polygon seen = Clip(face.corners_W, visible);
     if (seen.size() < 3) continue;
-    const std::string fill = "fill=\"" + Hex(Lit(colour, face.normal_W, camera, kWallShadow)) + "\"";
-    item.svg += Path(seen, upright ? fill : fill + " fill-opacity=\".4\"", camera);
+    item.marks.push_back(
+        Flat(seen, Lit(colour, face.normal_W, camera, kWallShadow), upright ? 1 : kTranslucent, camera));
   }
   return item;
 }
@@ -239,11 +219,10 @@ Region Picture::Visible(const World& world) const {
   return region;
 }
 
-std::string Picture::Draw(const World& world) const {
+Drawing Picture::Draw(const World& world) const {
   const Region visible = Visible(world);
   const Camera camera = AimAt(visible, kHeight, kMargin);
   std::vector<Item> items;
-  std::set<std::string> gradients;
   for (size_t i = 0; i < world.bodies().size(); ++i) {
     const Body& body = world.bodies()[i];
     const Shape& shape = world.shape(static_cast<int>(i));
@@ -251,7 +230,6 @@ std::string Picture::Draw(const World& world) const {
     const bool moves = body.kind == BodyKind::kDynamic;
     const Colour colour = moves ? Palette(i < shade_.size() ? shade_[i] : 0) : Colour(0.62, 0.66, 0.70);
     if (shape.kind() == ShapeKind::kSphere) {
-      gradients.insert(SphereGradient(colour));
       items.push_back(DrawSphere(shape, body, colour, camera));
     } else {
       items.push_back(moves ? DrawSolid(shape, body, colour, camera) : DrawFixed(shape, body, visible, camera));
@@ -259,16 +237,9 @@ std::string Picture::Draw(const World& world) const {
   }
   std::stable_sort(items.begin(), items.end(), [](const Item& a, const Item& b) { return a.depth < b.depth; });
 
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
-      "height=\"{1:.0f}\">\n<defs>\n",
-      camera.size.x(), camera.size.y());
-  for (const std::string& gradient : gradients) svg += gradient;
-  svg +=
-      "</defs>\n<rect width=\"100%\" height=\"100%\" fill=\"#fbfaf7\"/>\n"
-      "<g stroke=\"#23222a\" stroke-opacity=\".45\" stroke-width=\".8\" stroke-linejoin=\"round\">\n";
-  for (const Item& item : items) svg += item.svg;
-  return svg + "</g>\n</svg>\n";
+  Drawing drawing{camera.size, {}};
+  for (Item& item : items) std::move(item.marks.begin(), item.marks.end(), std::back_inserter(drawing.marks));
+  return drawing;
 }
 
 }  // namespace islet

@@ -1,4 +1,4 @@
-// Draws a world as a shaded vector picture (SVG): perspective view from the front, right and above; painter's
+// Draws a world as a shaded picture (drawing.h): perspective view from the front, right and above; painter's
 // algorithm.
 //
 //   - Moving bodies are coloured by the height at which they started, so that one sees how layers mix.
@@ -8,10 +8,10 @@
 //   - Bodies are sorted by depth as wholes: right for equal convex pieces that do not overlap, nearly right for others.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "engine/world.h"
+#include "scenes/drawing.h"
 #include "scenes/scene.h"
 
 namespace islet {
@@ -20,7 +20,7 @@ class Picture {
  public:
   Picture(const World& start, const SceneInfo& info);
 
-  std::string Draw(const World& world) const;  // the SVG file's text
+  Drawing Draw(const World& world) const;
 
  private:
   Region Visible(const World& world) const;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -9,12 +11,15 @@
 #include <optional>
 #include <stdexcept>
 
+#include "scenes/drawing_png.h"
 #include "scenes/export_fclib.h"
 #include "scenes/frame_log.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
 #include "scenes/run_report.h"
+#include "scenes/trace.h"
 
 namespace islet {
 namespace {
@@ -52,6 +57,12 @@ class RestWatch {
   double calm_seconds_ = 0;
 };
 
+bool IsPng(const std::string& file) {
+  std::string end = file.substr(file.size() - std::min<size_t>(file.size(), 4));
+  std::transform(end.begin(), end.end(), end.begin(), [](unsigned char c) { return std::tolower(c); });
+  return end == ".png";
+}
+
 int FrameLimit(const RunOptions& options, const Scene& scene) {
   if (options.frames) return *options.frames;
   const double frames = std::ceil(options.seconds.value_or(scene.time_limit) / options.dt - 1e-9);
@@ -67,16 +78,26 @@ void RunScene(const RunOptions& options) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
+  const Interrupt interrupt("ends after the frame under way");
+  Trace trace;
+  if (!options.trace.empty()) trace.Begin();
   auto [world, info] = BuildScene(scene, options.parameters, MakeSettings(options));
 
   RunReport run_report(scene, info, world, options.dt);
   FrameLog frame_log;
-  Progress progress(frame_limit * options.dt);
   RestWatch rest(world.settings());
   const Picture picture(world, info);
   const bool until_rest = !options.frames && !options.seconds;
+  Progress progress(frame_limit, options.dt, until_rest);
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
+  const auto draw = [&](const World& seen) {
+    return IsPng(options.picture) ? Png(picture.Draw(seen)) : Svg(picture.Draw(seen));
+  };
+  const auto is_time_to_draw = [&](int frames_done) {
+    if (options.picture_frame) return frames_done >= *options.picture_frame;
+    return frames_done * options.dt >= picture_time - 1e-9;
+  };
 
   std::optional<FclibExport> problems;
   if (!options.export_fclib.empty()) {
@@ -89,15 +110,19 @@ void RunScene(const RunOptions& options) {
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
-    if (drawing.empty() && !options.picture.empty() && (frame - 1) * options.dt >= picture_time - 1e-9) {
-      drawing = picture.Draw(world);
+    if (Interrupt::Asked()) {
+      progress.End();
+      stopped_by = "interrupt";
+      break;
     }
+    if (drawing.empty() && !options.picture.empty() && is_time_to_draw(frame - 1)) drawing = draw(world);
     if (problems && problems->Wants(frame)) {
       world.SetProblemObserver([&](const ProblemRecord& record) { problems->Write(frame, record); });
     }
     const double step_start = WallTime();
     const StepReport report = world.Step(options.dt);
     const double step_seconds = WallTime() - step_start;
+    if (!options.trace.empty()) trace.AddFrame(frame, step_start, step_start + step_seconds);
     world.SetProblemObserver({});
 
     run_report.AddFrame(report, step_seconds, world);
@@ -105,19 +130,19 @@ void RunScene(const RunOptions& options) {
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
     if (at_rest || frame == frame_limit) {
-      progress.Finish(frame * options.dt, frame, step_seconds, report);
+      progress.Finish(frame, step_seconds, report);
       break;
     }
-    progress.Update(frame * options.dt, frame, step_seconds, report);
+    progress.Update(frame, step_seconds, report);
   }
   run_report.Finish(world, WallTime() - start, stopped_by);
 
-  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
+  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw(world) : drawing);
+  if (!options.trace.empty()) WriteWhole(options.trace, trace.Json());
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
-  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
-  if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  Print(options.ReportOnStdout() ? stderr : stdout, run_report.Summary());
+  if (options.ReportOnStdout()) Print(stdout, run_report.Json());
 }
 
 }  // namespace islet

@@ -16,6 +16,7 @@
 #include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
+#include "scenes/seconds_option.h"
 
 namespace islet {
 namespace {
@@ -111,6 +112,7 @@ void CheckNumbers(const RunOptions& o) {
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
+  if (o.picture_frame) RequireRange("--picture-frame", *o.picture_frame, *o.picture_frame >= 0, "at least 0");
   if (o.picture_time) {
     RequireRange("--picture-time", *o.picture_time, *o.picture_time >= 0 && *o.picture_time <= kLongestRun,
                  "in [0, 1e6] s");
@@ -120,15 +122,19 @@ void CheckNumbers(const RunOptions& o) {
 void CheckFiles(const RunOptions& o) {
   if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
   if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
+  if (!o.trace.empty()) CheckWritable("--trace", o.trace);
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
+  }
+  if (o.picture_frame && o.picture.empty()) {
+    throw std::invalid_argument(fmt::format("--picture-frame {} needs --picture FILE", *o.picture_frame));
   }
   if (!o.export_frames.empty() && o.export_fclib.empty()) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
+  const std::array<const std::string*, 4> files{&o.report, &o.frames_csv, &o.trace, &o.picture};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -164,8 +170,12 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
 
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
-  add(kTime, "--seconds", o.seconds, "S", "stop after S seconds of simulated time")->excludes(frames);
-  add(kTime, "--dt", o.dt, "S", "time step, at most 1 s (default 1/30)");
+  const auto add_time = [&](const char* group, const char* name, auto* target, const char* help) {
+    const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
+    return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
+  };
+  add_time(kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")->excludes(frames);
+  add_time(kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30)");
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -194,12 +204,26 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
-  add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
-  add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+  add(kOutput, "--trace", o.trace, "FILE.json",
+      "write where the time went, each island's solve on its core, for ui.perfetto.dev")
+      ->check(FileName);
+  add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")->check(FileName);
+  CLI::Option* const picture_time =
+      add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+  add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);
   add(kOutput, "--export-frames", o.export_frames, "N,N,...", "of these frames only, the first is 1")->delimiter(',');
+  command->footer(
+      "Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.\n\n"
+      "Examples:\n"
+      "  islet run stack --count 5 --seconds 2\n"
+      "  islet run cubeglass --count 60 --frames 60 --report report.json --picture glass.png\n"
+      "  islet run csstack --seconds 1/2 --dt 1/120 --threads 1 --frames-csv frames.csv\n"
+      "  islet run cubejam --frames 30 --trace trace.json\n"
+      "  islet run balance --freeze paper --freeze-count 1 --report -\n"
+      "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems --export-frames 1,3");
 }
 
 void CheckRunOptions(const RunOptions& options) {

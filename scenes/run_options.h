@@ -35,8 +35,10 @@ struct RunOptions {
 
   std::string report;                  // file, "-" for the standard output, empty for none
   std::string frames_csv;              // file or empty
+  std::string trace;                   // file or empty
   std::string picture;                 // file or empty
-  std::optional<double> picture_time;  // [s] of simulated time; absent: at the end
+  std::optional<double> picture_time;  // [s] of simulated time; neither this nor the next: at the end
+  std::optional<int> picture_frame;    // after so many frames
 
   std::string export_fclib;        // folder for the island problems, or empty
   std::vector<int> export_frames;  // from 1; empty: all

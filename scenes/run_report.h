@@ -3,6 +3,7 @@
 //
 // Keys whose meaning is not in their name:
 //   bodies                dynamic bodies; fixed_bodies: the others
+//   stopped_by            frames, seconds, time limit, rest or interrupt
 //   stage_seconds         wall time over the whole run
 //   collision_qp, static_qp   seconds_mean and iterations_mean are per problem, seconds_per_frame per frame
 //   ledger                what the bodies did that physics does not allow, worst of the run with frame and body; engine/ledger.h

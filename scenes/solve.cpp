@@ -6,15 +6,20 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
-#include <thread>
 
 #include "engine/stopwatch.h"
 #include "parallel/worker_pool.h"
+#include "scenes/apart.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
+#include "scenes/seconds_option.h"
 #include "scenes/solve_judge.h"
 #include "scenes/solve_problem.h"
+#include "scenes/terminal_line.h"
 
 namespace islet {
 namespace {
@@ -25,6 +30,7 @@ constexpr double kWorstContact = 10;  // times the tolerance: the largest natura
 
 struct Result {
   std::string file, error;  // error: why it could not be read or solved at all
+  std::optional<int> contacts;
   std::string status, method;
   SolveProblem problem;
   SolveAnswer answer;
@@ -82,13 +88,17 @@ void SolveAndJudge(const FclibProblem& original, const SolveOptions& options, Re
                                                      : "inaccurate";
 }
 
-Result SolveFile(const std::string& path, const SolveOptions& options, parallel::WorkerPool* pool) {
+// tell: gets the number of contacts as soon as it is known.
+Result SolveFile(const std::string& path, const SolveOptions& options, const Tell& tell) {
   Result result;
   result.file = path;
   try {
     const FclibProblem original = ReadFclib(path);
     result.problem = PrepareProblem(path, original);
-    pool->ForEach(1, [&](int, int) { SolveAndJudge(original, options, &result); });
+    result.contacts = result.problem.file.num_contacts();
+    tell(fmt::to_string(*result.contacts));
+    parallel::WorkerPool pool(options.threads.value_or(0));
+    pool.ForEach(1, [&](int, int) { SolveAndJudge(original, options, &result); });
   } catch (const FclibError& error) {
     result.error = error.what();
     result.status = "unreadable";
@@ -106,7 +116,7 @@ Json ToJson(const Result& r, const SolveOptions& options) {
   const bool usable = r.usable();
   Json json;
   json["file"] = r.file;
-  json["contacts"] = number(read, r.problem.file.num_contacts());
+  json["contacts"] = number(r.contacts.has_value(), r.contacts.value_or(0));
   json["bodies"] = number(read && r.problem.bodies > 0, r.problem.bodies);
   json["model"] = options.model;
   json["cone"] = options.cone;
@@ -135,13 +145,71 @@ std::string Row(const Result& r) {
   if (name.size() > 38) name = name.substr(0, 35) + "...";
   const auto shown = [](bool known, double value) { return known ? fmt::format("{:.1e}", value) : std::string("-"); };
   const bool read = r.error.empty(), usable = r.usable();
-  return fmt::format(kHeader, name, read ? fmt::to_string(r.problem.file.num_contacts()) : "-",
+  return fmt::format(kHeader, name, r.contacts ? fmt::to_string(*r.contacts) : "-",
                      r.problem.bodies > 0 ? fmt::to_string(r.problem.bodies) : "-", read ? r.method : "-", r.status,
                      read ? fmt::to_string(r.answer.iterations) : "-",
                      read ? fmt::format("{:.2f}", 1e3 * r.seconds) : "-", shown(usable, r.verdict.natural_map_rms),
                      shown(usable, r.verdict.natural_map_max), shown(usable, r.verdict.coulomb_map_rms),
                      shown(usable, r.verdict.coulomb_map_max), shown(usable, r.verdict.siconos_error),
                      shown(read, r.problem.asymmetry));
+}
+
+// What a file came to: a row of the table, an entry of the report.
+struct Entry {
+  std::string status, row, error;
+  Json json;
+};
+
+Entry EntryOf(const Result& result, const SolveOptions& options) {
+  return {result.status, Row(result), result.error, ToJson(result, options)};
+}
+
+// On a terminal in one line, elsewhere once a file and then every ten seconds.
+class FileProgress {
+ public:
+  FileProgress(TerminalLine* line, const std::string& path, size_t number, size_t count)
+      : line_(line), title_(fmt::format("file {} of {}: {}", number, count, path)) {
+    if (!line_->on_terminal()) Print(stderr, title_ + "\n");
+  }
+  void Show(double seconds, const std::string& contacts) {
+    const std::string counted = contacts.empty() ? "reading" : contacts + " contacts";
+    line_->Show(fmt::format("{}, {}, {:.1f} s", title_, counted, seconds));
+    if (line_->on_terminal() || seconds < next_) return;
+    Print(stderr, fmt::format("{}, {}, {:.0f} s\n", title_, counted, seconds));
+    next_ += kSeldom;
+  }
+
+ private:
+  static constexpr double kSeldom = 10;  // [s]
+  TerminalLine* line_;
+  std::string title_;
+  double next_ = kSeldom;
+};
+
+// In a process of its own. Nothing if an interrupt ended it.
+std::optional<Entry> SolveApart(const std::string& path, const SolveOptions& options, FileProgress* progress) {
+  constexpr auto kMend = Json::error_handler_t::replace;  // names of files are any bytes
+  const auto work = [&](const Tell& tell) {
+    const Entry entry = EntryOf(SolveFile(path, options, tell), options);
+    return Json{entry.status, entry.row, entry.error, entry.json}.dump(-1, ' ', false, kMend);
+  };
+  const ApartEnd end = RunApart(work, options.time_limit, [&](double seconds, const std::string& contacts) {
+    progress->Show(seconds, contacts);
+  });
+  if (end.how == ApartEnd::How::kInterrupt) return std::nullopt;
+  if (end.how == ApartEnd::How::kDone) {
+    const Json text = Json::parse(end.text);
+    return Entry{text[0], text[1], text[2], text[3]};
+  }
+  Result given_up;
+  given_up.file = path;
+  if (!end.told.empty()) given_up.contacts = std::stoi(end.told);
+  const bool late = end.how == ApartEnd::How::kTimeLimit;
+  given_up.status = late ? "time limit" : "unreadable";
+  given_up.error = late ? fmt::format("{}: {} within --time-limit {} s", path,
+                                      given_up.contacts ? "not solved" : "not read", *options.time_limit)
+                        : fmt::format("{}: the work on it broke down: {}", path, end.text);
+  return EntryOf(given_up, options);
 }
 
 void CheckOptions(const SolveOptions& o) {
@@ -152,6 +220,7 @@ void CheckOptions(const SolveOptions& o) {
   require(o.cone == "circular" || o.cone == "octagon", "--cone", o.cone, "one of circular, octagon");
   require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
+  if (o.time_limit) require(*o.time_limit > 0 && *o.time_limit <= 1e6, "--time-limit", *o.time_limit, "in (0, 1e6] s");
   if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
 }
 
@@ -164,34 +233,51 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
   command->add_option("--tolerance", o->tolerance, "of the natural map over the fastest approach (default 1e-6)")
       ->type_name("X");
   command->add_option("--threads", o->threads, "0: all cores (default); a dense problem uses one")->type_name("N");
+  command
+      ->add_option_function<std::string>(
+          "--time-limit", [o](const std::string& text) { o->time_limit = ParseSeconds("--time-limit", text); },
+          "give a problem up after S seconds, its reading included (default: none)")
+      ->type_name("S");
   command->add_option("--report", o->report, "write all numbers as a JSON list; - is the standard output")
       ->type_name("FILE");
+  command->footer(
+      "Examples:\n"
+      "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems\n"
+      "  islet solve problems/*.hdf5\n"
+      "  islet solve problems/*.hdf5 --model convex --cone octagon --report answers.json");
 }
 
 bool SolveFiles(const SolveOptions& options) {
   CheckOptions(options);
-  parallel::WorkerPool pool(options.threads.value_or(0));
   std::FILE* const table = options.report == "-" ? stderr : stdout;
-  fmt::print(table, kHeader, "file", "contacts", "bodies", "method", "status", "steps", "ms", "map rms", "map max",
-             "coulomb", "worst", "siconos", "asymm.");
+  Print(table, fmt::format(kHeader, "file", "contacts", "bodies", "method", "status", "steps", "ms", "map rms",
+                           "map max", "coulomb", "worst", "siconos", "asymm."));
   Json list = Json::array();
   int solved = 0;
   bool all_read = true;
-  for (const std::string& path : options.files) {
-    const Result result = SolveFile(path, options, &pool);
-    if (!result.error.empty()) fmt::print(stderr, "islet: {}\n", result.error);
-    fmt::print(table, "{}", Row(result));
-    std::fflush(table);
-    list.push_back(ToJson(result, options));
-    solved += result.status == "solved";
-    all_read = all_read && result.error.empty();
+  const Interrupt interrupt("what has been solved is reported");
+  TerminalLine line;
+  for (size_t k = 0; k < options.files.size(); ++k) {
+    FileProgress progress(&line, options.files[k], k + 1, options.files.size());
+    const std::optional<Entry> entry = SolveApart(options.files[k], options, &progress);
+    line.Clear();
+    if (!entry) break;
+    if (!entry->error.empty()) Print(stderr, "islet: " + entry->error + "\n");
+    const bool shown = Print(table, entry->row);
+    list.push_back(entry->json);
+    solved += entry->status == "solved";
+    all_read = all_read && entry->status != "unreadable" && !entry->json["contacts"].is_null();
+    if (!shown && options.report.empty()) break;  // nobody would see the others
   }
-  fmt::print(table,
-             "{} of {} solved: {} model, natural map {:g} rms and {:g} at any contact, over the fastest approach\n",
-             solved, options.files.size(), options.model, options.tolerance, kWorstContact * options.tolerance);
-  if (options.report == "-") fmt::print(stdout, "{}\n", list.dump(2));
-  if (!options.report.empty() && options.report != "-") WriteWhole(options.report, list.dump(2) + "\n");
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  Print(table,
+        fmt::format(
+            "{} of {} solved: {} model, natural map {:g} rms and {:g} at any contact, over the fastest approach\n",
+            solved, list.size(), options.model, options.tolerance, kWorstContact * options.tolerance));
+  if (Interrupt::Obeyed())
+    Print(table, fmt::format("stopped by interrupt after {} of {} files\n", list.size(), options.files.size()));
+  if (options.report == "-") Print(stdout, list.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  if (!options.report.empty() && options.report != "-")
+    WriteWhole(options.report, list.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   return all_read;
 }
 

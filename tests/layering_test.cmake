@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|main|run[a-z_]*|effort_option|interrupt|manual|solve|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -46,7 +46,10 @@ set(rules
   "^(CLI|spdlog|fmt)/"                                     "${program}"
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
+  "^cairo\\.h$"                                             "^scenes/drawing_png\\.cpp$"
   "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
+  "^(poll|sys/prctl|sys/wait)\\.h$"                        "^scenes/apart\\.cpp$"
+  "^sys/ioctl\\.h$"                                         "^scenes/terminal_line\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_/]+\\.cpp$|^qp/[a-z0-9_/]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder

@@ -7,9 +7,11 @@
 #include <string>
 
 #include <fcl/broadphase/detail/hierarchy_tree.h>
+#include <fcl/config.h>
 #include <fcl/math/bv/AABB.h>
 
 #include "engine/detection/body_watch.h"
+#include "engine/fcl_version.h"
 #include "parallel/worker_pool.h"
 
 namespace islet {
@@ -51,6 +53,8 @@ BoundingBox ToFcl(const Box& box) {
 }
 
 }  // namespace
+
+const char* FclVersion() { return FCL_VERSION; }
 
 struct Detector::Impl {
   Impl(parallel::WorkerPool* pool_, bool keep_) : pool(pool_), keep(keep_), contacts_of_pairs(pool_) {}

@@ -7,6 +7,7 @@
 #include "engine/freezing/paper_freezing.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/rotation.h"
+#include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "islands/disjoint_sets.h"
 
@@ -268,7 +269,9 @@ void Crowd::Carry(bool first, StepReport* report) {
     Record(island, Stage::kStatic, outcomes_[island], *worker);
   });
   TellObserver();
-  Report(outcomes_, &report->static_qp, Seconds() - start, &report->seconds.static_qp, report);
+  const double solved = Seconds();
+  TellSlice({"solve", start, solved});
+  Report(outcomes_, &report->static_qp, solved - start, &report->seconds.static_qp, report);
   GiveWay();
 }
 
@@ -799,7 +802,8 @@ void Crowd::Settle(StepReport* report) {
   bounces_of_.assign(partition_.num_islands(), 0);
   const double start = Seconds();
   ForEachIsland([&](int island, Worker* worker) { SettleIsland(island, worker); });
-  const double took = Seconds() - start;
+  const double solved = Seconds(), took = solved - start;
+  TellSlice({"solve", start, solved});
   TellObserver();
   double held = 0, struck = 0;
   for (const auto& o : outcomes_) held += o.seconds;
@@ -949,7 +953,9 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     Fly();
     const double looking = Seconds();
     find(travel_, near_);
-    report->seconds.detect += Seconds() - looking;
+    const double found = Seconds();
+    report->seconds.detect += found - looking;
+    TellSlice({"detect", looking, found});
     const bool met = Judge(pass);
     if (met || pass == kPasses) break;
     NextTargets();

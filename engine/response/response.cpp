@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "qp/body_algebra.h"
 
@@ -46,6 +47,10 @@ bool FallsFreely(const IslandView& island, const ContactFrames& contacts, std::s
          std::all_of(island.contacts.begin(), island.contacts.end(), [&](int c) {
            return bodies[contacts.contacts[c].body_a].Moves() && bodies[contacts.contacts[c].body_b].Moves();
          });
+}
+
+void Tell(const char* name, const IslandView& island, double begin, const ResponseOutcome& outcome) {
+  TellSlice({name, begin, begin + outcome.seconds, island.bodies.empty() ? -1 : island.bodies[0], outcome.contacts});
 }
 
 }  // namespace
@@ -214,6 +219,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   Solve(settings, v_ref, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
+  Tell("collision_qp", touching, watch.begin(), outcome);
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }
@@ -252,6 +258,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   Solve(settings, v_ref, &outcome);
   if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
+  Tell("static_qp", island, watch.begin(), outcome);
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }
@@ -283,6 +290,7 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   AcceptOrComply(solver_settings, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
   outcome.seconds = watch.seconds();
+  Tell("static_qp", island, watch.begin(), outcome);
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }

@@ -7,6 +7,7 @@
 #include "engine/body_definition.h"
 #include "engine/motion/lever.h"
 #include "engine/response/suite_frame.h"
+#include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "engine/world/world_impl.h"
 
@@ -190,6 +191,7 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
   }
   const double detected_at = Seconds();
   report->seconds.detect += detected_at - lap;
+  TellSlice({"detect", lap, detected_at});
   const double others = report->seconds.Total();
   crowd_motion.Step(
       dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer,
@@ -221,7 +223,9 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   const double moving = Seconds();
   const bool grouped = MovesGroups();
   if (grouped && !group_motion.Step(dt, races, bodies, shapes, filter, mix, observer, &groups, report)) return false;
-  report->seconds.move += Seconds() - moving - report->seconds.static_qp - report->seconds.collision_qp;
+  const double moved = Seconds();
+  if (grouped) TellSlice({"groups", moving, moved});
+  report->seconds.move += moved - moving - report->seconds.static_qp - report->seconds.collision_qp;
   if (!grouped || group_motion.any_crowd()) {
     const bool apart = grouped;
     if (apart) {
@@ -230,7 +234,9 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
       crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
       SetApart(true);
     }
+    const double begin = Seconds();
     StepCrowd(dt, report);
+    TellSlice({"crowd", begin, Seconds()});
     if (apart) SetApart(false);
   } else {
     CarryKinematic(dt);
@@ -242,7 +248,9 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
     near_contacts.clear();
     stale = true;
   }
+  const double begin = Seconds();
   KeepLedger(dt, report);
+  TellSlice({"ledger", begin, Seconds()});
   AddHits(dt);
   AddPassed();
   AddGroups(report);

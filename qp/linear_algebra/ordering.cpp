@@ -6,7 +6,14 @@
 #include <numeric>
 #include <utility>
 
+#include "qp/build_facts.h"
+
 namespace islet::qp {
+
+std::string AmdVersion() {
+  return std::to_string(AMD_MAIN_VERSION) + "." + std::to_string(AMD_SUB_VERSION) + "." +
+         std::to_string(AMD_SUBSUB_VERSION);
+}
 
 void MinimumDegree::Order(GraphView graph, std::vector<int>* order) {
   const int n = graph.size(), entries = static_cast<int>(graph.adjacency.size());

@@ -1,14 +1,15 @@
 #include "scenes/verify/verify.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <stdexcept>
 
 #include "scenes/effort_option.h"
+#include "scenes/interrupt.h"
 #include "scenes/output_file.h"
+#include "scenes/terminal_line.h"
 #include "scenes/verify/verify_report.h"
 #include "scenes/verify/verify_run.h"
 
@@ -27,17 +28,17 @@ VerifyBase CheckOptions(const VerifyOptions& o) {
 }
 
 void ListChecks(std::span<const Check* const> checks) {
+  std::string list;
   for (const Check* const check : checks)
-    fmt::print("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
+    list += fmt::format("{:<4} {}  {}\n         {}\n", check->id, NameOf(check->gate), check->name, check->reference);
+  Print(stdout, list);
 }
 
 // On a terminal, which of how many runs is going on.
-VerifyProgress ProgressLine(size_t done_before, size_t total) {
-  if (::isatty(STDERR_FILENO) == 0) return {};
+VerifyProgress ProgressIn(TerminalLine* line, size_t done_before, size_t total) {
   return [=](const Check& check, const Setting& setting, int done) {
-    fmt::print(stderr, "\r{} of {}: {} {}, dt {}, {}, freezing {}\033[K", done_before + done + 1, total, check.id,
-               check.name, setting.dt.name, setting.model, setting.freeze);
-    std::fflush(stderr);
+    line->Show(fmt::format("{} of {}: {} {}, dt {}, {}, freezing {}", done_before + done + 1, total, check.id,
+                           check.name, setting.dt.name, setting.model, setting.freeze));
   };
 }
 
@@ -49,16 +50,17 @@ void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_ch
     passed += counts && row.Pass();
   }
   if (coulomb == 0) {
-    fmt::print(out, "{} checks; no gates: these hold for the model coulomb alone\n", num_checks);
+    Print(out, fmt::format("{} checks; no gates: these hold for the model coulomb alone\n", num_checks));
     return;
   }
   const int failed = CountFailedGates(rows);
   const auto open = std::count_if(rows.begin(), rows.end(), [](const VerifyRow& row) {
     return row.measurement.open && !row.Pass() && row.setting->settings.engine.model == Model::kCoulomb;
   });
-  fmt::print(out, "{} checks; under exact Coulomb friction {} of {} measurements within their bounds, {} open; {}\n",
-             num_checks, passed, coulomb, open,
-             failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s"));
+  Print(out,
+        fmt::format("{} checks; under exact Coulomb friction {} of {} measurements within their bounds, {} open; {}\n",
+                    num_checks, passed, coulomb, open,
+                    failed == 0 ? "no gate failed" : fmt::format("{} gate{} FAILED", failed, failed == 1 ? "" : "s")));
 }
 
 }  // namespace
@@ -83,6 +85,11 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   command->add_flag("--all", o->all_settings, "a row for every setting, not only for the worst one");
   command->add_flag("--list", o->list, "tell the checks and where their references come from, and run none");
   add("--report", o->report, "FILE|-", "write all measurements as a JSON list; - is the standard output");
+  command->footer(
+      "Examples:\n"
+      "  islet verify --list\n"
+      "  islet verify T1 T3 --quick\n"
+      "  islet verify T1 --quick --dt 1/60,0.004 --model coulomb,convex --all --report -");
 }
 
 bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
@@ -94,20 +101,26 @@ bool Verify(const VerifyOptions& options, std::span<const Check> checks) {
     return true;
   }
   std::FILE* const table = options.report == "-" ? stderr : stdout;
-  fmt::print(table, "{}", VerifyHeader(settings, options.all_settings));
+  const Interrupt interrupt("ends after the run under way");
+  Print(table, VerifyHeader(settings, options.all_settings));
   std::vector<VerifyRow> rows;
-  for (size_t k = 0; k < selected.size(); ++k) {
-    const VerifyProgress progress = ProgressLine(k * settings.size(), selected.size() * settings.size());
-    const std::vector<VerifyRow> of_check = RunCheck(*selected[k], settings, progress);
-    if (progress) fmt::print(stderr, "\r\033[K");
-    fmt::print(table, "{}", VerifyTable(of_check, settings, options.all_settings));
-    std::fflush(table);
+  TerminalLine line;
+  size_t num_checks = 0;  // begun
+  for (size_t k = 0; k < selected.size() && !Interrupt::Asked(); ++k) {
+    const std::vector<VerifyRow> of_check =
+        RunCheck(*selected[k], settings, ProgressIn(&line, k * settings.size(), selected.size() * settings.size()));
+    line.Clear();
+    const bool shown = Print(table, VerifyTable(of_check, settings, options.all_settings));
     rows.insert(rows.end(), of_check.begin(), of_check.end());
+    ++num_checks;
+    if (!shown && options.report.empty()) break;  // nobody would see the others
   }
-  PrintSummary(table, rows, selected.size());
-  if (options.report == "-") fmt::print(stdout, "{}", VerifyJson(rows, options.tolerance));
+  PrintSummary(table, rows, num_checks);
+  if (Interrupt::Obeyed())
+    Print(table, fmt::format("stopped by interrupt: of {} checks {} begun, the last perhaps not in every setting\n",
+                             selected.size(), num_checks));
+  if (options.report == "-") Print(stdout, VerifyJson(rows, options.tolerance));
   if (!options.report.empty() && options.report != "-") WriteWhole(options.report, VerifyJson(rows, options.tolerance));
-  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
   return CountFailedGates(rows) == 0;
 }
 

@@ -1,6 +1,7 @@
 // The command `islet verify`: runs scenes whose answer is known, and tells how far off the engine is.
 //
 //   table on the standard output, a JSON list with --report ("-": that one there and the table on the standard error)
+//   an interrupt ends it after the run under way; what was measured is reported
 //   errors: std::invalid_argument that names the option and its value, before any check runs
 #pragma once
 

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <exception>
 #include <initializer_list>
-#include <limits>
 #include <stdexcept>
+
+#include "scenes/interrupt.h"
+#include "scenes/seconds_option.h"
 
 namespace islet {
 namespace {
@@ -22,19 +24,6 @@ std::vector<std::string> Split(const std::string& list) {
     if (end == std::string::npos) return parts;
     begin = end + 1;
   }
-}
-
-// NaN if it is no number from its first character to its last.
-double Number(std::string_view text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() ? value : std::numeric_limits<double>::quiet_NaN();
-}
-
-double DecimalOrFraction(std::string_view text) {
-  const size_t slash = text.find('/');
-  return slash == std::string_view::npos ? Number(text)
-                                         : Number(text.substr(0, slash)) / Number(text.substr(slash + 1));
 }
 
 std::vector<std::string> Choose(const char* option, const std::string& list,
@@ -97,7 +86,8 @@ std::string Upper(std::string text) {
 std::vector<TimeStep> ParseTimeSteps(const std::string& list) {
   std::vector<TimeStep> steps;
   for (const std::string& text : Split(list)) {
-    const double seconds = DecimalOrFraction(text);
+    if (text.empty()) throw std::invalid_argument("--dt: an empty time in '" + list + "'");
+    const double seconds = ParseSeconds("--dt", text);
     if (!(seconds >= kShortestStep && seconds <= kLongestStep))
       throw std::invalid_argument("--dt must be numbers or fractions in [1e-6, 0.1] s, as in 1/60,0.004; got " + text);
     steps.push_back({text, seconds});
@@ -145,7 +135,7 @@ bool VerifyRow::GateFailed() const {
 
 std::vector<VerifyRow> RunCheck(const Check& check, std::span<const Setting> settings, const VerifyProgress& progress) {
   std::vector<VerifyRow> rows;
-  for (size_t k = 0; k < settings.size(); ++k) {
+  for (size_t k = 0; k < settings.size() && !Interrupt::Asked(); ++k) {
     if (progress) progress(check, settings[k], static_cast<int>(k));
     Measurements measured;
     std::string problem;

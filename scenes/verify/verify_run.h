@@ -1,6 +1,7 @@
 // Runs a check under a list of settings: every time step with every model, and with every freezing.
 //
 //   in:  a check, and the settings to cross     out: one row per measurement and setting, in the order of settings
+//   rule: an interrupt (scenes/interrupt.h) ends it after the setting under way: the rows are those of the settings run
 //   rule: a check that throws, or measures nothing, is a row that does not pass; its other settings still run
 //   threads: one run after the other; Settings::threads is for the engine
 #pragma once

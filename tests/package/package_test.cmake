@@ -16,6 +16,12 @@ file(REMOVE_RECURSE ${SCRATCH})
 set(prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
 run(${prefix}/bin/islet scenes)
+foreach(beside bash-completion/completions/islet zsh/site-functions/_islet fish/vendor_completions.d/islet.fish man/man1/islet.1)
+  file(READ ${prefix}/share/${beside} text)
+  if(NOT text MATCHES "cubeglass")
+    message(FATAL_ERROR "${beside} does not tell of cubeglass")
+  endif()
+endforeach()
 
 # A package can be moved: no file names this machine's folders.
 file(GLOB_RECURSE texts ${prefix}/include/* ${prefix}/lib/*.cmake)

@@ -55,6 +55,22 @@ class Author {
     Integers(place + "/i", i);
     Reals(place + "/x", x);
   }
+  // That claims to hold so many numbers, and holds none of them.
+  void Claim(const std::string& place, hsize_t count) {
+    const hid_t space = H5Screate_simple(1, &count, nullptr);
+    const hid_t set = H5Dcreate2(file_, place.c_str(), H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    H5Dclose(set);
+    H5Sclose(space);
+  }
+  // Whose numbers are those of another file.
+  void BorrowReals(const std::string& place, const std::string& from, hsize_t count) {
+    const hid_t space = H5Screate_simple(1, &count, nullptr), properties = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_external(properties, from.c_str(), 0, count * sizeof(double));
+    const hid_t set = H5Dcreate2(file_, place.c_str(), H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, properties, H5P_DEFAULT);
+    H5Dclose(set);
+    H5Pclose(properties);
+    H5Sclose(space);
+  }
   void Remove(const std::string& place) { H5Ldelete(file_, place.c_str(), H5P_DEFAULT); }
 
  private:
@@ -215,6 +231,37 @@ TEST(FclibFile, NamesTheDataSetThatIsWrong) {
                       a->Reals("/fclib_global/vectors/w", {1, 2});
                     }),
             ": /fclib_global/H: 2 rows of contacts are not a multiple of 3");
+}
+
+// Sizes that the file cannot hold are refused before there is memory for them: these would take gigabytes.
+TEST(FclibFile, RefusesWhatTheFileCannotHold) {
+  const auto damaged = [](const std::function<void(Author*)>& damage) {
+    Author author("claims.hdf5");
+    WriteLocal(&author);
+    damage(&author);
+    return Reason(author.Close());
+  };
+  const auto begins = [](const std::string& text, const std::string& beginning) {
+    return text.rfind(beginning, 0) == 0 ? ::testing::AssertionSuccess() : ::testing::AssertionFailure() << text;
+  };
+  using A = Author*;
+  for (const std::string place : {"W/x", "vectors/q", "vectors/mu"})
+    EXPECT_TRUE(begins(damaged([&](A a) {
+                         a->Remove("/fclib_local/" + place);
+                         a->Claim("/fclib_local/" + place, place == "W/x" ? 200'000'000 : place == "vectors/q" ? 3 : 1);
+                       }),
+                       ": /fclib_local/" + place + ": claims "));
+  for (const std::string place : {"W/m", "W/n"})
+    EXPECT_TRUE(begins(damaged([&](A a) {
+                         a->Remove("/fclib_local/" + place);
+                         a->Integers("/fclib_local/" + place, {30'000'000});
+                       }),
+                       ": /fclib_local/" + place + ": is 30000000, which a file of "));
+  EXPECT_EQ(damaged([&](A a) {
+              a->Remove("/fclib_local/vectors/q");
+              a->BorrowReals("/fclib_local/vectors/q", "/dev/zero", 3);
+            }),
+            ": /fclib_local/vectors/q: has its numbers in another file");
 }
 
 TEST(FclibFile, WritesWhatItReads) {
