@@ -2,6 +2,7 @@
 //
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
+//   islet view SCENE ...  the same as a page for a browser, see `islet view --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //
@@ -44,6 +45,13 @@ int Run(int argc, char** argv) {
   islet::AddRunOptions(run, &options);
   run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
 
+  CLI::App* const view = app.add_subcommand("view", "Simulate a scene and write a page that shows it in a browser");
+  islet::RunOptions view_options;
+  islet::AddViewOptions(view, &view_options);
+  view->footer(
+      "Example: islet view cubejam --seconds 4 --out cubejam.html\n"
+      "The page is one file and needs no network. Open it in any browser.");
+
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
   islet::AddSolveOptions(solve, &solve_options);
@@ -56,14 +64,19 @@ int Run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
-    const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
-                                    : error.what();
+    const std::string problem =
+        argc > 1 && app.get_subcommands().empty()
+            ? fmt::format("the commands are scenes, run, view, solve and verify; got {}", argv[1])
+            : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
   if (run->parsed()) islet::RunScene(options);
+  if (view->parsed()) {
+    if (view_options.html.empty()) view_options.html = view_options.scene + ".html";
+    islet::RunScene(view_options);
+  }
   if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
   if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
   return 0;

@@ -80,6 +80,33 @@ void WriteWhole(const std::string& path, const std::string& text) {
   if (!reason.empty()) throw std::runtime_error("cannot write " + path + ": " + reason);
 }
 
+OutputFile::OutputFile(const std::string& path) : path_(path) {
+  const fs::path target = Target(path);
+  target_ = target.string();
+  if (!IsSpecial(target)) temporary_ = TemporaryBeside(target).string();
+  errno = 0;
+  stream_.open(temporary_.empty() ? target_ : temporary_, std::ios::binary);
+  if (!stream_) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
+}
+
+OutputFile::~OutputFile() {
+  std::error_code error;
+  if (!temporary_.empty()) fs::remove(temporary_, error);
+}
+
+void OutputFile::Commit() {
+  errno = 0;
+  stream_.close();
+  std::string reason = stream_ ? "" : std::strerror(errno);
+  if (reason.empty() && !temporary_.empty()) {
+    std::error_code error;
+    fs::rename(temporary_, target_, error);
+    if (error) reason = error.message();
+  }
+  if (!reason.empty()) throw std::runtime_error("cannot write " + path_ + ": " + reason);
+  temporary_.clear();
+}
+
 bool SameOutput(const std::string& a, const std::string& b) {
   const fs::path target = Target(a);
   return target == Target(b) && !IsSpecial(target);

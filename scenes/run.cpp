@@ -14,6 +14,8 @@
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
+#include "scenes/run_command.h"
+#include "scenes/run_page.h"
 #include "scenes/run_report.h"
 
 namespace islet {
@@ -86,6 +88,14 @@ void RunScene(const RunOptions& options) {
                                  options.dt, NameOf(s.model), NameOf(s.cone), s.tolerance));
   }
 
+  std::optional<RunPage> page;
+  const double start_energy = PotentialEnergy(world);
+  if (!options.html.empty()) {
+    page.emplace(options.html, HeadOf(world, options.dt, std::string(scene.name), CommandOf(options), info.bounds),
+                 PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame, frame_limit + 1});
+    page->Add(FrameOf(world, {}, 0, 0, start_energy));
+  }
+
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
@@ -102,6 +112,7 @@ void RunScene(const RunOptions& options) {
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
+    if (page) page->Add(FrameOf(world, report, frame, step_seconds, start_energy));
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
     if (at_rest || frame == frame_limit) {
@@ -115,7 +126,8 @@ void RunScene(const RunOptions& options) {
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
-  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
+  const std::string page_line = page ? page->Finish(stopped_by) : "";
+  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}{}", run_report.Summary(), page_line);
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
 }

@@ -128,7 +128,8 @@ void CheckFiles(const RunOptions& o) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  const std::array<const std::string*, 3> files{&o.report, &o.frames_csv, &o.picture};
+  if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
+  const std::array<const std::string*, 4> files{&o.report, &o.frames_csv, &o.picture, &o.html};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -138,14 +139,8 @@ void CheckFiles(const RunOptions& o) {
   }
 }
 
-}  // namespace
-
-const char* NameOf(Model model) { return Name(model, kModels); }
-const char* NameOf(Cone cone) { return Name(cone, kCones); }
-const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
-const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
-
-void AddRunOptions(CLI::App* command, RunOptions* options) {
+// What chooses scene, time and method.
+void AddSceneOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;
   SceneParameters& p = o.parameters;
   command->add_option("scene", o.scene, "name of the scene, see `islet scenes`")->required()->type_name("SCENE");
@@ -189,17 +184,42 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       ->add_flag("--paper", o.paper, "as in the paper: kinetic, octagon, eq5, paper freezing; other options override")
       ->group(kMethod);
   add(kMethod, "--threads", o.threads, "N", "0: all cores (default)");
+}
 
+}  // namespace
+
+const char* NameOf(Model model) { return Name(model, kModels); }
+const char* NameOf(Cone cone) { return Name(cone, kCones); }
+const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
+const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+
+void AddRunOptions(CLI::App* command, RunOptions* options) {
+  RunOptions& o = *options;
+  AddSceneOptions(command, options);
+  const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
+    return command->add_option(name, target, help)->group(group)->type_name(type);
+  };
   const char* const kOutput = "Output";
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
   add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+  add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")
+      ->check(FileName);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);
   add(kOutput, "--export-frames", o.export_frames, "N,N,...", "of these frames only, the first is 1")->delimiter(',');
+}
+
+void AddViewOptions(CLI::App* command, RunOptions* options) {
+  AddSceneOptions(command, options);
+  options->html_plays = true;
+  command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
+      ->group("Output")
+      ->type_name("FILE.html")
+      ->check(FileName);
 }
 
 void CheckRunOptions(const RunOptions& options) {

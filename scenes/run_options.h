@@ -38,6 +38,9 @@ struct RunOptions {
   std::string picture;                 // file or empty
   std::optional<double> picture_time;  // [s] of simulated time; absent: at the end
 
+  std::string html;         // file or empty: a page that shows the run
+  bool html_plays = false;  // it opens at the beginning, not at the worst frame
+
   std::string export_fclib;        // folder for the island problems, or empty
   std::vector<int> export_frames;  // from 1; empty: all
 
@@ -45,6 +48,9 @@ struct RunOptions {
 };
 
 void AddRunOptions(CLI::App* command, RunOptions* options);
+
+// Of `islet view`: those that choose scene, time and method, and where the page goes.
+void AddViewOptions(CLI::App* command, RunOptions* options);
 
 // Values in range, files writable. Changes no file.
 void CheckRunOptions(const RunOptions& options);

@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -42,6 +42,7 @@ set(rules
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
   "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
+  "^zlib\\.h$"                                              "^scenes/viewer/deflate\\.cpp$"
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
