@@ -30,8 +30,8 @@ std::vector<int> IslandsOf(const World& world) {
   };
   for (const Contact& c : world.resolved_contacts()) {
     if (!bodies[c.body_a].Moves() || !bodies[c.body_b].Moves()) continue;
-    const auto [low, high] = std::minmax(root(c.body_a), root(c.body_b));
-    island[high] = low;
+    const int a = root(c.body_a), b = root(c.body_b);
+    island[std::max(a, b)] = std::min(a, b);
   }
   for (size_t i = 0; i < bodies.size(); ++i) island[i] = bodies[i].Moves() ? root(static_cast<int>(i)) : -1;
   return island;

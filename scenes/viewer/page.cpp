@@ -24,7 +24,7 @@ std::string Block(const std::string& id, std::string_view bytes) {
 
 PageWriter::PageWriter(std::ostream* out, const FilmHead& head, const PageOptions& options)
     : out_(*out), head_(head), options_(options) {
-  CheckHead(head);
+  CheckPageHead(head);
   position_step_ = PositionStep(head);
   frames_a_chunk_ = std::clamp<size_t>(kPosesAChunk / std::max<size_t>(head.bodies.size(), 1), 4, 128);
   const std::string_view page = ViewerPage();
@@ -37,7 +37,7 @@ void PageWriter::Put(const std::string& text) {
 }
 
 void PageWriter::Add(const FilmFrame& frame) {
-  CheckFrame(head_, frame);
+  CheckPageFrame(head_, frame);
   AppendNumbers(frame, &numbers_);
   frames_.push_back(frame);
   if (frames_.size() == frames_a_chunk_) WriteChunk();
@@ -54,7 +54,7 @@ void PageWriter::WriteChunk() {
       share * static_cast<double>(options_.contact_bytes - std::min(contact_bytes_, options_.contact_bytes));
   const auto most = static_cast<size_t>(bytes / contact_size_ / static_cast<double>(frames));
 
-  const Chunk chunk = EncodeChunk(head_, frames_, position_step_, std::max(most, kFewestContacts));
+  const PageChunk chunk = EncodePageChunk(head_, frames_, position_step_, std::max(most, kFewestContacts));
   const std::string number = std::to_string(chunk_sizes_.size());
   const std::string contacts = Block("contacts" + number, chunk.contacts);
   Put(Block("bodies" + number, chunk.bodies));
@@ -78,7 +78,8 @@ void PageWriter::Finish(const std::string& stopped_by) {
   Put(Block("numbers", NumberBytes(numbers_)));
   const bool worst = options_.start == PageStart::kWorstFrame;
   Put("<script type=\"application/json\" id=\"head\">" +
-      HeadJson(head_, sum_, chunk_sizes_, position_step_, stopped_by, worst ? "worst" : "beginning") + "</script>\n");
+      PageHeadJson(head_, sum_, chunk_sizes_, position_step_, stopped_by, worst ? "worst" : "beginning") +
+      "</script>\n");
   const std::string_view page = ViewerPage();
   Put(std::string(page.substr(page.find(kDataMark) + kDataMark.size())));
   if (!out_.flush()) throw std::runtime_error("cannot write the page");

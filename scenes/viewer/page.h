@@ -2,7 +2,7 @@
 //
 //   in:  a film's head, then its frames as they come     out: a page of HTML, written piece by piece
 //   memory: the frames of one chunk (about 32,000 poses), and 200 bytes a frame for the curves
-//   What is kept exactly: the curves' numbers. What is not: poses and contacts, see chunk.h; the page tells the largest error.
+//   What is kept exactly: the curves' numbers. What is not: poses and contacts, see page_chunk.h; the page tells the largest error.
 //   Of the contacts those that press most are kept, so that all of them together take about contact_bytes; the page tells how many.
 //   errors: std::invalid_argument that names frame and body of what is no film; std::runtime_error if the stream fails
 //   threads: one page by one thread
@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "scenes/film/film.h"
-#include "scenes/viewer/chunk.h"
+#include "scenes/viewer/page_chunk.h"
 
 namespace islet {
 
@@ -50,7 +50,7 @@ class PageWriter {
   std::vector<FilmFrame> frames_;  // of the chunk
   std::vector<double> numbers_;    // of all frames, see page_head.h
   std::vector<int> chunk_sizes_;   // [frames]
-  Chunk sum_;                      // of what the chunks tell; no bytes
+  PageChunk sum_;                  // of what the chunks tell; no bytes
   size_t contact_bytes_ = 0;       // that were used
   double contact_size_ = 16;       // [bytes] of the page that a contact took in the last chunk
 };

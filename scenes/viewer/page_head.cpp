@@ -95,7 +95,7 @@ Json ToJson(const Shape& shape) {
 
 }  // namespace
 
-void CheckHead(const FilmHead& head) {
+void CheckPageHead(const FilmHead& head) {
   for (size_t i = 0; i < head.bodies.size(); ++i) {
     const FilmBody& body = head.bodies[i];
     if (body.shape < 0 || body.shape >= static_cast<int>(head.shapes.size()))
@@ -154,8 +154,8 @@ std::string NumberBytes(const std::vector<double>& numbers) {
   return bytes;
 }
 
-std::string HeadJson(const FilmHead& head, const Chunk& sum, const std::vector<int>& chunk_sizes, double position_step,
-                     const std::string& stopped_by, const std::string& start) {
+std::string PageHeadJson(const FilmHead& head, const PageChunk& sum, const std::vector<int>& chunk_sizes,
+                         double position_step, const std::string& stopped_by, const std::string& start) {
   Json json{{"scene", head.scene},
             {"command", head.command},
             {"dt", head.dt},

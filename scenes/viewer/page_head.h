@@ -9,19 +9,19 @@
 #include <vector>
 
 #include "scenes/film/film.h"
-#include "scenes/viewer/chunk.h"
+#include "scenes/viewer/page_chunk.h"
 
 namespace islet {
 
-void CheckHead(const FilmHead& head);
+void CheckPageHead(const FilmHead& head);
 
-// One frame's, in the order that HeadJson tells.
+// One frame's, in the order that PageHeadJson tells.
 void AppendNumbers(const FilmFrame& frame, std::vector<double>* numbers);
 
 // Of all frames: little-endian doubles, one number of all frames after the other.
 std::string NumberBytes(const std::vector<double>& numbers);
 
-std::string HeadJson(const FilmHead& head, const Chunk& sum, const std::vector<int>& chunk_sizes, double position_step,
-                     const std::string& stopped_by, const std::string& start);
+std::string PageHeadJson(const FilmHead& head, const PageChunk& sum, const std::vector<int>& chunk_sizes,
+                         double position_step, const std::string& stopped_by, const std::string& start);
 
 }  // namespace islet

@@ -1,4 +1,4 @@
-// Reads what varint.h and chunk.cpp wrote: whole numbers of seven bits a byte, floats, bytes.
+// Reads what varint.h and page_chunk.cpp wrote: whole numbers of seven bits a byte, floats, bytes.
 
 export class Bytes {
   constructor(array) {

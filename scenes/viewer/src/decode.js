@@ -1,4 +1,4 @@
-// Takes a chunk apart: the other side of chunk.cpp, which says how it is kept.
+// Takes a chunk apart: the other side of page_chunk.cpp, which says how it is kept.
 import {Bytes} from './bytes.js';
 
 const IMPULSE_DECADE = 400, ACCURACY_DECADE = 1000, PRESS_DECADE = 40, OCTAHEDRON = 1023;

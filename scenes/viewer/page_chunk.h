@@ -18,7 +18,7 @@ namespace islet {
 
 inline constexpr double kRotationStep = 1.0 / 16384;
 
-struct Chunk {
+struct PageChunk {
   std::string bodies, contacts;
   int frames = 0;
   double position_error = 0, rotation_error = 0;  // [m], [rad] largest
@@ -30,9 +30,10 @@ struct Chunk {
 double PositionStep(const FilmHead& head);
 
 // Throws if a frame does not fit to the head.
-void CheckFrame(const FilmHead& head, const FilmFrame& frame);
+void CheckPageFrame(const FilmHead& head, const FilmFrame& frame);
 
 // Of each frame at most so many contacts, those that press most. The frames have been checked.
-Chunk EncodeChunk(const FilmHead& head, std::span<const FilmFrame> frames, double position_step, size_t most_contacts);
+PageChunk EncodePageChunk(const FilmHead& head, std::span<const FilmFrame> frames, double position_step,
+                          size_t most_contacts);
 
 }  // namespace islet

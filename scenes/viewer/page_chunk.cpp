@@ -1,4 +1,4 @@
-#include "scenes/viewer/chunk.h"
+#include "scenes/viewer/page_chunk.h"
 
 #include <algorithm>
 #include <cmath>
@@ -93,7 +93,7 @@ bool Finite(std::span<const float> numbers) {
 
 class BodyBlock {
  public:
-  BodyBlock(std::span<const FilmFrame> frames, double step, Chunk* chunk) : step_(step), chunk_(*chunk) {
+  BodyBlock(std::span<const FilmFrame> frames, double step, PageChunk* chunk) : step_(step), chunk_(*chunk) {
     const size_t n = frames[0].poses.size();
     PutVarint(frames.size(), &chunk_.bodies);
     PutVarint(n, &chunk_.bodies);
@@ -174,7 +174,7 @@ class BodyBlock {
   }
 
   double step_;
-  Chunk& chunk_;
+  PageChunk& chunk_;
   std::vector<int> moving_;
   std::vector<Track> positions_;
   std::vector<RotationTrack> rotations_;
@@ -184,7 +184,7 @@ class BodyBlock {
 
 class ContactBlock {
  public:
-  ContactBlock(const FilmHead& head, double step, size_t most, Chunk* chunk)
+  ContactBlock(const FilmHead& head, double step, size_t most, PageChunk* chunk)
       : head_(head), step_(step), most_(most), chunk_(*chunk), press_(head.bodies.size(), 0) {}
 
   void Add(const FilmFrame& frame) {
@@ -277,7 +277,7 @@ class ContactBlock {
   const FilmHead& head_;
   double step_;
   size_t most_;
-  Chunk& chunk_;
+  PageChunk& chunk_;
   std::vector<int> press_;
   std::vector<Numbers> before_;
 };
@@ -292,7 +292,7 @@ double PositionStep(const FilmHead& head) {
   return std::exp2(std::floor(std::log2(smallest / 4096)));
 }
 
-void CheckFrame(const FilmHead& head, const FilmFrame& frame) {
+void CheckPageFrame(const FilmHead& head, const FilmFrame& frame) {
   const size_t n = head.bodies.size();
   const auto fail = [&](const std::string& what) {
     throw std::invalid_argument("frame " + std::to_string(frame.number) + ": " + what);
@@ -315,8 +315,9 @@ void CheckFrame(const FilmHead& head, const FilmFrame& frame) {
   }
 }
 
-Chunk EncodeChunk(const FilmHead& head, std::span<const FilmFrame> frames, double position_step, size_t most_contacts) {
-  Chunk chunk;
+PageChunk EncodePageChunk(const FilmHead& head, std::span<const FilmFrame> frames, double position_step,
+                          size_t most_contacts) {
+  PageChunk chunk;
   chunk.frames = static_cast<int>(frames.size());
   BodyBlock bodies(frames, position_step, &chunk);
   ContactBlock contacts(head, position_step, most_contacts, &chunk);
