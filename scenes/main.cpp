@@ -2,6 +2,7 @@
 //
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
+//   islet replay FILE     what a run recorded, see `islet replay --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //
@@ -16,6 +17,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "scenes/replay.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
@@ -44,6 +46,10 @@ int Run(int argc, char** argv) {
   islet::AddRunOptions(run, &options);
   run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
 
+  CLI::App* const replay = app.add_subcommand("replay", "Tell, check or convert what `islet run --record` kept");
+  islet::ReplayOptions replay_options;
+  islet::AddReplayOptions(replay, &replay_options);
+
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
   islet::AddSolveOptions(solve, &solve_options);
@@ -56,14 +62,19 @@ int Run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
-    const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
-                                    : error.what();
+    const std::string problem =
+        argc > 1 && app.get_subcommands().empty()
+            ? fmt::format("the commands are scenes, run, replay, solve and verify; got {}", argv[1])
+            : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
-  if (run->parsed()) islet::RunScene(options);
+  if (run->parsed()) {
+    options.arguments = islet::RunArguments(*run);
+    islet::RunScene(options);
+  }
+  if (replay->parsed()) islet::Replay(replay_options);
   if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
   if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
   return 0;

@@ -14,6 +14,7 @@
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
+#include "scenes/recorder.h"
 #include "scenes/run_report.h"
 
 namespace islet {
@@ -63,7 +64,7 @@ int FrameLimit(const RunOptions& options, const Scene& scene) {
 
 }  // namespace
 
-void RunScene(const RunOptions& options) {
+std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
@@ -86,6 +87,10 @@ void RunScene(const RunOptions& options) {
                                  options.dt, NameOf(s.model), NameOf(s.cone), s.tolerance));
   }
 
+  std::optional<Recorder> recorder;
+  if (!options.record.empty()) recorder.emplace(options, scene, info, world);
+  if (watch && !watch(world, 0)) return "watch";
+
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
@@ -102,15 +107,20 @@ void RunScene(const RunOptions& options) {
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
+    if (recorder) recorder->Add(world, report, frame, step_seconds);
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
-    if (at_rest || frame == frame_limit) {
+    const bool seen = watch && !watch(world, frame);
+    if (seen) stopped_by = "watch";
+    if (at_rest || seen || frame == frame_limit) {
       progress.Finish(frame * options.dt, frame, step_seconds, report);
       break;
     }
     progress.Update(frame * options.dt, frame, step_seconds, report);
   }
+  if (watch) return stopped_by;
   run_report.Finish(world, WallTime() - start, stopped_by);
+  if (recorder) recorder->Finish(stopped_by);
 
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
@@ -118,6 +128,7 @@ void RunScene(const RunOptions& options) {
   fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  return stopped_by;
 }
 
 }  // namespace islet
