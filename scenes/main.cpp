@@ -3,6 +3,7 @@
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet view SCENE ...  the same as a page for a browser, see `islet view --help`
+//   islet replay FILE     what a run recorded, see `islet replay --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //
@@ -17,10 +18,12 @@
 #include <stdexcept>
 #include <string>
 
+#include "scenes/replay.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
 #include "scenes/verify/verify.h"
+#include "scenes/view.h"
 
 namespace {
 
@@ -51,6 +54,9 @@ int Run(int argc, char** argv) {
   view->footer(
       "Example: islet view cubejam --seconds 4 --out cubejam.html\n"
       "The page is one file and needs no network. Open it in any browser.");
+  CLI::App* const replay = app.add_subcommand("replay", "Tell, check or convert what `islet run --record` kept");
+  islet::ReplayOptions replay_options;
+  islet::AddReplayOptions(replay, &replay_options);
 
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
@@ -66,17 +72,21 @@ int Run(int argc, char** argv) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
     const std::string problem =
         argc > 1 && app.get_subcommands().empty()
-            ? fmt::format("the commands are scenes, run, view, solve and verify; got {}", argv[1])
+            ? fmt::format("the commands are scenes, run, view, replay, solve and verify; got {}", argv[1])
             : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
-  if (run->parsed()) islet::RunScene(options);
-  if (view->parsed()) {
-    if (view_options.html.empty()) view_options.html = view_options.scene + ".html";
-    islet::RunScene(view_options);
+  if (run->parsed()) {
+    options.arguments = islet::RunArguments(*run);
+    islet::RunScene(options);
   }
+  if (view->parsed()) {
+    view_options.arguments = islet::RunArguments(*view);
+    islet::View(view_options);
+  }
+  if (replay->parsed()) islet::Replay(replay_options);
   if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
   if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
   return 0;

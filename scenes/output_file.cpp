@@ -1,5 +1,6 @@
 #include "scenes/output_file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -8,6 +9,7 @@
 #include <filesystem>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 namespace islet {
 namespace {
@@ -44,6 +46,20 @@ std::string Write(const fs::path& path, const std::string& text) {
   return good ? "" : std::strerror(errno ? errno : write_error);
 }
 
+// Empty if all went well, else the reason.
+std::string WriteAll(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written > 0) bytes.remove_prefix(static_cast<size_t>(written));
+    if (written < 0 && errno != EINTR) return std::strerror(errno);
+  }
+  return "";
+}
+
+[[noreturn]] void Fail(const std::string& path, const std::string& reason) {
+  throw std::runtime_error("cannot write " + path + ": " + reason);
+}
+
 }  // namespace
 
 void CheckWritable(const std::string& option, const std::string& path) {
@@ -77,7 +93,7 @@ void WriteWhole(const std::string& path, const std::string& text) {
     }
     if (!reason.empty()) fs::remove(temporary, error);
   }
-  if (!reason.empty()) throw std::runtime_error("cannot write " + path + ": " + reason);
+  if (!reason.empty()) Fail(path, reason);
 }
 
 OutputFile::OutputFile(const std::string& path) : path_(path) {
@@ -110,6 +126,44 @@ void OutputFile::Commit() {
 bool SameOutput(const std::string& a, const std::string& b) {
   const fs::path target = Target(a);
   return target == Target(b) && !IsSpecial(target);
+}
+
+GrowingFile::GrowingFile(const std::string& path, std::string_view first) : path_(path) {
+  const fs::path target = Target(path);
+  const bool direct = IsSpecial(target);
+  const fs::path place = direct ? target : TemporaryBeside(target);
+  file_ = ::open(place.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0666);
+  if (file_ < 0) Fail(path, std::strerror(errno));
+  std::string reason = WriteAll(file_, first);
+  std::error_code error;
+  if (!direct && reason.empty()) {
+    fs::rename(place, target, error);
+    if (error) reason = error.message();
+  }
+  if (!reason.empty()) {
+    ::close(file_);
+    if (!direct) fs::remove(place, error);
+    Fail(path, reason);
+  }
+  size_ = first.size();
+}
+
+GrowingFile::~GrowingFile() {
+  if (file_ >= 0) ::close(file_);
+}
+
+void GrowingFile::Append(std::string_view piece) {
+  if (const std::string reason = WriteAll(file_, piece); !reason.empty()) {
+    // A pipe has no length to go back to; there what was written stays.
+    if (::ftruncate(file_, static_cast<off_t>(size_)) == 0) ::lseek(file_, static_cast<off_t>(size_), SEEK_SET);
+    Fail(path_, reason);
+  }
+  size_ += piece.size();
+}
+
+void GrowingFile::Close() {
+  const int file = std::exchange(file_, -1);
+  if (file >= 0 && ::close(file) != 0) Fail(path_, std::strerror(errno));
 }
 
 }  // namespace islet

@@ -2,11 +2,15 @@
 //
 //   - A text goes to a temporary file beside the target, which then takes the target's name in one step.
 //   - What is no regular file (/dev/null, a pipe) is written directly.
-//   - errors: CheckWritable throws std::invalid_argument with the option's name; WriteWhole throws std::runtime_error
+//   - A file that grows takes the target's name with its first piece, and from then on holds whole pieces. Each is one write, so that a
+//     kill at any moment leaves at most a part of the last.
+//   - errors: CheckWritable throws std::invalid_argument with the option's name, the others std::runtime_error with path and reason
 #pragma once
 
+#include <cstdint>
 #include <fstream>
 #include <string>
+#include <string_view>
 
 namespace islet {
 
@@ -32,5 +36,21 @@ class OutputFile {
 };
 
 bool SameOutput(const std::string& a, const std::string& b);
+
+class GrowingFile {
+ public:
+  GrowingFile(const std::string& path, std::string_view first);
+  ~GrowingFile();
+  GrowingFile(const GrowingFile&) = delete;
+  GrowingFile& operator=(const GrowingFile&) = delete;
+
+  void Append(std::string_view piece);  // after an error the file ends with the piece before
+  void Close();                         // tells what a file system reports only now; nothing can be appended after it
+
+ private:
+  std::string path_;
+  int file_ = -1;
+  std::uint64_t size_ = 0;  // [bytes]
+};
 
 }  // namespace islet

@@ -14,7 +14,7 @@
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
-#include "scenes/run_command.h"
+#include "scenes/recorder.h"
 #include "scenes/run_page.h"
 #include "scenes/run_report.h"
 
@@ -65,7 +65,7 @@ int FrameLimit(const RunOptions& options, const Scene& scene) {
 
 }  // namespace
 
-void RunScene(const RunOptions& options) {
+std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
@@ -88,10 +88,13 @@ void RunScene(const RunOptions& options) {
                                  options.dt, NameOf(s.model), NameOf(s.cone), s.tolerance));
   }
 
+  std::optional<Recorder> recorder;
+  if (!options.record.empty()) recorder.emplace(options, scene, info, world);
+  if (watch && !watch(world, 0)) return "watch";
   std::optional<RunPage> page;
   const double start_energy = PotentialEnergy(world);
   if (!options.html.empty()) {
-    page.emplace(options.html, HeadOf(world, options.dt, std::string(scene.name), CommandOf(options), info.bounds),
+    page.emplace(options.html, RunHead(options, scene, info, world),
                  PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame, frame_limit + 1});
     page->Add(FrameOf(world, {}, 0, 0, start_energy));
   }
@@ -112,16 +115,21 @@ void RunScene(const RunOptions& options) {
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
+    if (recorder) recorder->Add(world, report, frame, step_seconds);
     if (page) page->Add(FrameOf(world, report, frame, step_seconds, start_energy));
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
-    if (at_rest || frame == frame_limit) {
+    const bool seen = watch && !watch(world, frame);
+    if (seen) stopped_by = "watch";
+    if (at_rest || seen || frame == frame_limit) {
       progress.Finish(frame * options.dt, frame, step_seconds, report);
       break;
     }
     progress.Update(frame * options.dt, frame, step_seconds, report);
   }
+  if (watch) return stopped_by;
   run_report.Finish(world, WallTime() - start, stopped_by);
+  if (recorder) recorder->Finish(stopped_by);
 
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
@@ -130,6 +138,7 @@ void RunScene(const RunOptions& options) {
   fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}{}", run_report.Summary(), page_line);
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  return stopped_by;
 }
 
 }  // namespace islet

@@ -121,6 +121,7 @@ void CheckFiles(const RunOptions& o) {
   if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
   if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
+  if (!o.record.empty()) CheckWritable("--record", o.record);
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
   }
@@ -129,7 +130,7 @@ void CheckFiles(const RunOptions& o) {
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
   if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
-  const std::array<const std::string*, 4> files{&o.report, &o.frames_csv, &o.picture, &o.html};
+  const std::array<const std::string*, 5> files{&o.report, &o.frames_csv, &o.picture, &o.record, &o.html};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -137,6 +138,14 @@ void CheckFiles(const RunOptions& o) {
       }
     }
   }
+}
+
+const char* const kOutput = "Output";
+
+// Whether two runs that differ in this may differ in their answers.
+bool Decides(const CLI::Option& option) {
+  return option.get_group() != kOutput && !option.get_group().empty() && !option.check_name("--threads") &&
+         !option.check_name("--help");
 }
 
 // What chooses scene, time and method.
@@ -199,12 +208,12 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
     return command->add_option(name, target, help)->group(group)->type_name(type);
   };
-  const char* const kOutput = "Output";
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg", "draw the scene")->check(FileName);
   add(kOutput, "--picture-time", o.picture_time, "S", "when to draw (default: at the end)");
+  add(kOutput, "--record", o.record, "FILE", "keep every frame for `islet replay FILE`")->check(FileName);
   add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")
       ->check(FileName);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
@@ -213,11 +222,44 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--export-frames", o.export_frames, "N,N,...", "of these frames only, the first is 1")->delimiter(',');
 }
 
+std::vector<std::string> RunArguments(const CLI::App& command) {
+  std::vector<std::string> arguments;
+  for (const CLI::Option* option : command.get_options()) {
+    if (!Decides(*option)) continue;
+    if (option->get_positional()) {
+      const std::vector<std::string>& values = option->results();
+      arguments.insert(arguments.end(), values.begin(), values.end());
+    } else if (option->get_expected_max() == 0) {  // a flag
+      if (option->count() > 0) arguments.push_back(option->get_name());
+    } else {
+      for (const std::string& value : option->results()) arguments.push_back(option->get_name() + "=" + value);
+    }
+  }
+  return arguments;
+}
+
+RunOptions ParseRunArguments(const std::vector<std::string>& arguments) {
+  CLI::App command;
+  command.set_help_flag();
+  RunOptions options;
+  AddRunOptions(&command, &options);
+  try {
+    command.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::ParseError& error) {
+    throw std::invalid_argument(error.what());
+  }
+  for (const CLI::Option* option : command.get_options())
+    if (option->count() > 0 && !Decides(*option))
+      throw std::invalid_argument(option->get_name() + " does not decide a run");
+  options.arguments = arguments;
+  return options;
+}
+
 void AddViewOptions(CLI::App* command, RunOptions* options) {
   AddSceneOptions(command, options);
   options->html_plays = true;
   command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
-      ->group("Output")
+      ->group(kOutput)
       ->type_name("FILE.html")
       ->check(FileName);
 }

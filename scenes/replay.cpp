@@ -1,0 +1,155 @@
+#include "scenes/replay.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <stdexcept>
+
+#include "scenes/film/film_file.h"
+#include "scenes/film/film_gltf.h"
+#include "scenes/output_file.h"
+#include "scenes/run.h"
+
+namespace islet {
+namespace {
+
+// A recording's texts are not ours: nothing in them may steer a terminal.
+std::string Printable(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+  return text;
+}
+
+std::string Bytes(double bytes) {
+  return bytes < 1e6 ? fmt::format("{:.3g} kB", bytes / 1e3) : fmt::format("{:.4g} MB", bytes / 1e6);
+}
+
+void Tell(const std::string& path) {
+  FilmReader reader(path);
+  const FilmHead& head = reader.head();
+  int frames = 0;
+  FilmFrame last;
+  while (reader.Next(&last)) ++frames;
+  const auto moving = std::count_if(head.bodies.begin(), head.bodies.end(),
+                                    [](const FilmBody& body) { return body.kind != BodyKind::kFixed; });
+  std::string text =
+      fmt::format("{}: {}, {} frames of {:.4g} s, {:.2f} s\n", path, Printable(head.scene), frames, head.dt, last.time);
+  text += fmt::format("  command     {}\n  by          islet {}\n", Printable(head.command), Printable(head.version));
+  text += fmt::format("  bodies      {} that move, {} others, {} shapes\n", moving,
+                      static_cast<long>(head.bodies.size()) - moving, head.shapes.size());
+  std::error_code error;
+  if (const auto size = static_cast<double>(std::filesystem::file_size(path, error)); !error && frames > 0)
+    text += fmt::format("  size        {}, {} a frame\n", Bytes(size), Bytes(size / frames));
+  if (frames > 0) text += fmt::format("  state hash  {:016x} in frame {}, the last\n", last.state_hash, last.number);
+  if (!reader.stopped_by().empty())
+    text += fmt::format("  end         complete, stopped by {}\n", Printable(reader.stopped_by()));
+  else
+    text +=
+        fmt::format("  end         cut off behind frame {}; {} bytes of another\n", last.number, reader.left_over());
+  fmt::print("{}", text);
+}
+
+// Why a run ends by itself; another reason came from outside, and does not come again.
+bool EndsByItself(const std::string& stopped_by) {
+  return stopped_by == "frames" || stopped_by == "seconds" || stopped_by == "rest" || stopped_by == "time limit";
+}
+
+void Check(const ReplayOptions& options) {
+  const std::string& path = options.file;
+  FilmReader reader(path);
+  const FilmHead& head = reader.head();
+  if (head.arguments.empty()) throw std::invalid_argument(path + ": does not tell the command that made it");
+  if (!head.scene_text.empty())
+    throw std::invalid_argument(path + ": is of a scene file, whose runs this program cannot check");
+  RunOptions run;
+  try {
+    run = ParseRunArguments(head.arguments);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("{}: its command cannot be run: {}", path, Printable(error.what())));
+  }
+  run.threads = options.threads;
+  if (head.version != ISLET_VERSION)
+    fmt::print(stderr, "islet: {} was recorded by islet {}, this is {}; they may differ\n", path,
+               Printable(head.version), ISLET_VERSION);
+
+  int frames = 0;
+  FilmFrame recorded;
+  bool more = reader.Next(&recorded);  // one frame ahead
+  if (!more) throw std::invalid_argument(path + ": holds no frame, so there is nothing to compare");
+  bool goes_on = false;
+  const std::string stopped_by = RunScene(run, [&](const World& world, int frame) {
+    if (!more) {
+      goes_on = true;
+      return false;
+    }
+    if (world.bodies().size() != head.bodies.size())
+      throw std::runtime_error(fmt::format("{}: frame {} differs: {} bodies are recorded, this run has {}", path, frame,
+                                           head.bodies.size(), world.bodies().size()));
+    if (frame != recorded.number || world.StateHash() != recorded.state_hash)
+      throw std::runtime_error(fmt::format(
+          "{}: frame {} differs, at {:.4g} s: state hash {:016x} in frame {} of the recording, {:016x} in this run",
+          path, frame, world.time(), recorded.state_hash, recorded.number, world.StateHash()));
+    ++frames;
+    more = reader.Next(&recorded);
+    return more || EndsByItself(reader.stopped_by());
+  });
+  if (goes_on)
+    throw std::runtime_error(fmt::format("{}: the recording ends with frame {} by {}, this run goes on", path,
+                                         recorded.number, Printable(reader.stopped_by())));
+  if (more)
+    throw std::runtime_error(
+        fmt::format("{}: this run ends with frame {} by {}, the recording goes on", path, frames - 1, stopped_by));
+  if (EndsByItself(reader.stopped_by()) && stopped_by != reader.stopped_by())
+    throw std::runtime_error(fmt::format("{}: the recording was stopped by {}, this run by {}", path,
+                                         Printable(reader.stopped_by()), stopped_by));
+  fmt::print("{}: all {} frames are the same, bit for bit{}\n", path, frames,
+             reader.stopped_by().empty() ? "; it is cut off behind them" : "");
+}
+
+void Convert(const ReplayOptions& options) {
+  std::string bytes;
+  try {
+    FilmReader reader(options.file);
+    bytes = FilmToGlb(&reader);
+  } catch (const std::invalid_argument& error) {
+    const std::string what = error.what();
+    throw std::invalid_argument(what.starts_with(options.file) ? what : options.file + ": " + what);
+  }
+  WriteWhole(options.out, bytes);
+  fmt::print("{}: {}\n", options.out, Bytes(static_cast<double>(bytes.size())));
+}
+
+}  // namespace
+
+void AddReplayOptions(CLI::App* command, ReplayOptions* options) {
+  command->add_option("file", options->file, "what `islet run SCENE --record FILE` wrote")
+      ->required()
+      ->type_name("FILE");
+  command->add_flag("--check", options->check, "run it again and compare the state hash of every frame");
+  command->add_option("--out", options->out, "write it as glTF 2.0 with animation, for Blender")->type_name("FILE.glb");
+  command->add_option("--threads", options->threads, "of --check; 0: all cores (default)")->type_name("N");
+  command->footer(
+      "Without --check and --out it prints what the recording holds.\n"
+      "Example: islet run cubejam --record jam.film && islet replay jam.film --check --out jam.glb");
+}
+
+void Replay(const ReplayOptions& options) {
+  const bool convert = !options.out.empty();
+  if (convert) {
+    if (std::filesystem::path(options.out).extension() != ".glb")
+      throw std::invalid_argument("--out must end in .glb; got " + options.out);
+    if (SameOutput(options.out, options.file)) throw std::invalid_argument("--out would overwrite " + options.file);
+    CheckWritable("--out", options.out);
+  }
+  if (options.threads && !options.check)
+    throw std::invalid_argument(fmt::format("--threads {} needs --check", *options.threads));
+  if (options.check) Check(options);
+  if (convert) Convert(options);
+  if (!options.check && !convert) Tell(options.file);
+  if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+}
+
+}  // namespace islet
