@@ -59,6 +59,15 @@ FilmNumbers NumbersOf(const World& world, const StepReport& report, double step_
   return n;
 }
 
+// What a step's report would tell of the start.
+void TellStart(const World& world, FilmNumbers* numbers) {
+  for (const Body& body : world.bodies()) {
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    numbers->kinetic += body.KineticEnergy();
+    ++(body.frozen ? numbers->frozen : numbers->awake);
+  }
+}
+
 }  // namespace
 
 double PotentialEnergy(const World& world) {
@@ -109,6 +118,7 @@ FilmFrame FrameOf(const World& world, const StepReport& report, int number, doub
     frame.contacts.push_back({contacts[c].body_a, contacts[c].body_b, ToFloats(contacts[c].point_W),
                               ToFloats(contacts[c].normal_W), ToFloats(impulses[c])});
   frame.numbers = NumbersOf(world, report, step_seconds, start);
+  if (number == 0) TellStart(world, &frame.numbers);
   return frame;
 }
 

@@ -69,7 +69,8 @@ struct FilmFrame {
 // Of a scene as it is built.
 FilmHead HeadOf(const World& world, double dt, std::string scene, std::string command, std::optional<Region> bounds);
 
-// The world as its last step, which had this report, left it. start: [J] potential energy of frame 0. Frame 0 has an empty report.
+// The world as its last step, which had this report, left it. start: [J] potential energy of frame 0. Frame 0 has an empty report;
+// what is awake and its kinetic energy are told nevertheless.
 FilmFrame FrameOf(const World& world, const StepReport& report, int number, double step_seconds, double start);
 
 double PotentialEnergy(const World& world);  // [J] of dynamic bodies in the field of gravity

@@ -75,6 +75,7 @@ void PageWriter::WriteChunk() {
 
 void PageWriter::Finish(const std::string& stopped_by) {
   WriteChunk();
+  if (sum_.frames == 0) throw std::invalid_argument("the film has no frame");
   Put(Block("numbers", NumberBytes(numbers_)));
   const bool worst = options_.start == PageStart::kWorstFrame;
   Put("<script type=\"application/json\" id=\"head\">" +

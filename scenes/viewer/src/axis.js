@@ -23,7 +23,6 @@ export const powerName = (power) => (power === 0 ? '1' : power === 1 ? '10' : `1
 
 export function tickName(x) {
   const size = Math.abs(x);
-  if (size >= 1e6) return `${+(x / 1e6).toPrecision(3)}M`;
-  if (size >= 1e4) return `${+(x / 1e3).toPrecision(3)}k`;
-  return String(+x.toPrecision(6)).replace('-', '−');
+  const name = size >= 1e6 ? `${+(x / 1e6).toPrecision(3)}M` : size >= 1e4 ? `${+(x / 1e3).toPrecision(3)}k` : String(+x.toPrecision(6));
+  return name.replace(/-/g, '−');
 }

@@ -1,5 +1,6 @@
 // The colours of bodies: what they may tell, and their legends.
 import {Color} from 'three';
+import {powerName} from './axis.js';
 
 const GOLDEN = 0.61803398875;
 
@@ -31,7 +32,7 @@ const AIM = ramp(['#1c6b70', '#45a29e', '#a9d3c5', '#f3ead7', '#f0b27a', '#d9603
 const AWAKE = hex('#e0954a'), FROZEN = hex('#7c98b3'), NOBODY = hex('#aab2bd'), CALM = hex('#c3c9d1');
 
 const byNumber = (i) => oklch(0.7 + 0.08 * ((i * 0.381966) % 1), 0.095, (0.58 + i * GOLDEN) % 1);
-const power = (x) => (x === 0 ? '0' : `1e${Math.round(Math.log10(x))}`);
+const power = (x) => powerName(Math.round(Math.log10(x)));
 
 // Each: name; contacts: whether it needs them; colours(frame, paint) with paint(body, [r, g, b]); legend: items or a bar.
 export function colourModes(head) {

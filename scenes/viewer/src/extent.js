@@ -1,7 +1,8 @@
-// What the camera is to see: where the bodies that move are in five frames, those that flew off apart.
+// What the camera is to see: where the bodies that move are in five frames, those that flew off apart, and what is solid
+// beside them.
 import {Box3, Vector3} from 'three';
 
-export async function extentOf(film, bodyRadius) {
+export async function extentOf(film, bodyRadius, solid) {
   const {head} = film;
   const {lower, upper} = head.bounds ?? {};
   const allowed = head.bounds ? new Box3(new Vector3(...lower), new Vector3(...upper)) : null;
@@ -15,11 +16,12 @@ export async function extentOf(film, bodyRadius) {
     if (k > 0) continue;
     first.copy(box);
     if (first.isEmpty()) {
-      head.bodies.kind.forEach((kind, i) => {
-        if (head.shapes[head.bodies.shape[i]].kind !== 'half-space') first.expandByPoint(point.fromArray(frame.positions, 3 * i));
-      });
+      for (const i of solid) first.expandByPoint(point.fromArray(frame.positions, 3 * i));
     }
     if (first.isEmpty()) first.set(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    for (const i of solid) {
+      if (head.bodies.kind[i] !== 'dynamic') box.expandByPoint(point.fromArray(frame.positions, 3 * i));
+    }
   }
   const reach = first.clone().expandByScalar(2 * first.getSize(new Vector3()).length() + 12 * bodyRadius);
   const seen = box.isEmpty() ? first : box.intersect(reach);

@@ -33,10 +33,10 @@ class Viewer {
     this.picked = -1;
     this.shown = null;
 
-    const extent = await extentOf(film, this.bodyRadius), size = extent.all.getSize(new Vector3()).length();
+    const walls = all.filter((i) => isWall(head, i, this.bodyRadius)), isWalls = new Set(walls), solid = all.filter((i) => !isWalls.has(i));
+    const extent = await extentOf(film, this.bodyRadius, solid), size = extent.all.getSize(new Vector3()).length();
     const start = await film.frame(0, false);
-    const walls = all.filter((i) => isWall(head, i, this.bodyRadius)), isSolid = new Set(walls);
-    this.bodies = new Bodies(head, all.filter((i) => !isSolid.has(i)));
+    this.bodies = new Bodies(head, solid);
     this.walls = new Walls(head, walls, start, extent.first.getCenter(new Vector3()), size);
     const weight = median(dynamic.map((i) => bodies.mass[i])) * (Math.hypot(...head.gravity) || 9.81);
     this.marks = new Marks(this.bodyRadius, weight, head.dt);
@@ -104,7 +104,7 @@ class Viewer {
     const {contacts} = frame;
     $('contact-note').textContent = !this.marks.wanted || !contacts ? '' :
       contacts.count < contacts.all ? `${count(contacts.count)} of ${count(contacts.all)} contacts are kept, those that press most.` :
-      this.marks.show.forces ? `${count(contacts.count)} contacts. An arrow's length is the root of its force.` : `${count(contacts.count)} contacts.`;
+      this.marks.show.forces ? `${count(contacts.count)} contacts. An arrow's length grows with the logarithm of its force.` : `${count(contacts.count)} contacts.`;
     this.dirty = true;
   }
 

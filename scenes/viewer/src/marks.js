@@ -1,5 +1,5 @@
-// Contacts: points, normals (out of the first body), forces on the second body. An arrow's length grows with the root of the force, so
-// that a weight and a hundred weights are both seen. Those of the picked body have the accent's colour.
+// Contacts: points, normals (out of the first body), forces on the second body. An arrow's length grows with the logarithm of the
+// force, so that a weight and a thousand weights are both seen. Those of the picked body have the accent's colour.
 import {BufferGeometry, Color, ConeGeometry, CylinderGeometry, DynamicDrawUsage, Float32BufferAttribute, Group, IcosahedronGeometry, InstancedMesh,
   LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, Quaternion, Vector3} from 'three';
 
@@ -56,7 +56,7 @@ export class Marks {
   }
 
   arrowLength(force) {
-    return 0.6 * this.radius * Math.sqrt(force / this.weight);
+    return 0.6 * this.radius * Math.log2(1 + force / this.weight);
   }
 
   setFrame(contacts, picked, theme) {

@@ -33,13 +33,13 @@ export function reportTable(film, go) {
   return make('table', {class: 'numbers report'},
     row('Simulated', `${number(numbers.get('time')[last], 4)} s`), row('Stopped by', head.stopped_by),
     row('Steps', count(last)), row('Failed steps', count(failed), ...(failed ? [at(first)] : [])),
-    row('Missed the aim', `${count(sum(numbers.get('missed')))} problems`),
+    row('Problems that missed the aim', count(sum(numbers.get('missed')))),
     worst('Accuracy, of v_ref', 'accuracy', number), worst('Coulomb map', 'coulomb_map', (x) => `${number(x)} m/s`),
     worst('Deepest overlap', 'penetration', metres), worst('Energy created', 'energy_created', number),
     worst('Momentum unexplained', 'momentum_unexplained', number), worst('Most contacts', 'contacts', count),
     row('Time a frame, mean', `${number((1e3 * sum(seconds)) / steps)} ms`), worst('Time a frame, most', 'step_seconds', (x) => `${number(1e3 * x)} ms`),
     row('Kinetic energy, end', `${number(numbers.get('kinetic')[last])} J`), row('Awake, frozen', `${count(numbers.get('awake')[last])}, ${count(numbers.get('frozen')[last])}`),
-    row('State hash', make('code', {}, hash)));
+    make('tr', {}, make('th', {scope: 'row'}, 'State hash'), make('td', {colspan: 2}, make('code', {}, hash))));
 }
 
 // The island with the worst accuracy in a frame: its name, its bodies.

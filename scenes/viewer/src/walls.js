@@ -1,7 +1,7 @@
 // What holds the scene: large fixed boxes and hulls, and half-spaces. It must not hide the scene, so
 //   - faces that look at the scene are drawn from that side alone, translucent: a wall in front is not seen,
 //   - the other faces are a breath of glass with thin edges,
-//   - a half-space is a grid, seen from outside.
+//   - a half-space, or a box as wide as the scene, is a grid, seen from outside.
 import {BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshStandardMaterial, PlaneGeometry,
   ShaderMaterial, ShadowMaterial, Vector3} from 'three';
 import {writePose} from './pose.js';
@@ -12,7 +12,18 @@ const MOST_WALLS = 300;
 export function isWall(head, i, bodyRadius) {
   const shape = head.shapes[head.bodies.shape[i]];
   if (shape.kind === 'half-space') return true;
-  return head.bodies.kind[i] !== 'dynamic' && polytope(shape) !== null && radiusOf(shape) > 3 * bodyRadius;
+  if (head.bodies.kind[i] === 'dynamic' || !polytope(shape)) return false;
+  // A beam hides little, however long.
+  const breadth = shape.kind === 'box' ? [...shape.half_extents].sort((a, b) => a - b)[1] : radiusOf(shape);
+  return breadth > 2.5 * bodyRadius;
+}
+
+// [m] how high the top of a box lies above its centre, if it is as wide as the scene: a floor. Else null.
+function floorHeight(shape, part, size) {
+  if (shape.kind !== 'box') return null;
+  const [x, y, z] = shape.half_extents;
+  const upright = new Vector3(0, 0, 1).transformDirection(part.matrix).z > 1 - 1e-6;
+  return upright && Math.min(x, y) > 0.5 * size ? z : null;
 }
 
 function edges({vertices, faces}) {
@@ -78,8 +89,9 @@ export class Walls {
     part.updateMatrixWorld(true);
     const seenFrom = part.worldToLocal(middle.clone());
     const shape = head.shapes[head.bodies.shape[i]];
-    if (shape.kind === 'half-space') {
-      this.#addGrid(part, seenFrom, size);
+    const floor = shape.kind === 'half-space' ? 0 : floorHeight(shape, part, size);
+    if (floor !== null) {
+      this.#addGrid(part, seenFrom, size, floor, shape.half_extents ?? [Infinity, Infinity]);
     } else {
       const {vertices, faces} = polytope(shape);
       const looksInside = (face) => {
@@ -96,13 +108,16 @@ export class Walls {
     this.group.add(part);
   }
 
-  #addGrid(part, seenFrom, size) {
+  // On z = height, as far as the fog or the box goes.
+  #addGrid(part, seenFrom, size, height, [x, y]) {
+    const low = [Math.max(-x, seenFrom.x - 4 * size), Math.max(-y, seenFrom.y - 4 * size)];
+    const high = [Math.min(x, seenFrom.x + 4 * size), Math.min(y, seenFrom.y + 4 * size)];
     const grid = this.grid.clone();
     grid.uniforms.colour = this.grid.uniforms.colour;
     grid.uniforms.middle.value = seenFrom;
     for (const material of [grid, this.shadow]) {
-      const plane = new Mesh(new PlaneGeometry(8 * size, 8 * size), material);
-      plane.geometry.translate(seenFrom.x, seenFrom.y, 0);
+      const plane = new Mesh(new PlaneGeometry(high[0] - low[0], high[1] - low[1]), material);
+      plane.geometry.translate((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, height);
       plane.receiveShadow = material === this.shadow;
       plane.renderOrder = -1;
       part.add(plane);
