@@ -210,6 +210,8 @@ class Viewer {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4 || event.button !== 0) return;
       this.pick(this.bodies.pick(this.stage.ray(event.clientX, event.clientY))?.body ?? -1);
     });
+    // What was clicked by mouse does not keep the keys.
+    document.addEventListener('click', (event) => event.detail > 0 && event.target.closest?.('button, input')?.blur());
     window.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe($('stage'));
     new ResizeObserver(() => this.resize()).observe($('curves'));
@@ -217,7 +219,8 @@ class Viewer {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select')) return;
+    const {target} = event, own = event.key === ' ' ? 'button, summary, input:not([type="range"])' : event.key.startsWith('Arrow') ? 'input[type="radio"]' : null;
+    if (event.ctrlKey || event.metaKey || event.altKey || target.matches('select') || (own && target.matches(own))) return;
     const {player} = this, last = this.film.frames - 1;
     const speeds = [...$('speed').options].map((option) => Number(option.value)), at = speeds.indexOf(player.speed);
     const toggle = (name) => () => this.setToggle(name, !$(`show-${name}`).checked);

@@ -21,7 +21,7 @@ const sum = (values) => values.reduce((a, b) => a + b, 0);
 
 export function reportTable(film, go) {
   const {numbers, head} = film, last = film.frames - 1;
-  const at = (frame) => make('button', {class: 'link', onclick: () => go(frame)}, `frame ${numbers.get('number')[frame]}`);
+  const at = (frame) => make('button', {class: 'link', title: 'Show this frame', onclick: () => go(frame)}, String(numbers.get('number')[frame]));
   const row = (name, value, ...where) => make('tr', {}, make('th', {scope: 'row'}, name), make('td', {}, value), make('td', {}, ...where));
   const worst = (name, key, format) => {
     const {frame, value} = most(numbers.get(key));
@@ -30,7 +30,7 @@ export function reportTable(film, go) {
   const seconds = numbers.get('step_seconds'), steps = Math.max(last, 1);
   const failed = sum(numbers.get('failed')), first = numbers.get('failed').indexOf(1);
   const hash = ['hash_high', 'hash_low'].map((key) => numbers.get(key)[last].toString(16).padStart(8, '0')).join('');
-  return make('table', {class: 'numbers report'},
+  return make('table', {class: 'numbers report'}, make('tr', {}, make('td', {colspan: 2}), make('th', {}, 'frame')),
     row('Simulated', `${number(numbers.get('time')[last], 4)} s`), row('Stopped by', head.stopped_by),
     row('Steps', count(last)), row('Failed steps', count(failed), ...(failed ? [at(first)] : [])),
     row('Problems that missed the aim', count(sum(numbers.get('missed')))),
