@@ -52,7 +52,7 @@ export function colourModes(head) {
     gradient: Array.from({length: 13}, (_, i) => css(colour(from + ((to - from) * i) / 12))), ticks, unit,
   });
   return [
-    {id: 'body', name: 'Body', contacts: false, colours: each((frame, i) => numbers[i]), legend: {items: []}},
+    {id: 'body', name: 'Body', contacts: false, colours: each((frame, i) => (head.bodies.kind[i] === 'dynamic' ? numbers[i] : NOBODY)), legend: {items: []}},
     {id: 'island', name: 'Island', contacts: false,
       colours: each((frame, i) => (frame.frozen[i] ? FROZEN : frame.island[i] < 0 ? NOBODY : numbers[frame.island[i]])),
       legend: {items: [[css(FROZEN), 'frozen'], [null, 'a colour for each island']]}},

@@ -58,7 +58,7 @@ const GRID_FRAGMENT = `
   void main() {
     float far = 1.0 - smoothstep(0.3, 1.0, length(vPlace - middle) / reach);
     float ink = max(0.45 * lines(cell), 0.95 * lines(10.0 * cell));
-    gl_FragColor = vec4(colour, far * (0.05 + 0.6 * ink));
+    gl_FragColor = vec4(colour, far * (0.05 + 0.42 * ink));
     #include <colorspace_fragment>
   }`;
 

@@ -2,18 +2,39 @@
 
     browser_test.py islet test_scenes_viewer_page chromium scratch
 
-browser_drive.js does the clicking inside of a copy of each page; what it found comes back in the DOM. Any message in the console fails.
+browser_drive.js does the clicking inside of a copy of each page, and sends what it found to a server of this test, which takes nothing else.
+Any message in the console fails.
 """
+import http.server
 import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import threading
 
 ISLET, PAGE_TEST, CHROMIUM, SCRATCH = sys.argv[1:5]
 HERE = os.path.dirname(os.path.abspath(__file__))
 failures = []
+answered, answer = threading.Event(), None
+
+
+class Answers(http.server.BaseHTTPRequestHandler):
+    def do_POST(self):
+        global answer
+        answer = self.rfile.read(int(self.headers['Content-Length'])).decode()
+        self.send_response(204)
+        self.end_headers()
+        answered.set()
+
+    def log_message(self, *_):
+        pass
+
+
+server = http.server.HTTPServer(('127.0.0.1', 0), Answers)
+threading.Thread(target=server.serve_forever, daemon=True).start()
 
 
 def check(what, good, found=''):
@@ -28,7 +49,7 @@ def run(*command, **more):
 def browse(page, width, height, dark=False, quiet=True):
     """What the script found, with the messages of the console."""
     text = open(page, encoding='utf-8').read()
-    drive = open(os.path.join(HERE, 'browser_drive.js'), encoding='utf-8').read()
+    drive = open(os.path.join(HERE, 'browser_drive.js'), encoding='utf-8').read().replace('PORT', str(server.server_port))
     catch = "<script>window.complaints=[];addEventListener('error',e=>complaints.push(e.message));" \
             "addEventListener('unhandledrejection',e=>complaints.push(String(e.reason)))</script>"
     copy = os.path.join(SCRATCH, 'driven.html')
@@ -36,16 +57,24 @@ def browse(page, width, height, dark=False, quiet=True):
     head = text.index('<style>')
     with open(copy, 'w', encoding='utf-8') as out:
         out.write(text[:head] + catch + text[head:end] + f'<script>{drive}</script>' + text[end:])
-    done = subprocess.run(
-        [CHROMIUM, '--headless', '--no-sandbox', '--enable-unsafe-swiftshader', '--use-angle=swiftshader', '--enable-logging=stderr',
-         f'--user-data-dir={SCRATCH}/profile', f'--window-size={width},{height}', '--virtual-time-budget=90000',
-         f'--blink-settings=preferredColorScheme={0 if dark else 1}', '--dump-dom', 'file://' + copy],
-        capture_output=True, text=True, timeout=200)
-    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
-    if not match:
-        sys.exit(f'{page}: the script in the page did not end; console:\n{done.stderr[-3000:]}')
-    found = json.loads(match.group(1).replace('&lt;', '<').replace('&gt;', '>').replace('&amp;', '&'))
-    messages = [line for line in done.stderr.splitlines() if 'CONSOLE' in line and '[driver]' not in line]
+    global answer
+    answer = None
+    answered.clear()
+    log = os.path.join(SCRATCH, 'console.txt')
+    with open(log, 'w', encoding='utf-8') as console:
+        browser = subprocess.Popen(
+            [CHROMIUM, '--headless', '--no-sandbox', '--enable-unsafe-swiftshader', '--use-angle=swiftshader', '--enable-logging=stderr',
+             '--remote-debugging-port=0', f'--user-data-dir={SCRATCH}/profile', f'--window-size={width},{height}',
+             f'--blink-settings=preferredColorScheme={0 if dark else 1}', 'file://' + copy],
+            stdout=subprocess.DEVNULL, stderr=console, start_new_session=True)
+        answered.wait(90)
+        os.killpg(browser.pid, signal.SIGKILL)
+        browser.wait()
+    console = open(log, encoding='utf-8', errors='replace').read()
+    if answer is None:
+        sys.exit(f'{page}: the script in the page did not end; console:\n{console[-3000:]}')
+    found = json.loads(answer)
+    messages = [line for line in console.splitlines() if 'CONSOLE' in line]
     if quiet:
         check(f'console of {page} at {width} px', not messages, messages)
         check(f'errors in {page}', not found['complaints'], found['complaints'])
