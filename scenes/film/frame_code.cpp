@@ -53,8 +53,10 @@ class Writer {
     bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
   }
   void Column(const std::vector<Word>& words) {
+    bytes_.resize(bytes_.size() + 4 * words.size());
+    char* at = bytes_.data() + bytes_.size() - 4 * words.size();
     for (int shift = 0; shift < 32; shift += 8)
-      for (const Word word : words) bytes_.push_back(static_cast<char>(word >> shift));
+      for (const Word word : words) *at++ = static_cast<char>(word >> shift);
   }
   std::string Take() { return std::move(bytes_); }
 
