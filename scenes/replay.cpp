@@ -79,26 +79,25 @@ void Check(const ReplayOptions& options) {
   FilmFrame recorded;
   bool more = reader.Next(&recorded);  // one frame ahead
   if (!more) throw std::invalid_argument(path + ": holds no frame, so there is nothing to compare");
-  bool goes_on = false;
+  std::string difference;
   const std::string stopped_by = RunScene(run, [&](const World& world, int frame) {
     if (!more) {
-      goes_on = true;
-      return false;
+      difference = fmt::format("the recording ends with frame {} by {}, this run goes on", recorded.number,
+                               Printable(reader.stopped_by()));
+    } else if (world.bodies().size() != head.bodies.size()) {
+      difference = fmt::format("frame {} differs: {} bodies are recorded, this run has {}", frame, head.bodies.size(),
+                               world.bodies().size());
+    } else if (frame != recorded.number || world.StateHash() != recorded.state_hash) {
+      difference = fmt::format(
+          "frame {} differs, at {:.4g} s: state hash {:016x} in frame {} of the recording, {:016x} in this run", frame,
+          world.time(), recorded.state_hash, recorded.number, world.StateHash());
     }
-    if (world.bodies().size() != head.bodies.size())
-      throw std::runtime_error(fmt::format("{}: frame {} differs: {} bodies are recorded, this run has {}", path, frame,
-                                           head.bodies.size(), world.bodies().size()));
-    if (frame != recorded.number || world.StateHash() != recorded.state_hash)
-      throw std::runtime_error(fmt::format(
-          "{}: frame {} differs, at {:.4g} s: state hash {:016x} in frame {} of the recording, {:016x} in this run",
-          path, frame, world.time(), recorded.state_hash, recorded.number, world.StateHash()));
+    if (!difference.empty()) return false;
     ++frames;
     more = reader.Next(&recorded);
     return more || EndsByItself(reader.stopped_by());
   });
-  if (goes_on)
-    throw std::runtime_error(fmt::format("{}: the recording ends with frame {} by {}, this run goes on", path,
-                                         recorded.number, Printable(reader.stopped_by())));
+  if (!difference.empty()) throw std::runtime_error(path + ": " + difference);
   if (more)
     throw std::runtime_error(
         fmt::format("{}: this run ends with frame {} by {}, the recording goes on", path, frames - 1, stopped_by));

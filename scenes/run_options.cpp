@@ -250,7 +250,7 @@ RunOptions ParseRunArguments(const std::vector<std::string>& arguments) {
   }
   for (const CLI::Option* option : command.get_options())
     if (option->count() > 0 && !Decides(*option))
-      throw std::invalid_argument(option->get_name() + " does not decide a run");
+      throw std::invalid_argument("--" + option->get_lnames().at(0) + " does not decide a run");  // a hidden one, too
   options.arguments = arguments;
   return options;
 }

@@ -34,18 +34,20 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|effort_option|solve|view|frame_log|output_file|picture|progress|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|recorder|replay|effort_option|solve|view|frame_log|output_file|picture|progress|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
   "^(oneapi/)?tbb/"                                        "^parallel/worker_pool\\.cpp$"
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
-  "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
+  "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}|^scenes/film/film_(file|head)\\.cpp$"
+  "^zstd\\.h$"                                              "^scenes/film/chunk_file\\.cpp$"
+  "^tiny_gltf\\.h$"                                         "^scenes/film/film_gltf\\.cpp$"
   "^zlib\\.h$"                                              "^scenes/viewer/deflate\\.cpp$"
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
-  "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
+  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_/]+\\.cpp$|^qp/[a-z0-9_/]+_impl\\.h$"
   "^[a-z_]+$"                                              ".*")  # the C++ standard library: no dot, no folder

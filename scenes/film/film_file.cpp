@@ -94,7 +94,8 @@ bool FilmReader::Next(FilmFrame* frame) {
   if (!right)
     file_.Refuse(chunk.offset, "the end does not tell why it ended after " + std::to_string(frames_) + " frames");
   const std::string stopped_by = end["stopped_by"].get<std::string>();
-  if (NextChunk(&chunk) || file_.left_over() > 0) file_.Refuse(file_.offset(), "the recording goes on behind its end");
+  const std::uint64_t behind = file_.offset();
+  if (NextChunk(&chunk) || file_.left_over() > 0) file_.Refuse(behind, "the recording goes on behind its end");
   stopped_by_ = stopped_by;
   return false;
 }

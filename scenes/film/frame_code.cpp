@@ -53,8 +53,10 @@ class Writer {
     bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
   }
   void Column(const std::vector<Word>& words) {
+    bytes_.resize(bytes_.size() + 4 * words.size());
+    char* at = bytes_.data() + bytes_.size() - 4 * words.size();
     for (int shift = 0; shift < 32; shift += 8)
-      for (const Word word : words) bytes_.push_back(static_cast<char>(word >> shift));
+      for (const Word word : words) *at++ = static_cast<char>(word >> shift);
   }
   std::string Take() { return std::move(bytes_); }
 
@@ -123,39 +125,39 @@ void Check(const FilmFrame& frame, const FilmFrame& before, size_t bodies) {
   }
 }
 
-// Finds for contacts that are asked for in their order the same ones in the frame before.
-class ContactsBefore {
- public:
-  explicit ContactsBefore(const std::vector<FilmContact>& before) : before_(before) {
-    next_.reserve(before.size());
-    // Backwards, so that the first contact of a pair stays.
-    for (size_t i = before.size(); i-- > 0;) next_[Key(before[i])] = i;
-  }
-  const FilmContact& Of(const FilmContact& contact) {
-    static const FilmContact kNone;
-    const auto place = next_.find(Key(contact));
-    if (place == next_.end()) return kNone;
-    const size_t found = place->second;
-    if (found + 1 < before_.size() && Key(before_[found + 1]) == place->first) {
-      ++place->second;
-    } else {
-      next_.erase(place);
-    }
-    return before_[found];
-  }
+std::uint64_t PairOf(const FilmContact& c) {
+  return std::uint64_t{static_cast<Word>(c.body_a)} << 32 | static_cast<Word>(c.body_b);
+}
 
- private:
-  static std::uint64_t Key(const FilmContact& c) {
-    return static_cast<std::uint64_t>(static_cast<Word>(c.body_a)) << 32 | static_cast<Word>(c.body_b);
+// For each contact the one of the same bodies in the frame before, and as many before it with them; or one of zeros.
+std::vector<const FilmContact*> SameBefore(const std::vector<FilmContact>& contacts,
+                                           const std::vector<FilmContact>& before) {
+  static const FilmContact kNone;
+  std::unordered_map<std::uint64_t, size_t> next;  // of a pair: where its next contact is
+  next.reserve(before.size());
+  for (size_t i = before.size(); i-- > 0;) next[PairOf(before[i])] = i;  // the first stays
+  std::vector<const FilmContact*> same(contacts.size(), &kNone);
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    const auto place = next.find(PairOf(contacts[i]));
+    if (place == next.end() || place->second >= before.size() || PairOf(before[place->second]) != place->first)
+      continue;
+    same[i] = &before[place->second++];
   }
-  const std::vector<FilmContact>& before_;
-  std::unordered_map<std::uint64_t, size_t> next_;
-};
+  return same;
+}
+
+constexpr int kNormal = 3, kImpulse = 6, kContactParts = 9;
 
 float& PartOf(FilmContact& c, int part) {
-  return part < 3 ? c.point_W[part] : part < 6 ? c.normal_W[part - 3] : c.impulse_W[part - 6];
+  return part < kNormal ? c.point_W[part] : part < kImpulse ? c.normal_W[part - kNormal] : c.impulse_W[part - kImpulse];
 }
-Word BitsOf(const FilmContact& c, int part) { return std::bit_cast<Word>(PartOf(const_cast<FilmContact&>(c), part)); }
+
+// What a part is told against.
+Word Expected(const std::vector<FilmContact>& contacts, const std::vector<const FilmContact*>& same, size_t i,
+              int part) {
+  const bool of_face = part >= kNormal && part < kImpulse && i > 0 && PairOf(contacts[i]) == PairOf(contacts[i - 1]);
+  return std::bit_cast<Word>(PartOf(const_cast<FilmContact&>(of_face ? contacts[i - 1] : *same[i]), part));
+}
 
 }  // namespace
 
@@ -200,11 +202,11 @@ std::string EncodeFrame(const FilmFrame& frame, const FilmFrame& before, size_t 
   for (size_t i = 0; i < contacts.size(); ++i)
     words[i] = static_cast<Word>(contacts[i].body_b) - static_cast<Word>(i ? contacts[i - 1].body_b : 0);
   writer.Column(words);
-  ContactsBefore contacts_before(before.contacts);
-  std::vector<const FilmContact*> known;
-  for (const FilmContact& c : contacts) known.push_back(&contacts_before.Of(c));
-  for (int part = 0; part < 9; ++part) {
-    for (size_t i = 0; i < contacts.size(); ++i) words[i] = BitsOf(contacts[i], part) ^ BitsOf(*known[i], part);
+  const std::vector<const FilmContact*> same = SameBefore(contacts, before.contacts);
+  for (int part = 0; part < kContactParts; ++part) {
+    for (size_t i = 0; i < contacts.size(); ++i)
+      words[i] =
+          std::bit_cast<Word>(PartOf(const_cast<FilmContact&>(contacts[i]), part)) ^ Expected(contacts, same, i, part);
     writer.Column(words);
   }
   return writer.Take();
@@ -255,13 +257,11 @@ FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame& before, size_t bo
   for (Word i = 0, body = 0; i < num_contacts; ++i) contacts[i].body_a = static_cast<int>(body += words[i]);
   reader.Column(&words);
   for (Word i = 0, body = 0; i < num_contacts; ++i) contacts[i].body_b = static_cast<int>(body += words[i]);
-  ContactsBefore contacts_before(before.contacts);
-  std::vector<const FilmContact*> known;
-  for (const FilmContact& c : contacts) known.push_back(&contacts_before.Of(c));
-  for (int part = 0; part < 9; ++part) {
+  const std::vector<const FilmContact*> same = SameBefore(contacts, before.contacts);
+  for (int part = 0; part < kContactParts; ++part) {
     reader.Column(&words);
-    for (Word i = 0; i < num_contacts; ++i)
-      PartOf(contacts[i], part) = std::bit_cast<float>(words[i] ^ BitsOf(*known[i], part));
+    for (size_t i = 0; i < contacts.size(); ++i)
+      PartOf(contacts[i], part) = std::bit_cast<float>(words[i] ^ Expected(contacts, same, i, part));
   }
   Check(frame, before, bodies);
   return frame;

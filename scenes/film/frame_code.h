@@ -7,9 +7,9 @@
 //   column  one 32-bit word of each body or contact: first all lowest bytes, at last all highest ones
 //   bodies  x, y, z, rotation x, y, z, w, island, accuracy: the bits, exclusive-or those of the frame before (of the first: 0); frozen (0
 //           or 1): no column but a byte each
-//   contacts  body_a, less that of the contact before; body_b, less that of the contact before (both modulo 2^32); point, normal,
-//           impulse: the bits, exclusive-or those of the contact in the frame before that has the same bodies, and as many before it
-//           with them (without such a one: 0)
+//   contacts  body_a, less that of the contact before in the list; body_b, the same (both modulo 2^32); point, normal, impulse: the bits,
+//           exclusive-or those of the contact in the frame before that has the same bodies, and as many before it with them (without
+//           such a one: 0). A normal: those of the contact before in the list, if it has the same bodies, since flat faces share theirs.
 //   errors  std::invalid_argument that names what is wrong; numbers that are not finite are
 //   threads pure functions
 #pragma once
