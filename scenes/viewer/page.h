@@ -20,7 +20,7 @@ namespace islet {
 
 // Where the page opens.
 enum class PageStart {
-  kBeginning,   // at frame 0, playing
+  kBeginning,   // at frame 0
   kWorstFrame,  // at the first failed step, else where the accuracy is worst; with the table of the run's numbers
 };
 

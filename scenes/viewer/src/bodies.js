@@ -30,7 +30,8 @@ export class Bodies {
     const byShape = new Map();
     for (const i of solid) {
       const shape = head.bodies.shape[i];
-      byShape.set(shape, [...(byShape.get(shape) ?? []), i]);
+      if (!byShape.has(shape)) byShape.set(shape, []);
+      byShape.get(shape).push(i);
     }
     for (const [shape, numbers] of byShape) {
       const plain = new MeshStandardMaterial({roughness: 0.72, metalness: 0});

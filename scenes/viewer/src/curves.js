@@ -13,8 +13,8 @@ export function makeCurves(film, onScrub) {
       series('detect', milliseconds('detect'), 'c1', ms), series('blows', milliseconds('pq'), 'c6', ms), series('collisions', milliseconds('collision_qp'), 'c2', ms),
       series('resting', milliseconds('static_qp'), 'c3', ms), series('freeze', milliseconds('freeze'), 'c4', ms),
       series('move', milliseconds('move').map((x, i) => x + 1e3 * values('cut_islands')[i]), 'c5', ms)]},
-    {id: 'energy', title: 'Energy', unit: 'J', series: [
-      series('kinetic', values('kinetic'), 'c2'), series('total, against the start', values('kinetic').map((x, i) => x + values('potential')[i]), 'c1')]},
+    {id: 'energy', title: 'Energy', unit: 'J, potential from the start', series: [
+      series('kinetic', values('kinetic'), 'c2'), series('total', values('kinetic').map((x, i) => x + values('potential')[i]), 'c1')]},
     {id: 'accuracy', title: 'Accuracy', unit: 'of v_ref, worst island', log: true, aim: film.head.tolerance, series: [series('natural map', values('accuracy'), 'c3', (x) => number(x, 2))]},
     {id: 'ledger', title: 'Ledger', unit: 'relative; red: failed step', log: true, marks: values('failed'), series: [
       series('energy created', values('energy_created'), 'c2', (x) => number(x, 2)), series('momentum', values('momentum_unexplained'), 'c1', (x) => number(x, 2)),

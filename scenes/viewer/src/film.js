@@ -43,7 +43,7 @@ export class Film {
       this.#use(k);
       return frame;
     }
-    void this.frame(i, withContacts);
+    this.frame(i, withContacts).catch(() => {});  // who shows it will hear of it
     return null;
   }
 

@@ -24,6 +24,13 @@ export function contactTable(frame, body, dt, pick) {
   return make('div', {}, ...(rows.length ? [table] : []), ...(more > 0 ? [make('p', {class: 'note'}, `and ${count(more)} that press less`)] : []));
 }
 
+// Of the way in the last step, as far as the steps of the positions tell it.
+function speed(moved, {dt, steps}) {
+  if (moved === null) return 'not known';
+  const least = 2 * steps.position;
+  return moved > 0 && moved < least ? `below ${number(least / dt, 2)} m/s` : `${number(moved / dt)} m/s`;
+}
+
 // before: the frame before, or null.
 export function bodyTable(film, frame, before, body, pick) {
   const {head} = film, {bodies} = head;
@@ -40,7 +47,7 @@ export function bodyTable(film, frame, before, body, pick) {
     row('Number', String(body)), row('Shape', `${head.shapes[bodies.shape[body]].kind}, ${state}`),
     ...(fixed ? [] : [row('Mass', `${number(bodies.mass[body])} kg`)]),
     row('Position', `${vector(place)} m`),
-    row('Speed', moved === null ? 'not known' : `${number(moved / head.dt)} m/s`),
+    row('Speed', speed(moved, head)),
     row('Island', island < 0 ? 'none' : `${island}, of ${count(members)} ${members === 1 ? 'body' : 'bodies'}`),
     ...(frame.accuracy[body] > 0 ? [row('Accuracy', `${number(frame.accuracy[body])} of v_ref`)] : []),
     row('Contacts', cut ? `${touching.length} of those kept` : String(touching.length)),
