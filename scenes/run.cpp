@@ -134,9 +134,9 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
-  const std::string page_line = page ? page->Finish(stopped_by) : "";
-  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}{}", run_report.Summary(), page_line);
+  fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
+  if (page) fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", page->Finish(stopped_by));
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
   return stopped_by;
 }

@@ -229,6 +229,13 @@ check_equal("exit status of islet view with a recording and --seconds" "${status
 check_match("message of it" stderr "stack.film is a recording, which --seconds=3")
 islet(status stdout stderr view stack.film --out stack.film)
 check_equal("exit status of a page over its recording" "${status}" 2)
+if(EXISTS /dev/full)  # the run goes on without its page
+  islet(status stdout stderr run stack --count 3 --frames 5 --html /dev/full --report -)
+  check_equal("exit status of a page that does not fit" "${status}" 1)
+  check_match("message of it" stderr "cannot write /dev/full: No space")
+  string(JSON value GET "${stdout}" frames)
+  check_equal("frames of its report" "${value}" 5)
+endif()
 file(WRITE ${SCRATCH}/cut.film "islet")
 islet(status stdout stderr view cut.film --out other.html)
 check_equal("exit status of islet view of a damaged recording" "${status}" 2)
