@@ -42,6 +42,14 @@ export function colourModes(head) {
     for (let i = 0; i < bodies; ++i) paint(i, colour(frame, i));
   };
   const numbers = Array.from({length: bodies}, (_, i) => byNumber(i));
+  const byIsland = (frame, paint) => {
+    const members = new Int32Array(bodies);
+    for (const island of frame.island) if (island >= 0) ++members[island];
+    for (let i = 0; i < bodies; ++i) {
+      const island = frame.island[i];
+      paint(i, frame.frozen[i] ? FROZEN : island < 0 || members[island] < 2 ? NOBODY : numbers[island]);
+    }
+  };
   // An impulse that carries the typical weight through a step is in the middle.
   const masses = head.bodies.mass.filter((m) => m > 0).sort((a, b) => a - b);
   const weight = (masses[masses.length >> 1] ?? 1) * (Math.hypot(...head.gravity) || 9.81) * head.dt;
@@ -54,8 +62,7 @@ export function colourModes(head) {
   return [
     {id: 'body', name: 'Body', contacts: false, colours: each((frame, i) => (head.bodies.kind[i] === 'dynamic' ? numbers[i] : NOBODY)), legend: {items: []}},
     {id: 'island', name: 'Island', contacts: false,
-      colours: each((frame, i) => (frame.frozen[i] ? FROZEN : frame.island[i] < 0 ? NOBODY : numbers[frame.island[i]])),
-      legend: {items: [[css(FROZEN), 'frozen'], [null, 'a colour for each island']]}},
+      colours: byIsland, legend: {items: [[css(FROZEN), 'frozen'], [css(NOBODY), 'alone'], [null, 'a colour for each island']]}},
     {id: 'awake', name: 'Awake or frozen', contacts: false,
       colours: each((frame, i) => (head.bodies.kind[i] !== 'dynamic' ? NOBODY : frame.frozen[i] ? FROZEN : AWAKE)),
       legend: {items: [[css(AWAKE), 'awake'], [css(FROZEN), 'frozen']]}},

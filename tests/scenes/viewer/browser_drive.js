@@ -8,7 +8,7 @@
   };
   const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
   const until = async (what, condition) => {
-    for (let k = 0; k < 500; ++k) {
+    for (let k = 0; k < 1500; ++k) {
       if (condition()) return check(what, true);
       await pause(20);
     }
@@ -20,7 +20,7 @@
     return fetch('http://127.0.0.1:PORT', {method: 'POST', mode: 'no-cors', body: JSON.stringify(found)});
   };
   try {
-    for (let k = 0; k < 300 && $('message').textContent === 'Loading'; ++k) await pause(20);
+    for (let k = 0; k < 1500 && $('message').textContent === 'Loading'; ++k) await pause(20);
     found.message = $('message').textContent;
     if (found.message !== '') return;
     const v = window.islet, last = v.film.frames - 1;
