@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <string>
+#include <cstdio>
+#include <stdexcept>
 
 namespace islet {
 namespace {
@@ -32,14 +33,25 @@ FilmHead RunHead(const RunOptions& options, const Scene& scene, const SceneInfo&
 }
 
 Recorder::Recorder(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world)
-    : start_(PotentialEnergy(world)), writer_(options.record, RunHead(options, scene, info, world)) {
+    : path_(options.record),
+      start_(PotentialEnergy(world)),
+      writer_(options.record, RunHead(options, scene, info, world)) {
   writer_.Add(FrameOf(world, {}, 0, 0, start_));
 }
 
 void Recorder::Add(const World& world, const StepReport& report, int frame, double step_seconds) {
-  writer_.Add(FrameOf(world, report, frame, step_seconds, start_));
+  if (!failure_.empty()) return;
+  try {
+    writer_.Add(FrameOf(world, report, frame, step_seconds, start_));
+  } catch (const std::runtime_error& error) {
+    failure_ = fmt::format("{}; the recording ends before frame {}", error.what(), frame);
+    fmt::print(stderr, "islet: {}, the run goes on\n", failure_);
+  }
 }
 
-void Recorder::Finish(const std::string& stopped_by) { writer_.Finish(stopped_by); }
+void Recorder::Finish(const std::string& stopped_by) {
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  writer_.Finish(stopped_by);
+}
 
 }  // namespace islet

@@ -1,5 +1,6 @@
 // Keeps a run as a film while it goes on: frame 0 at once, then one after each step.
-//   errors: those of FilmWriter (film/film_file.h), all with the file's name
+//   errors: of what cannot be recorded at all, or not written at the start: those of FilmWriter (film/film_file.h). Of a later frame: the
+//           run goes on without a recording, the standard error tells it at once, and Finish() throws std::runtime_error.
 #pragma once
 
 #include "scenes/film/film_file.h"
@@ -17,6 +18,8 @@ class Recorder {
   void Finish(const std::string& stopped_by);
 
  private:
+  std::string path_;
+  std::string failure_;
   double start_;  // [J] potential energy of frame 0
   FilmWriter writer_;
 };

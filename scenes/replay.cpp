@@ -16,10 +16,13 @@
 namespace islet {
 namespace {
 
-// A recording's texts are not ours: nothing in them may steer a terminal.
+// A recording's texts are not ours: no control character in them may steer a terminal, also none of two bytes (C2 80 to C2 9F).
 std::string Printable(std::string text) {
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+  for (size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : 0);
+    if (byte < 32 || byte == 127 || (byte == 0xc2 && next >= 0x80 && next < 0xa0)) text[i] = '?';
+  }
   return text;
 }
 
@@ -46,9 +49,11 @@ void Tell(const std::string& path) {
   if (frames > 0) text += fmt::format("  state hash  {:016x} in frame {}, the last\n", last.state_hash, last.number);
   if (!reader.stopped_by().empty())
     text += fmt::format("  end         complete, stopped by {}\n", Printable(reader.stopped_by()));
-  else
+  else if (frames > 0)
     text +=
         fmt::format("  end         cut off behind frame {}; {} bytes of another\n", last.number, reader.left_over());
+  else
+    text += fmt::format("  end         cut off before the first frame; {} bytes of it\n", reader.left_over());
   fmt::print("{}", text);
 }
 
@@ -64,6 +69,9 @@ void Check(const ReplayOptions& options) {
   if (head.arguments.empty()) throw std::invalid_argument(path + ": does not tell the command that made it");
   if (!head.scene_text.empty())
     throw std::invalid_argument(path + ": is of a scene file, whose runs this program cannot check");
+  for (const std::string& argument : head.arguments)
+    if (Printable(argument) != argument)
+      throw std::invalid_argument(path + ": its command has control characters: " + Printable(head.command));
   RunOptions run;
   try {
     run = ParseRunArguments(head.arguments);
@@ -128,7 +136,9 @@ void AddReplayOptions(CLI::App* command, ReplayOptions* options) {
       ->required()
       ->type_name("FILE");
   command->add_flag("--check", options->check, "run it again and compare the state hash of every frame");
-  command->add_option("--out", options->out, "write it as glTF 2.0 with animation, for Blender")->type_name("FILE.glb");
+  command->add_option("--out", options->out, "write it as glTF 2.0 with animation, for Blender")
+      ->type_name("FILE.glb")
+      ->check([](const std::string& name) { return name.ends_with(".glb") ? "" : "must end in .glb; got " + name; });
   command->add_option("--threads", options->threads, "of --check; 0: all cores (default)")->type_name("N");
   command->footer(
       "Without --check and --out it prints what the recording holds.\n"
@@ -138,8 +148,6 @@ void AddReplayOptions(CLI::App* command, ReplayOptions* options) {
 void Replay(const ReplayOptions& options) {
   const bool convert = !options.out.empty();
   if (convert) {
-    if (std::filesystem::path(options.out).extension() != ".glb")
-      throw std::invalid_argument("--out must end in .glb; got " + options.out);
     if (SameOutput(options.out, options.file)) throw std::invalid_argument("--out would overwrite " + options.file);
     CheckWritable("--out", options.out);
   }

@@ -129,7 +129,6 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   }
   if (watch) return stopped_by;
   run_report.Finish(world, WallTime() - start, stopped_by);
-  if (recorder) recorder->Finish(stopped_by);
 
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? picture.Draw(world) : drawing);
   if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
@@ -138,6 +137,7 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
   if (page) fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", page->Finish(stopped_by));
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
+  if (recorder) recorder->Finish(stopped_by);
   return stopped_by;
 }
 

@@ -38,10 +38,10 @@ FilmWriter::FilmWriter(const std::string& path, const FilmHead& head)
 void FilmWriter::Add(const FilmFrame& frame) {
   std::string bytes;
   try {
-    bytes = EncodeFrame(frame, before_, bodies_);
+    bytes = EncodeFrame(frame, frames_ > 0 ? &before_ : nullptr, bodies_);
   } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(path_ + ": frame " + std::to_string(frame.number) +
-                                " cannot be recorded: " + error.what());
+    throw std::runtime_error(path_ + ": frame " + std::to_string(frame.number) +
+                             " cannot be recorded: " + error.what());
   }
   file_.Append(ChunkKind::kFrame, bytes);
   before_ = frame;
@@ -79,7 +79,7 @@ bool FilmReader::Next(FilmFrame* frame) {
   if (chunk.kind == ChunkKind::kHead) file_.Refuse(chunk.offset, "a second head");
   if (chunk.kind == ChunkKind::kFrame) {
     try {
-      before_ = DecodeFrame(chunk.bytes, before_, head_.bodies.size());
+      before_ = DecodeFrame(chunk.bytes, frames_ > 0 ? &before_ : nullptr, head_.bodies.size());
     } catch (const std::invalid_argument& error) {
       file_.Refuse(chunk.offset, "the frame behind " + std::to_string(frames_) + " others: " + error.what());
     }

@@ -1,8 +1,8 @@
 // Recordings: a film in a file that grows frame by frame (chunk_file.h, film_head.h and frame_code.h say how).
 //
 //   in:  a film's head, then its frames       out: the same, bit for bit; every frame that was added before a kill
-//   errors: writing: std::runtime_error with path and reason; what cannot be recorded (a custom shape, a number that is not finite, more
-//           bodies than kMostFilmBodies): std::invalid_argument
+//   errors: writing: std::runtime_error with path and reason, also for a frame with a number that is not finite; std::invalid_argument for
+//           a head that cannot be recorded (a custom shape, more than kMostFilmBodies)
 //           reading: std::invalid_argument with path, offset in bytes and what is wrong
 //   memory: a reader holds two frames, and checks sizes before it asks for memory
 //   threads: a writer or reader belongs to one thread

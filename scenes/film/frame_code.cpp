@@ -17,8 +17,7 @@ static_assert(std::endian::native == std::endian::little);
 
 using Word = std::uint32_t;
 
-constexpr size_t kBodyWords = 9, kContactWords = 11;
-constexpr int kPoseWords = 7;
+constexpr int kPoseWords = 7, kBodyWords = 9, kContactWords = 11;
 constexpr size_t kFixedBytes = 3 * 4 + 8 + 8 + 8 * 4 + 15 * 8;
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& rule) {
@@ -87,15 +86,14 @@ class Reader {  // the size was checked before
   std::string_view bytes_;
 };
 
-void Check(const FilmFrame& frame, const FilmFrame& before, size_t bodies) {
+void Check(const FilmFrame& frame, const FilmFrame* before, size_t bodies) {
   if (frame.poses.size() != bodies || frame.frozen.size() != bodies || frame.island.size() != bodies ||
       frame.accuracy.size() != bodies)
     Refuse("the frame", "does not have the " + std::to_string(bodies) + " bodies of the head");
-  const bool first = before.poses.empty() && before.number == 0;
-  if (frame.number < 0 || (!before.poses.empty() && frame.number <= before.number))
+  if (frame.number < 0 || (before && frame.number <= before->number))
     Refuse("number", "must grow from frame to frame, got " + std::to_string(frame.number));
   RequireFinite("time", frame.time);
-  if (!first && !(frame.time > before.time))
+  if (before && !(frame.time > before->time))
     Refuse("time", "must grow from frame to frame, got " + std::to_string(frame.time));
   const auto integer = [](const char* what, int value) {
     if (value < 0) Refuse(what, "must not be negative, got " + std::to_string(value));
@@ -130,9 +128,10 @@ std::uint64_t PairOf(const FilmContact& c) {
 }
 
 // For each contact the one of the same bodies in the frame before, and as many before it with them; or one of zeros.
-std::vector<const FilmContact*> SameBefore(const std::vector<FilmContact>& contacts,
-                                           const std::vector<FilmContact>& before) {
+std::vector<const FilmContact*> SameBefore(const std::vector<FilmContact>& contacts, const FilmFrame* frame_before) {
   static const FilmContact kNone;
+  static const std::vector<FilmContact> kNothing;
+  const std::vector<FilmContact>& before = frame_before ? frame_before->contacts : kNothing;
   std::unordered_map<std::uint64_t, size_t> next;  // of a pair: where its next contact is
   next.reserve(before.size());
   for (size_t i = before.size(); i-- > 0;) next[PairOf(before[i])] = i;  // the first stays
@@ -148,7 +147,8 @@ std::vector<const FilmContact*> SameBefore(const std::vector<FilmContact>& conta
 
 constexpr int kNormal = 3, kImpulse = 6, kContactParts = 9;
 
-float& PartOf(FilmContact& c, int part) {
+template <typename Contact>
+auto& PartOf(Contact& c, int part) {
   return part < kNormal ? c.point_W[part] : part < kImpulse ? c.normal_W[part - kNormal] : c.impulse_W[part - kImpulse];
 }
 
@@ -156,7 +156,20 @@ float& PartOf(FilmContact& c, int part) {
 Word Expected(const std::vector<FilmContact>& contacts, const std::vector<const FilmContact*>& same, size_t i,
               int part) {
   const bool of_face = part >= kNormal && part < kImpulse && i > 0 && PairOf(contacts[i]) == PairOf(contacts[i - 1]);
-  return std::bit_cast<Word>(PartOf(const_cast<FilmContact&>(of_face ? contacts[i - 1] : *same[i]), part));
+  return std::bit_cast<Word>(PartOf(of_face ? contacts[i - 1] : *same[i], part));
+}
+
+// Of a body, by column: pose, island, accuracy.
+Word BodyWord(const FilmFrame* frame, int column, size_t body) {
+  if (!frame) return 0;
+  if (column < kPoseWords) return std::bit_cast<Word>(frame->poses[body][column]);
+  return column == kPoseWords ? static_cast<Word>(frame->island[body]) : std::bit_cast<Word>(frame->accuracy[body]);
+}
+
+void SetBodyWord(FilmFrame* frame, int column, size_t body, Word word) {
+  if (column < kPoseWords) frame->poses[body][column] = std::bit_cast<float>(word);
+  if (column == kPoseWords) frame->island[body] = static_cast<int>(word);
+  if (column > kPoseWords) frame->accuracy[body] = std::bit_cast<float>(word);
 }
 
 }  // namespace
@@ -165,7 +178,7 @@ std::uint64_t FrameBytes(size_t bodies, size_t contacts) {
   return kFixedBytes + bodies * (4 * kBodyWords + 1) + contacts * 4 * kContactWords;
 }
 
-std::string EncodeFrame(const FilmFrame& frame, const FilmFrame& before, size_t bodies) {
+std::string EncodeFrame(const FilmFrame& frame, const FilmFrame* before, size_t bodies) {
   Check(frame, before, bodies);
   Writer writer(FrameBytes(bodies, frame.contacts.size()));
   writer.Put(static_cast<Word>(frame.number));
@@ -179,19 +192,11 @@ std::string EncodeFrame(const FilmFrame& frame, const FilmFrame& before, size_t 
   VisitNumbers(
       frame.numbers, [](const char*, int) {}, [&](const char*, double value) { writer.Put(value); });
 
-  const bool first = before.poses.empty();
   std::vector<Word> words(bodies);
-  for (int k = 0; k < kPoseWords; ++k) {
-    for (size_t i = 0; i < bodies; ++i)
-      words[i] = std::bit_cast<Word>(frame.poses[i][k]) ^ (first ? 0 : std::bit_cast<Word>(before.poses[i][k]));
+  for (int column = 0; column < kBodyWords; ++column) {
+    for (size_t i = 0; i < bodies; ++i) words[i] = BodyWord(&frame, column, i) ^ BodyWord(before, column, i);
     writer.Column(words);
   }
-  for (size_t i = 0; i < bodies; ++i)
-    words[i] = static_cast<Word>(frame.island[i]) ^ (first ? 0 : static_cast<Word>(before.island[i]));
-  writer.Column(words);
-  for (size_t i = 0; i < bodies; ++i)
-    words[i] = std::bit_cast<Word>(frame.accuracy[i]) ^ (first ? 0 : std::bit_cast<Word>(before.accuracy[i]));
-  writer.Column(words);
   for (const std::uint8_t frozen : frame.frozen) writer.Put(frozen);
 
   const std::vector<FilmContact>& contacts = frame.contacts;
@@ -202,17 +207,16 @@ std::string EncodeFrame(const FilmFrame& frame, const FilmFrame& before, size_t 
   for (size_t i = 0; i < contacts.size(); ++i)
     words[i] = static_cast<Word>(contacts[i].body_b) - static_cast<Word>(i ? contacts[i - 1].body_b : 0);
   writer.Column(words);
-  const std::vector<const FilmContact*> same = SameBefore(contacts, before.contacts);
+  const std::vector<const FilmContact*> same = SameBefore(contacts, before);
   for (int part = 0; part < kContactParts; ++part) {
     for (size_t i = 0; i < contacts.size(); ++i)
-      words[i] =
-          std::bit_cast<Word>(PartOf(const_cast<FilmContact&>(contacts[i]), part)) ^ Expected(contacts, same, i, part);
+      words[i] = std::bit_cast<Word>(PartOf(contacts[i], part)) ^ Expected(contacts, same, i, part);
     writer.Column(words);
   }
   return writer.Take();
 }
 
-FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame& before, size_t bodies) {
+FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame* before, size_t bodies) {
   if (bytes.size() < kFixedBytes) Refuse("the frame", "has only " + std::to_string(bytes.size()) + " bytes");
   Reader reader(bytes);
   FilmFrame frame;
@@ -234,20 +238,14 @@ FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame& before, size_t bo
   VisitNumbers(
       frame.numbers, [](const char*, int&) {}, [&](const char*, double& value) { value = reader.Get<double>(); });
 
-  const bool first = before.poses.empty();
-  std::vector<Word> words(bodies);
   frame.poses.resize(bodies);
-  for (int k = 0; k < kPoseWords; ++k) {
+  frame.island.resize(bodies);
+  frame.accuracy.resize(bodies);
+  std::vector<Word> words(bodies);
+  for (int column = 0; column < kBodyWords; ++column) {
     reader.Column(&words);
-    for (size_t i = 0; i < bodies; ++i)
-      frame.poses[i][k] = std::bit_cast<float>(words[i] ^ (first ? 0 : std::bit_cast<Word>(before.poses[i][k])));
+    for (size_t i = 0; i < bodies; ++i) SetBodyWord(&frame, column, i, words[i] ^ BodyWord(before, column, i));
   }
-  reader.Column(&words);
-  for (size_t i = 0; i < bodies; ++i)
-    frame.island.push_back(static_cast<int>(words[i] ^ (first ? 0 : static_cast<Word>(before.island[i]))));
-  reader.Column(&words);
-  for (size_t i = 0; i < bodies; ++i)
-    frame.accuracy.push_back(std::bit_cast<float>(words[i] ^ (first ? 0 : std::bit_cast<Word>(before.accuracy[i]))));
   for (size_t i = 0; i < bodies; ++i) frame.frozen.push_back(reader.Get<std::uint8_t>());
 
   std::vector<FilmContact>& contacts = frame.contacts;
@@ -257,7 +255,7 @@ FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame& before, size_t bo
   for (Word i = 0, body = 0; i < num_contacts; ++i) contacts[i].body_a = static_cast<int>(body += words[i]);
   reader.Column(&words);
   for (Word i = 0, body = 0; i < num_contacts; ++i) contacts[i].body_b = static_cast<int>(body += words[i]);
-  const std::vector<const FilmContact*> same = SameBefore(contacts, before.contacts);
+  const std::vector<const FilmContact*> same = SameBefore(contacts, before);
   for (int part = 0; part < kContactParts; ++part) {
     reader.Column(&words);
     for (size_t i = 0; i < contacts.size(); ++i)

@@ -26,8 +26,8 @@ inline constexpr std::size_t kMostFrameContacts = 1 << 19;
 
 std::uint64_t FrameBytes(std::size_t bodies, std::size_t contacts);  // of a frame
 
-// before: the frame before it, or an empty one. Both check that the frame has so many bodies, comes after that, and is finite.
-std::string EncodeFrame(const FilmFrame& frame, const FilmFrame& before, std::size_t bodies);
-FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame& before, std::size_t bodies);
+// before: the frame before it, none for the first. Both check that the frame has so many bodies, comes after that, and is finite.
+std::string EncodeFrame(const FilmFrame& frame, const FilmFrame* before, std::size_t bodies);
+FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame* before, std::size_t bodies);
 
 }  // namespace islet

@@ -58,9 +58,9 @@ void ReadHead(std::string_view bytes) {
 
 void ReadFrame(std::string_view bytes) {
   try {
-    const islet::FilmFrame frame = islet::DecodeFrame(bytes, {}, 2);
-    Require(islet::EncodeFrame(frame, {}, 2) == bytes);
-    Require(islet::EncodeFrame(islet::DecodeFrame(bytes, {}, 2), {}, 2) == bytes);
+    const islet::FilmFrame frame = islet::DecodeFrame(bytes, nullptr, 2);
+    Require(islet::EncodeFrame(frame, nullptr, 2) == bytes);
+    Require(islet::EncodeFrame(islet::DecodeFrame(bytes, nullptr, 2), nullptr, 2) == bytes);
   } catch (const std::invalid_argument&) {
   }
 }

@@ -241,7 +241,7 @@ TEST(FilmFile, HullsThatAreWrongAreRefused) {
 TEST(FilmFile, FramesThatAreWrongAreRefusedWithTheirPlace) {
   const Scratch scratch;
   const Film film = Small();
-  const std::string first = EncodeFrame(film.frames[0], {}, 2);
+  const std::string first = EncodeFrame(film.frames[0], nullptr, 2);
   const auto refused = [&](const std::string& second, const std::string& message) {
     ChunkWriter writer(scratch.path(), ChunkKind::kHead, HeadToJson(film.head));
     writer.Append(ChunkKind::kFrame, first);
@@ -252,7 +252,7 @@ TEST(FilmFile, FramesThatAreWrongAreRefusedWithTheirPlace) {
                 HasSubstr(scratch.path() + ": byte " + std::to_string(offset) + ": the frame behind 1 others: "));
     EXPECT_THAT(RefusalOf(scratch.path()), HasSubstr(message));
   };
-  const std::string second = EncodeFrame(film.frames[1], film.frames[0], 2);
+  const std::string second = EncodeFrame(film.frames[1], &film.frames[0], 2);
   const auto with = [&](size_t at, const std::string& bytes) {
     return second.substr(0, at) + bytes + second.substr(at + bytes.size());
   };
@@ -280,7 +280,7 @@ TEST(FilmFile, FramesThatAreWrongAreRefusedWithTheirPlace) {
 TEST(FilmFile, ChunksOutOfOrderAreRefused) {
   const Scratch scratch;
   const Film film = Small();
-  const std::string head = HeadToJson(film.head), frame = EncodeFrame(film.frames[0], {}, 2);
+  const std::string head = HeadToJson(film.head), frame = EncodeFrame(film.frames[0], nullptr, 2);
   { ChunkWriter(scratch.path(), ChunkKind::kEnd, "{}"); }
   EXPECT_THAT(RefusalOf(scratch.path()), HasSubstr("not the head"));
   {
@@ -352,7 +352,7 @@ TEST(FilmFile, WhatCannotBeRecordedLeavesTheFileAsItWas) {
 
   film = Small();
   film.frames[2].poses[1][0] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(Write(film, scratch.path()), std::invalid_argument);
+  EXPECT_THROW(Write(film, scratch.path()), std::runtime_error);
   EXPECT_EQ(ReadFilm(scratch.path()).frames.size(), 2u);
 }
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -162,6 +163,7 @@ TEST(Record, ACheckRunsNothingButARun) {
       {{"stack", "--seed=1", "--seed=2"}, "--seed"},
       {{"stack", "--dt=nan"}, "--dt"},
       {{"nothing"}, "nothing"},
+      {{"stack\x1b[2J"}, "control characters"},
       {{}, "does not tell the command"},
   };
   for (const auto& [arguments, message] : cases) {
@@ -173,6 +175,24 @@ TEST(Record, ACheckRunsNothingButARun) {
     EXPECT_THAT(outcome.messages, HasSubstr(message));
     EXPECT_FALSE(std::filesystem::exists(target));
   }
+}
+
+TEST(Record, AFullDiskDoesNotEndTheRun) {
+  const Scratch scratch;
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{30'000, before.rlim_max};
+  std::signal(SIGXFSZ, SIG_IGN);  // the program inherits both
+  setrlimit(RLIMIT_FSIZE, &limit);
+  const Outcome outcome = RunIslet(
+      scratch, {"run", "cubejam", "--frames", "40", "--record", scratch.path(), "--report", scratch.Beside("report")});
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.messages, HasSubstr("cannot write " + scratch.path() + ": File too large; the recording ends"));
+  EXPECT_THAT(ReadBytes(scratch.Beside("report")), HasSubstr("\"frames\": 40"));
+  const Film film = ReadFilm(scratch.path());
+  EXPECT_GT(film.frames.size(), 1u);
+  EXPECT_LT(film.frames.size(), 41u);
 }
 
 TEST(Record, TellsWhatIsInIt) {
@@ -190,6 +210,11 @@ TEST(Record, TellsWhatIsInIt) {
   EXPECT_THAT(outcome.messages, HasSubstr("cut off behind frame 4; "));
   WriteBytes(scratch.path(), bytes.substr(0, bytes.size() - 1000));
   EXPECT_EQ(RunIslet(scratch, {"replay", scratch.path()}).status, 2);
+  Film film;
+  film.head.scene = "none";
+  Write(film, scratch.path());
+  outcome = RunIslet(scratch, {"replay", scratch.path()});
+  EXPECT_THAT(outcome.messages, HasSubstr("cut off before the first frame; 0 bytes"));
 }
 
 TEST(Record, WritesGltfOrNothing) {
