@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -135,9 +136,15 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
   fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", run_report.Summary());
   if (options.ReportOnStdout()) fmt::print(stdout, "{}", run_report.Json());
-  if (page) fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", page->Finish(stopped_by));
+  std::exception_ptr no_page;  // one output that fails does not cost the others
+  try {
+    if (page) fmt::print(options.ReportOnStdout() ? stderr : stdout, "{}", page->Finish(stopped_by));
+  } catch (const std::exception&) {
+    no_page = std::current_exception();
+  }
   if (std::fflush(stdout) != 0) throw std::runtime_error("cannot write to the standard output");
   if (recorder) recorder->Finish(stopped_by);
+  if (no_page) std::rethrow_exception(no_page);
   return stopped_by;
 }
 
