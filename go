@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # One command from a fresh clone on Debian 12 to a running program.
-#   ./go demo [arguments of islet run]   1,000 cubes pour through an hourglass
+#   ./go demo [arguments of islet view]  1,000 cubes pour through an hourglass; leaves a page that shows them in a browser
 #   ./go test [arguments of ctest]       every test
 #   ./go build                           the same without running anything
 #   ./go install                         only the packages
@@ -12,7 +12,7 @@ packages=(
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libfcl-dev libsuitesparse-dev
   libbenchmark-dev libgtest-dev librapidcheck-dev libhdf5-dev
-  libcli11-dev nlohmann-json3-dev libfmt-dev libcairo2-dev libcpp-httplib-dev
+  libcli11-dev nlohmann-json3-dev libfmt-dev zlib1g-dev libzstd-dev libtinygltf-dev libcairo2-dev libcpp-httplib-dev
   pybind11-dev python3-dev python3-numpy
 )
 
@@ -53,8 +53,9 @@ if (($#)); then shift; fi
 case $command in
   demo)
     build islet_program "3 minutes on two cores"
-    say "islet run cubeglass $*"
-    exec build/release/scenes/islet run cubeglass "$@"
+    say "islet view cubeglass --out build/cubeglass.html $*"
+    build/release/scenes/islet view cubeglass --out build/cubeglass.html "$@"
+    say "open it in a browser: file://$PWD/build/cubeglass.html"
     ;;
   test)
     build

@@ -2,6 +2,8 @@
 //
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
+//   islet view SCENE ...  the same as a page for a browser, see `islet view --help`
+//   islet replay FILE     what a run recorded, see `islet replay --help`
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //   islet completion S    what lets the shell S complete all this
@@ -28,10 +30,12 @@
 #include "scenes/interrupt.h"
 #include "scenes/manual.h"
 #include "scenes/output_file.h"
+#include "scenes/replay.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
 #include "scenes/verify/verify.h"
+#include "scenes/view.h"
 
 namespace {
 
@@ -79,6 +83,18 @@ int Run(int argc, char** argv) {
   islet::RunOptions options;
   islet::AddRunOptions(run, &options);
 
+  CLI::App* const view = app.add_subcommand("view", "Simulate a scene and write a page that shows it in a browser");
+  islet::RunOptions view_options;
+  islet::AddViewOptions(view, &view_options);
+  view->footer(
+      "The page is one file and needs no network. Open it in any browser.\n\n"
+      "Examples:\n"
+      "  islet view csstack --seconds 1/2 --out csstack.html\n"
+      "  islet view cubejam --count 20 --frames 20");
+  CLI::App* const replay = app.add_subcommand("replay", "Tell, check or convert what `islet run --record` kept");
+  islet::ReplayOptions replay_options;
+  islet::AddReplayOptions(replay, &replay_options);
+
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
   islet::AddSolveOptions(solve, &solve_options);
@@ -113,7 +129,15 @@ int Run(int argc, char** argv) {
   }
   if (scenes->parsed()) ListScenes(with_expectations);
   bool good = true;
-  if (run->parsed()) islet::RunScene(options);
+  if (run->parsed()) {
+    options.arguments = islet::RunArguments(*run);
+    islet::RunScene(options);
+  }
+  if (view->parsed()) {
+    view_options.arguments = islet::RunArguments(*view);
+    islet::View(view_options);
+  }
+  if (replay->parsed()) islet::Replay(replay_options);
   if (solve->parsed()) good = islet::SolveFiles(solve_options);
   if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
   if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));

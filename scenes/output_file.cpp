@@ -1,5 +1,6 @@
 #include "scenes/output_file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -8,6 +9,7 @@
 #include <filesystem>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 namespace islet {
 namespace {
@@ -45,6 +47,19 @@ std::string Write(const fs::path& path, const std::string& text) {
 }
 
 int stdout_error = 0;  // errno of the first text that did not arrive
+// Empty if all went well, else the reason.
+std::string WriteAll(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written > 0) bytes.remove_prefix(static_cast<size_t>(written));
+    if (written < 0 && errno != EINTR) return std::strerror(errno);
+  }
+  return "";
+}
+
+[[noreturn]] void Fail(const std::string& path, const std::string& reason) {
+  throw std::runtime_error("cannot write " + path + ": " + reason);
+}
 
 }  // namespace
 
@@ -92,12 +107,77 @@ void WriteWhole(const std::string& path, const std::string& text) {
     }
     if (!reason.empty()) fs::remove(temporary, error);
   }
-  if (!reason.empty()) throw std::runtime_error("cannot write " + path + ": " + reason);
+  if (!reason.empty()) Fail(path, reason);
+}
+
+OutputFile::OutputFile(const std::string& path) : path_(path) {
+  const fs::path target = Target(path);
+  target_ = target.string();
+  if (!IsSpecial(target)) temporary_ = TemporaryBeside(target).string();
+  errno = 0;
+  stream_.open(temporary_.empty() ? target_ : temporary_, std::ios::binary);
+  if (!stream_) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
+}
+
+OutputFile::~OutputFile() {
+  std::error_code error;
+  if (!temporary_.empty()) fs::remove(temporary_, error);
+}
+
+void OutputFile::Commit() {
+  errno = 0;
+  stream_.close();
+  std::string reason = stream_ ? "" : std::strerror(errno);
+  if (reason.empty() && !temporary_.empty()) {
+    std::error_code error;
+    fs::rename(temporary_, target_, error);
+    if (error) reason = error.message();
+  }
+  if (!reason.empty()) throw std::runtime_error("cannot write " + path_ + ": " + reason);
+  temporary_.clear();
 }
 
 bool SameOutput(const std::string& a, const std::string& b) {
   const fs::path target = Target(a);
   return target == Target(b) && !IsSpecial(target);
+}
+
+GrowingFile::GrowingFile(const std::string& path, std::string_view first) : path_(path) {
+  const fs::path target = Target(path);
+  const bool direct = IsSpecial(target);
+  const fs::path place = direct ? target : TemporaryBeside(target);
+  file_ = ::open(place.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0666);
+  if (file_ < 0) Fail(path, std::strerror(errno));
+  std::string reason = WriteAll(file_, first);
+  std::error_code error;
+  if (!direct && reason.empty()) {
+    fs::rename(place, target, error);
+    if (error) reason = error.message();
+  }
+  if (!reason.empty()) {
+    ::close(file_);
+    if (!direct) fs::remove(place, error);
+    Fail(path, reason);
+  }
+  size_ = first.size();
+}
+
+GrowingFile::~GrowingFile() {
+  if (file_ >= 0) ::close(file_);
+}
+
+void GrowingFile::Append(std::string_view piece) {
+  if (const std::string reason = WriteAll(file_, piece); !reason.empty()) {
+    // A pipe has no length to go back to; there what was written stays.
+    if (::ftruncate(file_, static_cast<off_t>(size_)) == 0) ::lseek(file_, static_cast<off_t>(size_), SEEK_SET);
+    Fail(path_, reason);
+  }
+  size_ += piece.size();
+}
+
+void GrowingFile::Close() {
+  const int file = std::exchange(file_, -1);
+  if (file >= 0 && ::close(file) != 0) Fail(path_, std::strerror(errno));
 }
 
 }  // namespace islet

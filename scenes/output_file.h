@@ -2,13 +2,18 @@
 //
 //   - A text goes to a temporary file beside the target, which then takes the target's name in one step.
 //   - What is no regular file (/dev/null, a pipe) is written directly.
-//   - errors: CheckWritable throws std::invalid_argument with the option's name; WriteWhole throws std::runtime_error
+//   - A file that grows takes the target's name with its first piece, and from then on holds whole pieces. Each is one write, so that a
+//     kill at any moment leaves at most a part of the last.
+//   - errors: CheckWritable throws std::invalid_argument with the option's name, the others std::runtime_error with path and reason
 //   - Print never throws, so that a full disk behind the standard output costs no file: FinishStandardOutput tells it at the end.
 //   threads: one caller at a time
 #pragma once
 
+#include <cstdint>
 #include <cstdio>
+#include <fstream>
 #include <string>
+#include <string_view>
 
 namespace islet {
 
@@ -17,7 +22,39 @@ void CheckWritable(const std::string& option, const std::string& path);
 
 void WriteWhole(const std::string& path, const std::string& text);
 
+// What is written piece by piece, by the same rules: it takes the target's name in Commit(). Without it nothing is left.
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  std::ostream& stream() { return stream_; }
+  void Commit();
+
+ private:
+  std::string path_, target_, temporary_;  // temporary: empty if it is written directly
+  std::ofstream stream_;
+};
+
 bool SameOutput(const std::string& a, const std::string& b);
+
+class GrowingFile {
+ public:
+  GrowingFile(const std::string& path, std::string_view first);
+  ~GrowingFile();
+  GrowingFile(const GrowingFile&) = delete;
+  GrowingFile& operator=(const GrowingFile&) = delete;
+
+  void Append(std::string_view piece);  // after an error the file ends with the piece before
+  void Close();                         // tells what a file system reports only now; nothing can be appended after it
+
+ private:
+  std::string path_;
+  int file_ = -1;
+  std::uint64_t size_ = 0;  // [bytes]
+};
 
 // To stdout or stderr, at once. False if it could not be written, now or before.
 bool Print(std::FILE* stream, const std::string& text);

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -18,6 +19,8 @@
 #include "scenes/output_file.h"
 #include "scenes/picture.h"
 #include "scenes/progress.h"
+#include "scenes/recorder.h"
+#include "scenes/run_page.h"
 #include "scenes/run_report.h"
 #include "scenes/trace.h"
 
@@ -74,7 +77,7 @@ int FrameLimit(const RunOptions& options, const Scene& scene) {
 
 }  // namespace
 
-void RunScene(const RunOptions& options) {
+std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   const Scene& scene = RequireScene(options.scene);
   CheckRunOptions(options);
   const int frame_limit = FrameLimit(options, scene);
@@ -107,6 +110,17 @@ void RunScene(const RunOptions& options) {
                                  options.dt, NameOf(s.model), NameOf(s.cone), s.tolerance));
   }
 
+  std::optional<Recorder> recorder;
+  if (!options.record.empty()) recorder.emplace(options, scene, info, world);
+  if (watch && !watch(world, 0)) return "watch";
+  std::optional<RunPage> page;
+  const double start_energy = PotentialEnergy(world);
+  if (!options.html.empty()) {
+    page.emplace(options.html, RunHead(options, scene, info, world),
+                 PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame, frame_limit + 1});
+    page->Add(FrameOf(world, {}, 0, 0, start_energy));
+  }
+
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   const double start = WallTime();
   for (int frame = 1; frame <= frame_limit; ++frame) {
@@ -127,14 +141,19 @@ void RunScene(const RunOptions& options) {
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
+    if (recorder) recorder->Add(world, report, frame, step_seconds);
+    if (page) page->Add(FrameOf(world, report, frame, step_seconds, start_energy));
     const bool at_rest = until_rest && rest.AtRest(world, report, options.dt);
     if (at_rest) stopped_by = "rest";
-    if (at_rest || frame == frame_limit) {
+    const bool seen = watch && !watch(world, frame);
+    if (seen) stopped_by = "watch";
+    if (at_rest || seen || frame == frame_limit) {
       progress.Finish(frame, step_seconds, report);
       break;
     }
     progress.Update(frame, step_seconds, report);
   }
+  if (watch) return stopped_by;
   run_report.Finish(world, WallTime() - start, stopped_by);
 
   if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw(world) : drawing);
@@ -143,6 +162,15 @@ void RunScene(const RunOptions& options) {
   if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
   Print(options.ReportOnStdout() ? stderr : stdout, run_report.Summary());
   if (options.ReportOnStdout()) Print(stdout, run_report.Json());
+  std::exception_ptr no_page;  // one output that fails does not cost the others
+  try {
+    if (page) Print(options.ReportOnStdout() ? stderr : stdout, page->Finish(stopped_by));
+  } catch (const std::exception&) {
+    no_page = std::current_exception();
+  }
+  if (recorder) recorder->Finish(stopped_by);
+  if (no_page) std::rethrow_exception(no_page);
+  return stopped_by;
 }
 
 }  // namespace islet

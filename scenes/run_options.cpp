@@ -124,6 +124,7 @@ void CheckFiles(const RunOptions& o) {
   if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
   if (!o.trace.empty()) CheckWritable("--trace", o.trace);
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
+  if (!o.record.empty()) CheckWritable("--record", o.record);
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
   }
@@ -134,7 +135,8 @@ void CheckFiles(const RunOptions& o) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  const std::array<const std::string*, 4> files{&o.report, &o.frames_csv, &o.trace, &o.picture};
+  if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
+  const std::array<const std::string*, 6> files{&o.report, &o.frames_csv, &o.trace, &o.picture, &o.record, &o.html};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -144,14 +146,22 @@ void CheckFiles(const RunOptions& o) {
   }
 }
 
-}  // namespace
+const char* const kOutput = "Output";
 
-const char* NameOf(Model model) { return Name(model, kModels); }
-const char* NameOf(Cone cone) { return Name(cone, kCones); }
-const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
-const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+// Whether two runs that differ in this may differ in their answers.
+bool Decides(const CLI::Option& option) {
+  return option.get_group() != kOutput && !option.get_group().empty() && !option.check_name("--threads") &&
+         !option.check_name("--help");
+}
 
-void AddRunOptions(CLI::App* command, RunOptions* options) {
+template <typename Target>
+CLI::Option* AddTime(CLI::App* command, const char* group, const char* name, Target* target, const char* help) {
+  const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
+  return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
+}
+
+// What chooses scene, time and method.
+void AddSceneOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;
   SceneParameters& p = o.parameters;
   command->add_option("scene", o.scene, "name of the scene, see `islet scenes`")->required()->type_name("SCENE");
@@ -170,12 +180,9 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
 
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
-  const auto add_time = [&](const char* group, const char* name, auto* target, const char* help) {
-    const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
-    return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
-  };
-  add_time(kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")->excludes(frames);
-  add_time(kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30)");
+  AddTime(command, kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
+      ->excludes(frames);
+  AddTime(command, kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30)");
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -199,8 +206,21 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       ->add_flag("--paper", o.paper, "as in the paper: kinetic, octagon, eq5, paper freezing; other options override")
       ->group(kMethod);
   add(kMethod, "--threads", o.threads, "N", "0: all cores (default)");
+}
 
-  const char* const kOutput = "Output";
+}  // namespace
+
+const char* NameOf(Model model) { return Name(model, kModels); }
+const char* NameOf(Cone cone) { return Name(cone, kCones); }
+const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
+const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+
+void AddRunOptions(CLI::App* command, RunOptions* options) {
+  RunOptions& o = *options;
+  AddSceneOptions(command, options);
+  const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
+    return command->add_option(name, target, help)->group(group)->type_name(type);
+  };
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
@@ -209,8 +229,11 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       ->check(FileName);
   add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")->check(FileName);
   CLI::Option* const picture_time =
-      add_time(kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+      AddTime(command, kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
   add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
+  add(kOutput, "--record", o.record, "FILE", "keep every frame for `islet replay FILE`")->check(FileName);
+  add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")
+      ->check(FileName);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);
@@ -224,6 +247,48 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
       "  islet run cubejam --frames 30 --trace trace.json\n"
       "  islet run balance --freeze paper --freeze-count 1 --report -\n"
       "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems --export-frames 1,3");
+}
+
+std::vector<std::string> RunArguments(const CLI::App& command) {
+  std::vector<std::string> arguments;
+  for (const CLI::Option* option : command.get_options()) {
+    if (!Decides(*option)) continue;
+    if (option->get_positional()) {
+      const std::vector<std::string>& values = option->results();
+      arguments.insert(arguments.end(), values.begin(), values.end());
+    } else if (option->get_expected_max() == 0) {  // a flag
+      if (option->count() > 0) arguments.push_back(option->get_name());
+    } else {
+      for (const std::string& value : option->results()) arguments.push_back(option->get_name() + "=" + value);
+    }
+  }
+  return arguments;
+}
+
+RunOptions ParseRunArguments(const std::vector<std::string>& arguments) {
+  CLI::App command;
+  command.set_help_flag();
+  RunOptions options;
+  AddRunOptions(&command, &options);
+  try {
+    command.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::ParseError& error) {
+    throw std::invalid_argument(error.what());
+  }
+  for (const CLI::Option* option : command.get_options())
+    if (option->count() > 0 && !Decides(*option))
+      throw std::invalid_argument("--" + option->get_lnames().at(0) + " does not decide a run");  // a hidden one, too
+  options.arguments = arguments;
+  return options;
+}
+
+void AddViewOptions(CLI::App* command, RunOptions* options) {
+  AddSceneOptions(command, options);
+  options->html_plays = true;
+  command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
+      ->group(kOutput)
+      ->type_name("FILE.html")
+      ->check(FileName);
 }
 
 void CheckRunOptions(const RunOptions& options) {

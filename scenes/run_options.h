@@ -37,16 +37,30 @@ struct RunOptions {
   std::string frames_csv;              // file or empty
   std::string trace;                   // file or empty
   std::string picture;                 // file or empty
+  std::string record;                  // file or empty
   std::optional<double> picture_time;  // [s] of simulated time; neither this nor the next: at the end
   std::optional<int> picture_frame;    // after so many frames
 
+  std::string html;         // file or empty: a page that shows the run
+  bool html_plays = false;  // it opens at the beginning, not at the worst frame
+
   std::string export_fclib;        // folder for the island problems, or empty
   std::vector<int> export_frames;  // from 1; empty: all
+
+  std::vector<std::string> arguments;  // what decides the run of all this, see RunArguments()
 
   bool ReportOnStdout() const { return report == "-"; }
 };
 
 void AddRunOptions(CLI::App* command, RunOptions* options);
+
+// Of `islet view`: those that choose scene, time and method, and where the page goes.
+void AddViewOptions(CLI::App* command, RunOptions* options);
+// Those that were given of what decides the run, in a form that ParseRunArguments reads: neither outputs nor threads.
+std::vector<std::string> RunArguments(const CLI::App& command);
+
+// errors: also an argument that does not decide the run
+RunOptions ParseRunArguments(const std::vector<std::string>& arguments);
 
 // Values in range, files writable. Changes no file.
 void CheckRunOptions(const RunOptions& options);

@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(about|apart|completion|drawing|main|run[a-z_]*|effort_option|interrupt|manual|solve|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|main|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -42,12 +42,15 @@ set(rules
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
   "^httplib\\.h$"                                          "^scenes/live/live_server\\.cpp$"
-  "^nlohmann/"                                             "${program}|^scenes/live/command\\.cpp$"
-  "^(CLI|spdlog|fmt)/"                                     "${program}"
+  "^nlohmann/"                                             "${program}|^scenes/(live/command|film/film_(file|head))\\.cpp$"
+  "^(CLI|spdlog|fmt)/"                                     "${program}|^scenes/film/film_(file|head)\\.cpp$"
+  "^zstd\\.h$"                                              "^scenes/film/chunk_file\\.cpp$"
+  "^tiny_gltf\\.h$"                                         "^scenes/film/film_gltf\\.cpp$"
+  "^zlib\\.h$"                                              "^scenes/viewer/deflate\\.cpp$"
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^cairo\\.h$"                                             "^scenes/drawing_png\\.cpp$"
-  "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
+  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
   "^(poll|sys/prctl|sys/wait)\\.h$"                        "^scenes/apart\\.cpp$"
   "^sys/ioctl\\.h$"                                         "^scenes/terminal_line\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"

@@ -129,12 +129,12 @@ bool World::Impl::IsSensed(int sensor, int i) const {
 
 bool World::Impl::PassesThrough(int sensor, int i) {
   const auto way = [&](int k) -> Vector3 { return bodies[k].position_W - before[k].position_W; };
-  const double travel = (way(i) - way(sensor)).norm(), size = std::min(shapes[sensor].size(), shapes[i].size());
-  if (!(travel > 0.5 * size)) return false;
+  const double moved = (way(i) - way(sensor)).norm(), size = std::min(shapes[sensor].size(), shapes[i].size());
+  if (!(moved > 0.5 * size)) return false;
   const Vector3 apart = before[i].position_W - before[sensor].position_W, relative = way(i) - way(sensor);
-  const double nearest = std::clamp(-apart.dot(relative) / (travel * travel), 0.0, 1.0);
+  const double nearest = std::clamp(-apart.dot(relative) / (moved * moved), 0.0, 1.0);
   if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
-  const int looks = static_cast<int>(std::min<double>(kMostLooks, std::ceil(2 * travel / size)));
+  const int looks = static_cast<int>(std::min<double>(kMostLooks, std::ceil(2 * moved / size)));
   const auto at = [&](int k, double u) -> Placement {
     return {before[k].position_W + u * way(k),
             before[k].rotation_WB.slerp(u, bodies[k].rotation_WB).toRotationMatrix()};

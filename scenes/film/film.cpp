@@ -30,8 +30,8 @@ std::vector<int> IslandsOf(const World& world) {
   };
   for (const Contact& c : world.resolved_contacts()) {
     if (!bodies[c.body_a].Moves() || !bodies[c.body_b].Moves()) continue;
-    const auto [low, high] = std::minmax(root(c.body_a), root(c.body_b));
-    island[high] = low;
+    const int a = root(c.body_a), b = root(c.body_b);
+    island[std::max(a, b)] = std::min(a, b);
   }
   for (size_t i = 0; i < bodies.size(); ++i) island[i] = bodies[i].Moves() ? root(static_cast<int>(i)) : -1;
   return island;
@@ -57,6 +57,15 @@ FilmNumbers NumbersOf(const World& world, const StepReport& report, double step_
   n.missed = report.collision_qp.missed + report.static_qp.missed;
   n.failed = report.Failed();
   return n;
+}
+
+// What a step's report would tell of the start.
+void TellStart(const World& world, FilmNumbers* numbers) {
+  for (const Body& body : world.bodies()) {
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    numbers->kinetic += body.KineticEnergy();
+    ++(body.frozen ? numbers->frozen : numbers->awake);
+  }
 }
 
 }  // namespace
@@ -109,6 +118,7 @@ FilmFrame FrameOf(const World& world, const StepReport& report, int number, doub
     frame.contacts.push_back({contacts[c].body_a, contacts[c].body_b, ToFloats(contacts[c].point_W),
                               ToFloats(contacts[c].normal_W), ToFloats(impulses[c])});
   frame.numbers = NumbersOf(world, report, step_seconds, start);
+  if (number == 0) TellStart(world, &frame.numbers);
   return frame;
 }
 

@@ -22,10 +22,13 @@ struct FilmBody {
 };
 
 struct FilmHead {
-  std::string scene;        // its name, or that of its file
-  std::string command;      // that makes the same run again: `islet run ...`
-  double dt = 1.0 / 30;     // [s]
-  double tolerance = 1e-6;  // that was aimed at
+  std::string scene;                   // its name, or that of its file
+  std::string command;                 // that makes the same run again: `islet run ...`
+  std::vector<std::string> arguments;  // of that command, behind `run`; empty: of a run that no command makes
+  std::string scene_text;              // of the scene's file; empty: the program knows the scene
+  std::string version;                 // of the program
+  double dt = 1.0 / 30;                // [s]
+  double tolerance = 1e-6;             // that was aimed at
   Vector3 gravity_W = {0, 0, -9.81};
   std::optional<Region> bounds;  // [m] of what is to be seen, if the scene tells
   std::vector<Shape> shapes;     // each once
@@ -66,7 +69,8 @@ struct FilmFrame {
 // Of a scene as it is built.
 FilmHead HeadOf(const World& world, double dt, std::string scene, std::string command, std::optional<Region> bounds);
 
-// The world as its last step, which had this report, left it. start: [J] potential energy of frame 0. Frame 0 has an empty report.
+// The world as its last step, which had this report, left it. start: [J] potential energy of frame 0. Frame 0 has an empty report;
+// what is awake and its kinetic energy are told nevertheless.
 FilmFrame FrameOf(const World& world, const StepReport& report, int number, double step_seconds, double start);
 
 double PotentialEnergy(const World& world);  // [J] of dynamic bodies in the field of gravity

@@ -1,0 +1,60 @@
+#include "scenes/recorder.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <stdexcept>
+
+#include "scenes/about.h"
+#include "scenes/output_file.h"
+
+namespace islet {
+namespace {
+
+// As a shell reads it back.
+std::string Quoted(const std::string& text) {
+  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
+  if (!text.empty() && text.find_first_not_of(kPlain) == std::string::npos) return text;
+  std::string quoted(1, '\'');
+  for (const char c : text) {
+    if (c == '\'') quoted += "'\\'";
+    quoted += c;
+  }
+  quoted += '\'';
+  return quoted;
+}
+
+}  // namespace
+
+FilmHead RunHead(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world) {
+  std::string command = "islet run";
+  for (const std::string& argument : options.arguments) command.append(" ").append(Quoted(argument));
+  FilmHead head = HeadOf(world, options.dt, std::string(scene.name), command, info.bounds);
+  head.arguments = options.arguments;
+  head.version = Version();
+  return head;
+}
+
+Recorder::Recorder(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world)
+    : path_(options.record),
+      start_(PotentialEnergy(world)),
+      writer_(options.record, RunHead(options, scene, info, world)) {
+  writer_.Add(FrameOf(world, {}, 0, 0, start_));
+}
+
+void Recorder::Add(const World& world, const StepReport& report, int frame, double step_seconds) {
+  if (!failure_.empty()) return;
+  try {
+    writer_.Add(FrameOf(world, report, frame, step_seconds, start_));
+  } catch (const std::runtime_error& error) {
+    failure_ = fmt::format("{}; the recording ends before frame {}", error.what(), frame);
+    Print(stderr, fmt::format("islet: {}, the run goes on\n", failure_));
+  }
+}
+
+void Recorder::Finish(const std::string& stopped_by) {
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  writer_.Finish(stopped_by);
+}
+
+}  // namespace islet

@@ -1,0 +1,11 @@
+# Prints one hash of all that bundle/page.html is made of: `cmake -P sources_hash.cmake`. The same on every machine.
+file(GLOB sources RELATIVE ${CMAKE_CURRENT_LIST_DIR} ${CMAKE_CURRENT_LIST_DIR}/src/*.js)
+list(APPEND sources page.html style.css build.mjs package.json package-lock.json)
+list(SORT sources)
+set(all "")
+foreach(source IN LISTS sources)
+  file(SHA256 ${CMAKE_CURRENT_LIST_DIR}/${source} hash)
+  string(APPEND all "${source} ${hash}\n")
+endforeach()
+string(SHA256 hash "${all}")
+execute_process(COMMAND ${CMAKE_COMMAND} -E echo ${hash})

@@ -1,0 +1,29 @@
+// What the camera is to see: where the bodies that move are in five frames, those that flew off apart, and what is solid
+// beside them.
+import {Box3, Vector3} from 'three';
+
+export async function extentOf(film, bodyRadius, solid) {
+  const {head} = film;
+  const {lower, upper} = head.bounds ?? {};
+  const allowed = head.bounds ? new Box3(new Vector3(...lower), new Vector3(...upper)) : null;
+  const box = new Box3(), first = new Box3(), point = new Vector3();
+  for (let k = 0; k <= 4; ++k) {
+    const frame = await film.frame(Math.round(((film.frames - 1) * k) / 4), false);
+    head.bodies.kind.forEach((kind, i) => {
+      point.fromArray(frame.positions, 3 * i);
+      if (kind === 'dynamic' && (!allowed || allowed.containsPoint(point))) box.expandByPoint(point);
+    });
+    if (k > 0) continue;
+    first.copy(box);
+    if (first.isEmpty()) {
+      for (const i of solid) first.expandByPoint(point.fromArray(frame.positions, 3 * i));
+    }
+    if (first.isEmpty()) first.set(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    for (const i of solid) {
+      if (head.bodies.kind[i] !== 'dynamic') box.expandByPoint(point.fromArray(frame.positions, 3 * i));
+    }
+  }
+  const reach = first.clone().expandByScalar(2 * first.getSize(new Vector3()).length() + 12 * bodyRadius);
+  const seen = box.isEmpty() ? first : box.intersect(reach);
+  return {all: seen.expandByScalar(bodyRadius), first};
+}
