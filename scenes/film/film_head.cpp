@@ -21,6 +21,7 @@ using Json = nlohmann::ordered_json;
 // A value takes up to a hundred bytes of memory once read, so that this many are 50 MB.
 constexpr size_t kMostValues = 500'000;
 constexpr int kMostDepth = 8, kMostKeys = 100;
+constexpr size_t kMostShapes = 20'000;
 constexpr size_t kMostFaces = 4096, kMostHullVertices = 100'000;  // as the engine's hulls
 
 constexpr std::array<std::pair<const char*, ShapeKind>, 6> kShapeKinds{{{"sphere", ShapeKind::kSphere},
@@ -305,8 +306,7 @@ FilmHead HeadFromJson(std::string_view text) {
       Refuse("bounds", "must be a lower and an upper corner", json["bounds"]);
     head.bounds = Region{corners[0], corners[1]};
   }
-  for (const Json& shape : List(At(json, "shapes"), "shapes", kMostFilmBodies))
-    head.shapes.push_back(ShapeFromJson(shape));
+  for (const Json& shape : List(At(json, "shapes"), "shapes", kMostShapes)) head.shapes.push_back(ShapeFromJson(shape));
   head.bodies = BodiesFromJson(At(json, "bodies"), head.shapes.size());
   return head;
 }

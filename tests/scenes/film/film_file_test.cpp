@@ -217,7 +217,7 @@ TEST(FilmFile, HeadsThatAreWrongAreRefusedByKey) {
       {"{\"program\"", "[{\"program\"", "no JSON"},
       {"\"arguments\":[]", ManyKeys(200) + "\"arguments\":[]", "more than 100 keys of one object"},
       {"\"arguments\":[]", "\"arguments\":[]}]}" + std::string(100, ']'), "no JSON"},
-      {"\"radius\":0.5", "\"radius\":0.5" + std::string(17 << 20, ' '), "at most 16777216 are right"},
+      {"\"radius\":0.5", "\"radius\":0.5" + std::string(9 << 20, ' '), "at most 8388608 are right"},
   };
   for (const auto& [from, to, message] : cases)
     EXPECT_THAT(RefusalOfHead(from, to), HasSubstr(message)) << from << " -> " << to.substr(0, 60);
