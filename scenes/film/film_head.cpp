@@ -20,7 +20,8 @@ using Json = nlohmann::ordered_json;
 
 // A value takes up to a hundred bytes of memory once read, so that this many are 50 MB.
 constexpr size_t kMostValues = 500'000;
-constexpr int kMostDepth = 8;
+constexpr int kMostDepth = 8, kMostKeys = 100;
+constexpr size_t kMostShapes = 20'000;
 constexpr size_t kMostFaces = 4096, kMostHullVertices = 100'000;  // as the engine's hulls
 
 constexpr std::array<std::pair<const char*, ShapeKind>, 6> kShapeKinds{{{"sphere", ShapeKind::kSphere},
@@ -230,21 +231,27 @@ std::vector<FilmBody> BodiesFromJson(const Json& list, size_t shapes) {
   return bodies;
 }
 
-// Values and depth, counted before anything is made of them.
+// Values, depth, and keys of an object (each is compared with all others), counted before anything is made of them.
 void CheckSize(std::string_view text) {
   size_t values = 1;
   int depth = 0;
+  std::array<int, kMostDepth + 1> commas{};  // by depth
+  std::array<bool, kMostDepth + 1> object{};
   bool quoted = false;
   for (size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '\\') ++i;  // only in a quoted text; elsewhere the parser refuses it
     if (c == '"') quoted = !quoted;
     if (quoted) continue;
-    values += c == ',' || c == '[' || c == '{';
-    depth += (c == '[' || c == '{') - (c == ']' || c == '}');
+    const bool opens = c == '[' || c == '{', closes = c == ']' || c == '}';
+    values += opens || c == ',';
+    if (opens && ++depth <= kMostDepth) commas[depth] = 0, object[depth] = c == '{';
+    if (closes && --depth < 0) return;  // the parser refuses it
     if (depth > kMostDepth || values > kMostValues)
       throw std::invalid_argument("more than " + std::to_string(kMostValues) + " values, or nested more than " +
                                   std::to_string(kMostDepth) + " deep");
+    if (c == ',' && ++commas[depth] > kMostKeys && object[depth])
+      throw std::invalid_argument("more than " + std::to_string(kMostKeys) + " keys of one object");
   }
 }
 
@@ -299,8 +306,7 @@ FilmHead HeadFromJson(std::string_view text) {
       Refuse("bounds", "must be a lower and an upper corner", json["bounds"]);
     head.bounds = Region{corners[0], corners[1]};
   }
-  for (const Json& shape : List(At(json, "shapes"), "shapes", kMostFilmBodies))
-    head.shapes.push_back(ShapeFromJson(shape));
+  for (const Json& shape : List(At(json, "shapes"), "shapes", kMostShapes)) head.shapes.push_back(ShapeFromJson(shape));
   head.bodies = BodiesFromJson(At(json, "bodies"), head.shapes.size());
   return head;
 }

@@ -14,7 +14,7 @@
 
 namespace islet {
 
-inline constexpr std::size_t kMostHeadBytes = 16 << 20;
+inline constexpr std::size_t kMostHeadBytes = 8 << 20;
 inline constexpr std::size_t kMostFilmBodies = 1 << 17;
 
 std::string HeadToJson(const FilmHead& head);

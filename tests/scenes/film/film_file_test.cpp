@@ -146,7 +146,7 @@ TEST(FilmFile, EveryByteThatChangedIsSeen) {
   const std::string whole = ReadBytes(scratch.path());
   const std::string broken = scratch.Beside("broken");
   for (size_t i = 0; i < whole.size(); ++i) {
-    for (const int flip : {1, 16, 128, 255}) {
+    for (const int flip : {1, 128}) {
       std::string bytes = whole;
       bytes[i] = static_cast<char>(bytes[i] ^ flip);
       WriteBytes(broken, bytes);
@@ -180,6 +180,13 @@ std::string RefusalOfHead(const std::string& from, const std::string& to) {
   return RefusalOf(scratch.path());
 }
 
+// Half a million of them took minutes.
+std::string ManyKeys(int count) {
+  std::string keys;
+  for (int i = 0; i < count; ++i) keys += "\"k" + std::to_string(i) + "\":0,";
+  return keys;
+}
+
 TEST(FilmFile, HeadsThatAreWrongAreRefusedByKey) {
   const std::vector<std::array<std::string, 3>> cases{
       {"\"dt\":", "\"td\":", "dt is missing"},
@@ -208,7 +215,9 @@ TEST(FilmFile, HeadsThatAreWrongAreRefusedByKey) {
       {"\"arguments\":[]", "\"arguments\":" + std::string(100'000, '['), "nested"},
       {"\"arguments\":[]", "\"arguments\":[0" + std::string(600'000, ','), "more than 500000 values"},
       {"{\"program\"", "[{\"program\"", "no JSON"},
-      {"\"radius\":0.5", "\"radius\":0.5" + std::string(17 << 20, ' '), "at most 16777216 are right"},
+      {"\"arguments\":[]", ManyKeys(200) + "\"arguments\":[]", "more than 100 keys of one object"},
+      {"\"arguments\":[]", "\"arguments\":[]}]}" + std::string(100, ']'), "no JSON"},
+      {"\"radius\":0.5", "\"radius\":0.5" + std::string(9 << 20, ' '), "at most 8388608 are right"},
   };
   for (const auto& [from, to, message] : cases)
     EXPECT_THAT(RefusalOfHead(from, to), HasSubstr(message)) << from << " -> " << to.substr(0, 60);
