@@ -16,18 +16,10 @@
 #include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
+#include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
-
-constexpr std::array<std::pair<const char*, Model>, 3> kModels{
-    {{"kinetic", Model::kKinetic}, {"convex", Model::kConvex}, {"coulomb", Model::kCoulomb}}};
-constexpr std::array<std::pair<const char*, Cone>, 2> kCones{
-    {{"circular", Cone::kCircular}, {"octagon", Cone::kOctagon}}};
-constexpr std::array<std::pair<const char*, BounceLaw>, 3> kBounceLaws{
-    {{"eq5", BounceLaw::kEq5}, {"eq6", BounceLaw::kEq6}, {"exact", BounceLaw::kExact}}};
-constexpr std::array<std::pair<const char*, Freezing>, 3> kFreezings{
-    {{"off", Freezing::kOff}, {"paper", Freezing::kPaper}, {"certified", Freezing::kCertified}}};
 
 constexpr double kLongestRun = 1e6;  // [s] of simulated time
 constexpr int kMostThreads = 1024;
