@@ -8,6 +8,7 @@
 #include "scenes/setting_names.h"
 
 namespace islet {
+
 Effort ParseEffort(const std::string& text) {
   for (const auto& [name, effort] : kEfforts)
     if (text == name) return effort;

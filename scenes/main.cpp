@@ -2,6 +2,8 @@
 //
 //   islet scenes          the scenes, one line each
 //   islet run SCENE ...   simulates one, see `islet run --help`
+//   islet export SCENE    writes a scene as a file, see `islet export --help`
+//   islet check FILE ...  tells whether scene files are right
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //
@@ -16,6 +18,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "scenes/file_commands.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
 #include "scenes/solve.h"
@@ -29,6 +32,8 @@ void ListScenes(bool with_expectations) {
     fmt::print("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
     if (with_expectations) fmt::print("{:<26} expected: {}\n", "", scene.expected);
   }
+  if (const std::string samples = islet::SamplesFolder(); !samples.empty())
+    fmt::print("Scenes as files, for `islet run FILE.json`: {}\n", samples);
 }
 
 int Run(int argc, char** argv) {
@@ -42,7 +47,18 @@ int Run(int argc, char** argv) {
   CLI::App* const run = app.add_subcommand("run", "Simulate a scene");
   islet::RunOptions options;
   islet::AddRunOptions(run, &options);
-  run->footer("Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.");
+  run->footer(
+      "Without --frames or --seconds a scene stops when all is at rest, or at its own time limit.\n"
+      "A scene may be a file: `islet run castle.json --probes forces.csv`; `islet export cubejam` shows what one looks "
+      "like.");
+
+  CLI::App* const export_scene = app.add_subcommand("export", "Write a scene as a file that `islet run` reads");
+  islet::ExportOptions export_options;
+  islet::AddExportOptions(export_scene, &export_options);
+
+  CLI::App* const check = app.add_subcommand("check", "Tell whether scene files are right, without running them");
+  islet::CheckFilesOptions check_options;
+  islet::AddCheckFilesOptions(check, &check_options);
 
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
@@ -56,14 +72,17 @@ int Run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help
-    const std::string problem = argc > 1 && app.get_subcommands().empty()
-                                    ? fmt::format("the commands are scenes, run, solve and verify; got {}", argv[1])
-                                    : error.what();
+    const std::string problem =
+        argc > 1 && app.get_subcommands().empty()
+            ? fmt::format("the commands are scenes, run, export, check, solve and verify; got {}", argv[1])
+            : error.what();
     fmt::print(stderr, "islet: {}\nSee `islet --help` and `islet run --help`.\n", problem);
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
   if (run->parsed()) islet::RunScene(options);
+  if (export_scene->parsed()) islet::ExportScene(export_options);
+  if (check->parsed() && !islet::CheckSceneFiles(check_options)) return 2;
   if (solve->parsed() && !islet::SolveFiles(solve_options)) return 1;
   if (verify->parsed() && !islet::Verify(verify_options, islet::AllChecks())) return 1;
   return 0;

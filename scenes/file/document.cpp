@@ -41,7 +41,8 @@ std::string ReadWholeFile(const std::string& path, size_t most_bytes, const std:
   if (!file) throw std::invalid_argument(path + ": cannot be read: " + std::strerror(errno));
   const std::string limit = ": is too large: " + what + " has at most " + std::to_string(most_bytes >> 20) + " MiB";
   const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (!error && size > most_bytes) throw std::invalid_argument(path + limit + "; got " + std::to_string(size) + " bytes");
+  if (!error && size > most_bytes)
+    throw std::invalid_argument(path + limit + "; got " + std::to_string(size) + " bytes");
   std::string text;
   for (char part[65536];;) {
     const size_t got = std::fread(part, 1, sizeof part, file.get());
@@ -61,9 +62,7 @@ Document::Document(std::string name, std::string text) : name_(std::move(name)),
   }
 }
 
-Document Document::FromFile(const std::string& path) {
-  return Document(path, ReadWholeFile(path, kMostFileBytes, "a scene file"));
-}
+std::string ReadSceneText(const std::string& path) { return ReadWholeFile(path, kMostFileBytes, "a scene file"); }
 
 std::string Document::folder() const {
   const size_t slash = name_.rfind('/');
@@ -146,8 +145,8 @@ std::vector<Field> Field::Items(size_t least, size_t most) const {
   for (std::uint32_t item = value_ + 1; item < at().next; item = document_->tree().at(item).next)
     items.emplace_back(document_, item);
   if (items.size() < least || items.size() > most) {
-    const std::string count = least == most ? std::to_string(least)
-                                            : std::to_string(least) + " to " + std::to_string(most);
+    const std::string count =
+        least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
     Refuse("must be an array of " + count + " values; got " + std::to_string(items.size()));
   }
   return items;

@@ -23,6 +23,9 @@ namespace islet {
 
 inline constexpr size_t kMostFileBytes = 32u << 20;
 
+// The text of a scene file.
+std::string ReadSceneText(const std::string& path);
+
 // Of at most so many bytes; `what` names it in messages: "a scene file".
 std::string ReadWholeFile(const std::string& path, size_t most_bytes, const std::string& what);
 
@@ -30,7 +33,6 @@ class Field;
 
 class Document {
  public:
-  static Document FromFile(const std::string& path);
   Document(std::string name, std::string text);  // name: what messages call it
   Document(const Document&) = delete;            // fields refer to it
   Document& operator=(const Document&) = delete;
@@ -56,14 +58,14 @@ class Field {
   [[noreturn]] void Fail(const std::string& rule) const;   // adds the value
   [[noreturn]] void Refuse(const std::string& why) const;  // does not
 
-  double Number() const;                      // any that is finite
+  double Number() const;                         // any that is finite
   double Number(double low, double high) const;  // both included
-  double Positive(double most = 1e30) const;  // [1e-30, most]
+  double Positive(double most = 1e30) const;     // [1e-30, most]
   std::int64_t Whole(std::int64_t low, std::int64_t high) const;
   std::uint64_t Seed() const;  // any whole number of 64 bits
   bool Bool() const;
   std::string Text(size_t most = 10'000) const;
-  size_t Choice(std::span<const char* const> names) const;  // which of them it is
+  size_t Choice(std::span<const char* const> names) const;    // which of them it is
   std::vector<Field> Items(size_t least, size_t most) const;  // of an array
   Vector3 Vector() const;                                     // three numbers
   Vector3 UnitVector() const;                                 // a direction of any length but 0, made one of length 1

@@ -80,7 +80,7 @@ class Reader : public nlohmann::json_sax<Json> {
     std::string path;
     for (const Level& level : open_) {
       if (values_[level.value].kind == JsonKind::kArray) {
-        path += "[" + std::to_string(level.entry) + "]";
+        path.append(1, '[').append(std::to_string(level.entry)).append(1, ']');
       } else if (!level.key.empty()) {
         path = Member(path, level.key);
       }
@@ -206,6 +206,10 @@ JsonPlace PlaceIn(std::string_view text, size_t byte) {
   const size_t line_end = before.rfind('\n');
   return {static_cast<int>(std::count(before.begin(), before.end(), '\n')) + 1,
           static_cast<int>(line_end == std::string_view::npos ? byte : byte - line_end - 1) + 1};
+}
+
+std::string JsonQuoted(const std::string& text) {
+  return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string Shown(std::string_view text) {

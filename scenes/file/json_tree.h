@@ -60,6 +60,8 @@ class JsonTree {
 
 JsonPlace PlaceIn(std::string_view text, size_t byte);
 
+std::string JsonQuoted(const std::string& text);  // as a JSON string; what is not UTF-8 is replaced
+
 // As messages show it: at most 60 letters, nothing that a terminal would obey.
 std::string Shown(std::string_view text);
 
