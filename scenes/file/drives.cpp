@@ -10,6 +10,17 @@ void Require(const DriveEntry& entry, const Body& body, BodyKind kind, const cha
   if (body.kind != kind) entry.bodies->place.Fail(why);
 }
 
+// A body that is there already stands still to the last bit, so that what lies on it may freeze.
+void MoveOrHold(int number, const Pose& pose, double dt, World* world) {
+  constexpr double kThere = 1e-12;  // [m] per m from the origin, [rad]
+  const Body& body = world->body(number);
+  const bool there = (pose.position_W - body.position_W).norm() <= kThere * (1 + pose.position_W.norm()) &&
+                     pose.rotation_WB.angularDistance(body.rotation_WB) <= kThere;
+  if (!there) return world->MoveTo(number, pose.position_W, pose.rotation_WB, dt);
+  if (!body.linear_velocity_W.isZero(0) || !body.angular_velocity_W.isZero(0))
+    world->SetVelocity(number, Vector3::Zero(), Vector3::Zero());
+}
+
 }  // namespace
 
 Drives::Drives(const SceneDescription& description, const MadeScene& made) : drives_(description.drives) {
@@ -57,7 +68,7 @@ void Drives::Apply(double time, double dt, World* world) const {
       const Quaternion turn(Eigen::AngleAxisd(pose->angle.At(time + dt), pose->axis_W));
       const Vector3 centre = pose->centre.value_or(d.start.position_W);
       const Vector3 place = centre + turn * (d.start.position_W - centre) + At(pose->shift_W, time + dt);
-      world->MoveTo(d.body, place, (turn * d.start.rotation_WB).normalized(), dt);
+      MoveOrHold(d.body, {place, (turn * d.start.rotation_WB).normalized()}, dt, world);
     }
   }
 }

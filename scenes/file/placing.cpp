@@ -128,10 +128,12 @@ std::vector<Pose> GridPoses(const BodyDefinition& first, const GridRepetition& g
 
 std::vector<Pose> StackPoses(const BodyDefinition& first, const StackRepetition& stack) {
   std::vector<Pose> poses;
-  Quaternion rotation = first.rotation_WB;
+  Pose pose{first.position_W, first.rotation_WB};
   for (int i = 0; i < stack.count; ++i) {
-    poses.push_back({first.position_W + i * stack.step, rotation});
-    rotation = (stack.turn * rotation).normalized();
+    poses.push_back(pose);
+    if (stack.about) pose.position_W = *stack.about + stack.turn * (pose.position_W - *stack.about);
+    pose.position_W += stack.step;
+    pose.rotation_WB = (stack.turn * pose.rotation_WB).normalized();
   }
   return poses;
 }

@@ -24,11 +24,12 @@ struct GridRepetition {
   Vector3 spacing = Vector3::Zero();  // [m]
 };
 
-// Each one `step` further than the one before, and turned by `turn` about its own centre.
+// Each one turned by `turn` about its own centre, or with it about a point, and then a `step` further than the one before.
 struct StackRepetition {
   int count = 1;
   Vector3 step = Vector3::Zero();            // [m]
   Quaternion turn = Quaternion::Identity();  // W
+  std::optional<Vector3> about;              // [m] W
 };
 
 // At random places in a region, all of it inside, bounding spheres apart.

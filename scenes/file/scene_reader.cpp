@@ -458,14 +458,17 @@ class SceneReader {
   }
 
   StackRepetition ReadStack(const Field& field, const Shape& shape) {
-    const Fields given(field, {"count", "step", "turn"});
+    const Fields given(field, {"count", "step", "turn", "about"});
     StackRepetition stack;
     const Field count = given.Need("count");
     stack.count = static_cast<int>(count.Whole(1, kMostBodies));
     Count(count, stack.count);
-    stack.step = given.Need("step").Vector();
-    if (stack.count > 1) RequireApart(given.Need("step"), shape, stack.step.norm());
     if (const auto turn = given.Get("turn")) stack.turn = ReadRotation(*turn).normalized();
+    const auto about = given.Get("about");
+    if (about) stack.about = about->Vector();
+    const auto step = about ? given.Get("step") : given.Need("step");
+    if (step) stack.step = step->Vector();
+    if (stack.count > 1 && !about) RequireApart(*step, shape, stack.step.norm());
     return stack;
   }
 
