@@ -34,14 +34,16 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(main|run[a-z_]*|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
+set(program "^scenes/(main|run[a-z_]*|ready_scene|file_commands|effort_option|solve|frame_log|output_file|picture|progress|verify/verify[a-z_]*)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
   "^(oneapi/)?tbb/"                                        "^parallel/worker_pool\\.cpp$"
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
-  "^(CLI|nlohmann|spdlog|fmt)/"                            "${program}"
+  "^nlohmann/"                                             "${program}|^scenes/file/json_tree\\.cpp$"
+  "^assimp/"                                               "^scenes/file/mesh_file\\.cpp$"
+  "^(CLI|spdlog|fmt)/"                                     "${program}"
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^unistd\\.h$"                                           "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
