@@ -21,7 +21,7 @@ bool IsWord(std::string_view key) {
 
 std::string Member(const std::string& path, const std::string& key) {
   if (!IsWord(key)) return path + "[\"" + Shown(key) + "\"]";
-  return path.empty() ? key : path + "." + key;
+  return path.empty() ? Shown(key) : path + "." + Shown(key);
 }
 
 // Where the next value begins and ends is found by walking along the text: the parser has just accepted it.
@@ -58,7 +58,7 @@ class Reader : public nlohmann::json_sax<Json> {
     const std::string what = error.what();
     const size_t colon = what.rfind(": ", what.find("; last read"));
     std::string reason = colon == std::string::npos ? what : what.substr(colon + 2);
-    reason = reason.substr(0, reason.find("; last read"));
+    reason = reason.substr(0, std::min(reason.find("; last read"), reason.find("; expected")));
     if (what.find("out_of_range") != std::string::npos) reason = "a number beyond the range of double precision";
     const std::string read = token.empty() ? "the end of the text" : Shown(token);
     Fail(std::min(cursor_, text_.size()), Path(), "is not JSON: " + Shown(reason) + "; got " + read);

@@ -297,7 +297,7 @@ class SceneReader {
     try {
       return Shape::ConvexHull(points);
     } catch (const std::invalid_argument& error) {
-      field.Refuse(error.what());
+      field.Fail(error.what());
     }
   }
 

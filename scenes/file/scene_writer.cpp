@@ -81,7 +81,7 @@ std::string ShapeText(const Shape& shape, int body) {
 }
 
 const char* KindName(const Shape& shape) {
-  static constexpr const char* kNames[] = {"sphere", "box", "half_space", "hull", "capsule", "cylinder"};
+  static constexpr const char* kNames[] = {"sphere", "box", "half_space", "hull", "capsule", "cylinder", "custom"};
   return kNames[static_cast<int>(shape.kind())];
 }
 

@@ -16,6 +16,7 @@ file(REMOVE_RECURSE ${SCRATCH})
 set(prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
 run(${prefix}/bin/islet scenes)
+run(${prefix}/bin/islet check ${prefix}/share/islet/samples/seesaw.json)
 
 # A package can be moved: no file names this machine's folders.
 file(GLOB_RECURSE texts ${prefix}/include/* ${prefix}/lib/*.cmake)

@@ -74,7 +74,7 @@ TEST(SceneReader, NamesLinePathAndValueOfWhatIsBad) {
 
 TEST(SceneReader, TellsTheColumn) {
   EXPECT_EQ(Problem("{\"version\": 1,\n  \"bodies\": [],  \"seed\": -4}"),
-            "a.json:2:25: seed: must be a whole number from 0 to 2^64 - 1; got -4");
+            "a.json:2:26: seed: must be a whole number from 0 to 2^64 - 1; got -4");
 }
 
 TEST(SceneReader, CutsLongValuesAndControlLettersInMessages) {
