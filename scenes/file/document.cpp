@@ -44,6 +44,7 @@ std::string ReadWholeFile(const std::string& path, size_t most_bytes, const std:
   if (!error && size > most_bytes)
     throw std::invalid_argument(path + limit + "; got " + std::to_string(size) + " bytes");
   std::string text;
+  if (!error) text.reserve(static_cast<size_t>(size));
   for (char part[65536];;) {
     const size_t got = std::fread(part, 1, sizeof part, file.get());
     text.append(part, got);

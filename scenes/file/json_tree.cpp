@@ -11,6 +11,8 @@ namespace {
 
 using Json = nlohmann::json;
 
+constexpr size_t kMostStringBytes = 100'000;
+constexpr size_t kMostWordBytes = 1000;
 constexpr size_t kMostMembers = 10'000;  // of an object: their names are held while it is read
 
 bool IsWord(std::string_view key) {
@@ -163,9 +165,30 @@ class Reader : public nlohmann::json_sax<Json> {
   std::vector<Level> open_;
 };
 
+// The parser holds a string or number twice before anyone can look at it; so those that are too long are found before.
+void RequireShortWords(std::string_view text) {
+  for (size_t begin = 0; begin < text.size();) {
+    const bool string = text[begin] == '"';
+    size_t end = begin + 1;
+    if (string) {
+      while (end < text.size() && text[end] != '"') end += text[end] == '\\' ? 2 : 1;
+      ++end;
+    } else {
+      end = std::min(text.find_first_of(" \t\r\n,:[]{}\"", begin), text.size());
+      if (end == begin) ++end;
+    }
+    if (end - begin > (string ? kMostStringBytes : kMostWordBytes))
+      throw JsonError(
+          PlaceIn(text, begin), "",
+          string ? "a string is too long: at most 100000 bytes" : "a number is too long: at most 1000 bytes");
+    begin = end;
+  }
+}
+
 }  // namespace
 
 JsonTree::JsonTree(std::string_view text) : text_(text) {
+  RequireShortWords(text);
   Reader reader(text, &values_);
   if (!Json::sax_parse(text.begin(), text.end(), &reader)) throw JsonError({}, "", "is not JSON");
 }

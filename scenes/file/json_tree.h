@@ -2,7 +2,7 @@
 //
 //   in:  UTF-8 text                       out: JsonTree; it refers to the text, which must outlive it
 //   errors: JsonError with line, column and path: what is not JSON, numbers beyond a double, a key twice in one object, more than
-//           kMostDepth levels, more than kMostValues values
+//           kMostDepth levels, more than kMostValues values, more than 10,000 members of an object, strings of more than 100,000 bytes
 //   cost: time and memory in proportion to the text, 24 bytes a value; nothing recurses
 //   threads: pure
 #pragma once

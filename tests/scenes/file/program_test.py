@@ -30,7 +30,7 @@ def expect(holds, what):
 
 
 def run(*arguments):
-    return subprocess.run([islet, *map(str, arguments)], cwd=scratch, capture_output=True, text=True)
+    return subprocess.run([islet, *map(str, arguments)], cwd=scratch, capture_output=True, text=True, timeout=60)
 
 
 def hash_of(*arguments):
@@ -52,7 +52,6 @@ rejected = [
     (["export", "stak"], 'no "stak"'),
     (["export", "stack", "--count", 0], "--count must be from 1"),
     (["export", "stack", "--out", "nowhere/x.json"], "nowhere/x.json"),
-    (["export", "stack", "--count", 1000000], "too large for a scene file"),
     (["run", "absent.json"], "absent.json: cannot be read: No such file"),
     (["run", scratch / "."], "is a folder"),
     (["run", "stack.json", "--count", 3], "count: a scene file says that itself; got 3"),
@@ -117,9 +116,10 @@ head = '{"version": 1, "bodies": ['
 ball = '{"type": "sphere", "radius": 1}'
 refused("100 MB", ("[" + "0," * 500_000 for _ in range(100)), "at most 32 MiB")
 refused("30 MB of numbers", [head, "0," * 15_000_000, "0]}"], "is one too many")
-refused("30 MB of one string", [head, '], "title": "', "x" * 30_000_000, '"}'], "at most 200 bytes")
-refused("30 MB of one key", [head, '], "', "x" * 30_000_000, '": 1}'], "there is no such key")
-refused("30 MB of escapes", [head, '], "title": "', "\\u0041" * 5_000_000, '"}'], "at most 200 bytes")
+refused("30 MB of one string", [head, '], "title": "', "x" * 30_000_000, '"}'], "a string is too long")
+refused("30 MB of one key", [head, '], "', "x" * 30_000_000, '": 1}'], "a string is too long")
+refused("30 MB of escapes", [head, '], "title": "', "\\u0041" * 5_000_000, '"}'], "a string is too long")
+refused("a long title", [head, '], "title": "', "x" * 300, '"}'], "at most 200 bytes")
 refused("a million keys", [head, "], ", ", ".join(f'"k{i}": 1' for i in range(1_000_000)), "}"], "is one too many")
 refused("100,000 arrays in each other", "[" * 100_000 + "]" * 100_000, "nested too deeply")
 refused("100,000 objects in each other", '{"a":' * 100_000 + "1" + "}" * 100_000, "nested too deeply")
@@ -134,7 +134,8 @@ refused("20,000 bodies in one place", [head, f'{{"shape": {ball}, "mass": 1}},' 
         "would be inside of body 0")
 refused("20,000 sensors in one place", [head, ",".join([f'{{"shape": {ball}, "mass": 1, "sensor": true}}'] * 20_000), "]}"],
         "more than 1000 bodies in one place")
-refused("a long number", head + '], "passed_below": ' + "1" * 1_000_000 + "}", "beyond the range")
+refused("a long number", head + '], "passed_below": ' + "1" * 1_000_000 + "}", "a number is too long")
+refused("a number of 400 digits", head + '], "passed_below": ' + "1" * 400 + "}", "beyond the range")
 refused("bytes that are no text", head + '], "title": "' + "\0" * 10 + '"}', "is not JSON")
 refused("nothing", "", "is not JSON")
 (scratch / "mesh.obj").write_text("v 0 0 0\nf 1 2 3\nmtllib /etc/passwd\n" * 1000)
@@ -145,7 +146,7 @@ refused("a broken mesh", head + '{"shape": {"type": "mesh", "file": "mesh.stl"},
 refused("a mesh that says it is large", head + '{"shape": {"type": "mesh", "file": "mesh.stl"}, "mass": 1}]}', "mesh.stl")
 
 # From a pipe that never ends.
-done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True)
+done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True, timeout=60)
 expect(done.returncode == 2 and "at most 32 MiB" in done.stderr, f"a pipe: {done}")
 
 print(f"{checked} checks")
