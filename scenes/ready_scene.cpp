@@ -9,6 +9,7 @@
 #include "scenes/file/drives.h"
 #include "scenes/file/scene_maker.h"
 #include "scenes/file/scene_reader.h"
+#include "scenes/output_file.h"
 
 namespace islet {
 namespace {
@@ -21,6 +22,9 @@ void RefuseParameter(const char* field, const std::optional<T>& value) {
 }
 
 ReadyScene FromFile(const RunOptions& options) {
+  for (const std::string* output : {&options.report, &options.frames_csv, &options.probes, &options.picture})
+    if (!output->empty() && SameOutput(*output, options.scene))
+      throw std::invalid_argument("an output goes to the scene file itself: " + *output);
   const SceneParameters& p = options.parameters;
   RefuseParameter("count", p.count);
   RefuseParameter("friction", p.friction);

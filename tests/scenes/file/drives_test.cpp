@@ -7,9 +7,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "scenes/file/probes.h"
 #include "scenes/file/scene_reader.h"
@@ -181,6 +183,81 @@ TEST(Samples, AreTwelveAndTheirFirstStepsAreClean) {
   }
   EXPECT_EQ(count, 12);
 }
+
+// What the quick ones say of themselves under "expected" is what is seen, to their end and without a failed step.
+struct Sample {
+  explicit Sample(const std::string& name) : path(std::string(ISLET_SOURCES) + "/scenes/samples/" + name) {
+    Play play(std::make_shared<const Document>(path, ReadSceneText(path)));
+    const std::vector<Body> start(play.made.world.bodies().begin(), play.made.world.bodies().end());
+    awake = 1;
+    for (int frame = 0; frame * play.description.dt < play.description.end - 1e-9; ++frame) {
+      const StepReport report = play.Step();
+      EXPECT_FALSE(report.Failed()) << name << ", frame " << frame + 1;
+      awake = report.awake;
+      seconds = play.made.world.time();
+      highest.resize(start.size(), -1e9);
+      for (size_t i = 0; i < start.size(); ++i)
+        highest[i] = std::max(highest[i], play.made.world.bodies()[i].position_W.z());
+      if (awake == 0 && play.description.stop_at_rest) break;
+    }
+    for (size_t i = 0; i < start.size(); ++i) {
+      const Body& body = play.made.world.bodies()[i];
+      end.push_back(body);
+      if (body.kind != BodyKind::kDynamic) continue;
+      travel = std::max(travel, (body.position_W - start[i].position_W).norm());
+      passed += play.made.info.passed_z && body.position_W.z() < *play.made.info.passed_z;
+      const auto& bounds = play.made.info.bounds;
+      escaped += bounds && ((body.position_W.array() < bounds->lower.array()).any() ||
+                            (body.position_W.array() > bounds->upper.array()).any());
+    }
+    named = play.made.named;
+  }
+  const Body& At(const std::string& body, int which = 0) const { return end[named.at(body)[which]]; }
+
+  std::string path;
+  int awake = 0, passed = 0, escaped = 0;
+  double seconds = 0, travel = 0;
+  std::vector<double> highest;  // [m] per body
+  std::vector<Body> end;
+  std::map<std::string, std::vector<int>> named;
+};
+
+TEST(Samples, StandWhereTheySayTheyStand) {
+  for (const char* name : {"arch.json", "cards.json"}) {
+    const Sample sample(name);
+    EXPECT_EQ(sample.awake, 0) << name;
+    EXPECT_LT(sample.travel, 1e-4) << name;
+  }
+}
+
+TEST(Samples, LidGoesTwiceAsFarAsItsBalls) {
+  const Sample sample("lid.json");
+  EXPECT_NEAR(sample.seconds, 1, 1e-9);
+  EXPECT_NEAR(sample.At("lid").position_W.x(), 0.4, 1e-4);
+  EXPECT_NEAR(sample.At("ball", 4).position_W.x(), 0.2, 1e-4);
+}
+
+TEST(Samples, DiceStayOnTheTable) {
+  const Sample sample("dice.json");
+  EXPECT_EQ(sample.awake, 0);
+  EXPECT_EQ(sample.escaped, 0);
+  EXPECT_LT(sample.seconds, 2);
+}
+
+TEST(Samples, SeesawThrowsItsCube) {
+  const Sample sample("seesaw.json");
+  EXPECT_EQ(sample.awake, 0);
+  EXPECT_GT(sample.highest[sample.named.at("cube")[0]], 2);
+  EXPECT_LT(sample.At("cube").position_W.z(), 1);
+}
+
+TEST(Samples, ConveyorEmptiesItself) {
+  const Sample sample("conveyor.json");
+  EXPECT_EQ(sample.passed, 8);
+  EXPECT_LT(sample.seconds, 8);
+}
+
+TEST(Samples, BowlingIsAStrike) { EXPECT_EQ(Sample("bowling.json").passed, 11); }
 
 }  // namespace
 }  // namespace islet

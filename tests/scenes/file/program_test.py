@@ -61,6 +61,7 @@ rejected = [
     (["run", root / "scenes/samples/lid.json", "--probes", "nowhere/p.csv"], "nowhere/p.csv"),
     (["run", root / "scenes/samples/lid.json", "--probes", "p.csv", "--report", "./p.csv"], "same file"),
     (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
+    (["run", "stack.json", "--report", "./stack.json"], "the scene file itself: ./stack.json"),
     (["check", "absent.json"], "absent.json: cannot be read"),
 ]
 before = sorted(os.listdir(scratch))
