@@ -47,7 +47,6 @@ class JsonTree {
 
   // Values are numbered as they stand; 0 is the document. In an object a member is two values: its key, a string, and what it has.
   const Value& at(std::uint32_t value) const { return values_[value]; }
-  std::uint32_t size() const { return static_cast<std::uint32_t>(values_.size()); }
   std::string_view source(std::uint32_t value) const;  // as it is written
   std::string text(std::uint32_t value) const;         // of a string
   JsonPlace place(std::uint32_t value) const;          // takes time in proportion to the text before it
