@@ -12,7 +12,7 @@ packages=(
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libfcl-dev libsuitesparse-dev
   libbenchmark-dev libgtest-dev librapidcheck-dev libhdf5-dev
-  libcli11-dev nlohmann-json3-dev libfmt-dev zlib1g-dev libzstd-dev libtinygltf-dev libcairo2-dev libcpp-httplib-dev
+  libcli11-dev nlohmann-json3-dev libfmt-dev zlib1g-dev libzstd-dev libtinygltf-dev libassimp-dev libcairo2-dev libcpp-httplib-dev
   pybind11-dev python3-dev python3-numpy
 )
 

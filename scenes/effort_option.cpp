@@ -2,20 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <charconv>
 #include <stdexcept>
-#include <utility>
+
+#include "scenes/setting_names.h"
 
 #include "scenes/output_file.h"
 
 namespace islet {
-namespace {
-
-constexpr std::array<std::pair<const char*, Effort>, 3> kEfforts{
-    {{"quick", qp::kQuickEffort}, {"normal", qp::kNormalEffort}, {"thorough", qp::kThoroughEffort}}};
-
-}  // namespace
 
 Effort ParseEffort(const std::string& text) {
   for (const auto& [name, effort] : kEfforts)

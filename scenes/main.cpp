@@ -4,6 +4,8 @@
 //   islet run SCENE ...   simulates one, see `islet run --help`
 //   islet view SCENE ...  the same as a page for a browser, see `islet view --help`
 //   islet replay FILE     what a run recorded, see `islet replay --help`
+//   islet export SCENE    writes a scene as a file, see `islet export --help`
+//   islet check FILE ...  tells whether scene files are right
 //   islet solve FILE ...  solves problems that others wrote, see `islet solve --help`
 //   islet verify [T...]   runs scenes whose answer is known, see `islet verify --help`
 //   islet completion S    what lets the shell S complete all this
@@ -27,6 +29,7 @@
 
 #include "scenes/about.h"
 #include "scenes/completion.h"
+#include "scenes/file_commands.h"
 #include "scenes/interrupt.h"
 #include "scenes/manual.h"
 #include "scenes/output_file.h"
@@ -46,6 +49,8 @@ void ListScenes(bool with_expectations) {
     list += fmt::format("{:<12} {:<13} {}\n", scene.name, size, scene.summary);
     if (with_expectations) list += fmt::format("{:<26} expected: {}\n", "", scene.expected);
   }
+  if (const std::string samples = islet::SamplesFolder(); !samples.empty())
+    list += fmt::format("Scenes as files, for `islet run FILE.json`: {}\n", samples);
   islet::Print(stdout, list);
 }
 
@@ -95,6 +100,14 @@ int Run(int argc, char** argv) {
   islet::ReplayOptions replay_options;
   islet::AddReplayOptions(replay, &replay_options);
 
+  CLI::App* const export_scene = app.add_subcommand("export", "Write a scene as a file that `islet run` reads");
+  islet::ExportOptions export_options;
+  islet::AddExportOptions(export_scene, &export_options);
+
+  CLI::App* const check = app.add_subcommand("check", "Tell whether scene files are right, without running them");
+  islet::CheckFilesOptions check_options;
+  islet::AddCheckFilesOptions(check, &check_options);
+
   CLI::App* const solve = app.add_subcommand("solve", "Solve frictional contact problems in FCLIB's HDF5 format");
   islet::SolveOptions solve_options;
   islet::AddSolveOptions(solve, &solve_options);
@@ -138,6 +151,8 @@ int Run(int argc, char** argv) {
     islet::View(view_options);
   }
   if (replay->parsed()) islet::Replay(replay_options);
+  if (export_scene->parsed()) islet::ExportScene(export_options);
+  if (check->parsed() && !islet::CheckSceneFiles(check_options)) return 2;
   if (solve->parsed()) good = islet::SolveFiles(solve_options);
   if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
   if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));

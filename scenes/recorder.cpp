@@ -26,19 +26,21 @@ std::string Quoted(const std::string& text) {
 
 }  // namespace
 
-FilmHead RunHead(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world) {
+FilmHead RunHead(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
+                 const World& world) {
   std::string command = "islet run";
   for (const std::string& argument : options.arguments) command.append(" ").append(Quoted(argument));
-  FilmHead head = HeadOf(world, options.dt, std::string(scene.name), command, info.bounds);
+  FilmHead head = HeadOf(world, dt, scene, command, info.bounds);
   head.arguments = options.arguments;
   head.version = Version();
   return head;
 }
 
-Recorder::Recorder(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world)
+Recorder::Recorder(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
+                   const World& world)
     : path_(options.record),
       start_(PotentialEnergy(world)),
-      writer_(options.record, RunHead(options, scene, info, world)) {
+      writer_(options.record, RunHead(options, scene, dt, info, world)) {
   writer_.Add(FrameOf(world, {}, 0, 0, start_));
 }
 

@@ -9,11 +9,13 @@
 namespace islet {
 
 // Of a run that begins.
-FilmHead RunHead(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world);
+// dt: [s].
+FilmHead RunHead(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
+                 const World& world);
 
 class Recorder {
  public:
-  Recorder(const RunOptions& options, const Scene& scene, const SceneInfo& info, const World& world);
+  Recorder(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info, const World& world);
   void Add(const World& world, const StepReport& report, int frame, double step_seconds);  // [s] wall
   void Finish(const std::string& stopped_by);
 

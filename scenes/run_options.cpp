@@ -17,18 +17,10 @@
 #include "scenes/export_fclib.h"
 #include "scenes/output_file.h"
 #include "scenes/seconds_option.h"
+#include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
-
-constexpr std::array<std::pair<const char*, Model>, 3> kModels{
-    {{"kinetic", Model::kKinetic}, {"convex", Model::kConvex}, {"coulomb", Model::kCoulomb}}};
-constexpr std::array<std::pair<const char*, Cone>, 2> kCones{
-    {{"circular", Cone::kCircular}, {"octagon", Cone::kOctagon}}};
-constexpr std::array<std::pair<const char*, BounceLaw>, 3> kBounceLaws{
-    {{"eq5", BounceLaw::kEq5}, {"eq6", BounceLaw::kEq6}, {"exact", BounceLaw::kExact}}};
-constexpr std::array<std::pair<const char*, Freezing>, 3> kFreezings{
-    {{"off", Freezing::kOff}, {"paper", Freezing::kPaper}, {"certified", Freezing::kCertified}}};
 
 constexpr double kLongestRun = 1e6;  // [s] of simulated time
 constexpr int kMostThreads = 1024;
@@ -95,16 +87,8 @@ std::string WholeNumber(const std::string& text) {
 std::string FileName(const std::string& text) { return text.empty() ? "must be the name of a file; got \"\"" : ""; }
 
 void CheckNumbers(const RunOptions& o) {
-  const SceneParameters& p = o.parameters;
-  if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
-  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e6, "in [0, 1e6]");
-  if (p.restitution) {
-    RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
-  }
-  if (p.drop) RequireRange("--drop", *p.drop, *p.drop >= 0 && *p.drop <= 100, "in [0, 100] m");
-  if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
-  if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
-  RequireRange("--dt", o.dt, o.dt > 0 && o.dt <= 1 && o.dt >= 1e-9, "in [1e-9, 1] s");
+  CheckSceneParameters(o.parameters);
+  if (o.dt) RequireRange("--dt", *o.dt, *o.dt > 0 && *o.dt <= 1 && *o.dt >= 1e-9, "in [1e-9, 1] s");
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
   if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
   if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
@@ -123,6 +107,7 @@ void CheckFiles(const RunOptions& o) {
   if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
   if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
   if (!o.trace.empty()) CheckWritable("--trace", o.trace);
+  if (!o.probes.empty()) CheckWritable("--probes", o.probes);
   if (!o.picture.empty()) CheckWritable("--picture", o.picture);
   if (!o.record.empty()) CheckWritable("--record", o.record);
   if (o.picture_time && o.picture.empty()) {
@@ -136,7 +121,8 @@ void CheckFiles(const RunOptions& o) {
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
   if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
-  const std::array<const std::string*, 6> files{&o.report, &o.frames_csv, &o.trace, &o.picture, &o.record, &o.html};
+  const std::array<const std::string*, 7> files{&o.report,  &o.frames_csv, &o.probes, &o.trace,
+                                                &o.picture, &o.record,     &o.html};
   for (size_t i = 0; i < files.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
@@ -163,26 +149,19 @@ CLI::Option* AddTime(CLI::App* command, const char* group, const char* name, Tar
 // What chooses scene, time and method.
 void AddSceneOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;
-  SceneParameters& p = o.parameters;
-  command->add_option("scene", o.scene, "name of the scene, see `islet scenes`")->required()->type_name("SCENE");
+  command->add_option("scene", o.scene, "name of a scene, see `islet scenes`, or a scene file: what/ever.json")
+      ->required()
+      ->type_name("SCENE");
 
   const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
     return command->add_option(name, target, help)->group(group)->type_name(type);
   };
-  const char* const kScene = "The scene";
-  add(kScene, "--count", p.count, "N", "how many pieces (default: the scene's own number)");
-  add(kScene, "--seed", p.seed, "K", "of the random placement")->check(WholeNumber);
-  add(kScene, "--friction", p.friction, "MU", "of all bodies, >= 0 (default 0.5 in most scenes)");
-  add(kScene, "--restitution", p.restitution, "E", "of all bodies, in [0, 1] (default 0.2 in most scenes)");
-  add(kScene, "--drop", p.drop, "H", "stack, csstack, manystacks: gap [m] below each body at the start (default 0)");
-  add(kScene, "--angle", p.angle, "RAD", "balance: the upper sphere's angle off the vertical (default 0.01)");
-  add(kScene, "--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
-
+  AddSceneParameters(command, &o.parameters);
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
   AddTime(command, kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
       ->excludes(frames);
-  AddTime(command, kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30)");
+  AddTime(command, kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30, or the scene file's)");
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -210,6 +189,20 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
 
 }  // namespace
 
+void AddSceneParameters(CLI::App* command, SceneParameters* parameters) {
+  SceneParameters& p = *parameters;
+  const auto add = [&](const char* name, auto& target, const char* type, const char* help) {
+    return command->add_option(name, target, help)->group("The scene")->type_name(type);
+  };
+  add("--count", p.count, "N", "how many pieces (default: the scene's own number)");
+  add("--seed", p.seed, "K", "of the random placement")->check(WholeNumber);
+  add("--friction", p.friction, "MU", "of all bodies, >= 0 (default 0.5 in most scenes)");
+  add("--restitution", p.restitution, "E", "of all bodies, in [0, 1] (default 0.2 in most scenes)");
+  add("--drop", p.drop, "H", "stack, csstack, manystacks: gap [m] below each body at the start (default 0)");
+  add("--angle", p.angle, "RAD", "balance: the upper sphere's angle off the vertical (default 0.01)");
+  add("--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
+}
+
 const char* NameOf(Model model) { return Name(model, kModels); }
 const char* NameOf(Cone cone) { return Name(cone, kCones); }
 const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
@@ -224,6 +217,8 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
       ->check(FileName);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
+  add(kOutput, "--probes", o.probes, "FILE", "scene file: write what its probes ask for, one row per frame")
+      ->check(FileName);
   add(kOutput, "--trace", o.trace, "FILE.json",
       "write where the time went, each island's solve on its core, for ui.perfetto.dev")
       ->check(FileName);
@@ -291,14 +286,41 @@ void AddViewOptions(CLI::App* command, RunOptions* options) {
       ->check(FileName);
 }
 
+const Scene& RequireScene(const std::string& name) {
+  if (const Scene* scene = FindScene(name)) return *scene;
+  std::string names;
+  for (const Scene& scene : AllScenes()) names.append(" ").append(scene.name);
+  throw std::invalid_argument(fmt::format(
+      "scene: there is no \"{}\"; did you mean {}? The scenes are{}; the name of a scene file ends in .json", name,
+      NearestScene(name), names));
+}
+
+void CheckSceneParameters(const SceneParameters& p) {
+  if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
+  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e6, "in [0, 1e6]");
+  if (p.restitution) {
+    RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
+  }
+  if (p.drop) RequireRange("--drop", *p.drop, *p.drop >= 0 && *p.drop <= 100, "in [0, 100] m");
+  if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
+  if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
+}
+
 void CheckRunOptions(const RunOptions& options) {
   CheckNumbers(options);
   MakeSettings(options);
   CheckFiles(options);
 }
 
-Settings MakeSettings(const RunOptions& o) {
-  Settings settings = o.paper ? Settings::Paper() : Settings{};
+Settings MakeSettings(const RunOptions& o, const Settings& of_scene) {
+  Settings settings = of_scene;
+  if (o.paper) {
+    const Settings paper = Settings::Paper();
+    settings.model = paper.model;
+    settings.cone = paper.cone;
+    settings.bounce_law = paper.bounce_law;
+    settings.freezing = paper.freezing;
+  }
   if (o.model) settings.model = Choose("--model", *o.model, kModels);
   if (o.cone) settings.cone = Choose("--cone", *o.cone, kCones);
   if (o.ladder) settings.ladder = ParseLadder(*o.ladder);

@@ -25,7 +25,7 @@ struct RunOptions {
 
   std::optional<int> frames;      // stop after so many frames
   std::optional<double> seconds;  // [s] or after so much simulated time; neither: at rest, or at the time limit
-  double dt = 1.0 / 30;           // [s]
+  std::optional<double> dt;       // [s] absent: the scene's own
 
   std::optional<int> threads;                                                            // 0: all cores
   std::optional<std::string> model, cone, effort, ladder, bounce, bounce_limit, freeze;  // as on the command line
@@ -36,6 +36,7 @@ struct RunOptions {
   std::string report;                  // file, "-" for the standard output, empty for none
   std::string frames_csv;              // file or empty
   std::string trace;                   // file or empty
+  std::string probes;                  // file or empty
   std::string picture;                 // file or empty
   std::string record;                  // file or empty
   std::optional<double> picture_time;  // [s] of simulated time; neither this nor the next: at the end
@@ -61,12 +62,16 @@ std::vector<std::string> RunArguments(const CLI::App& command);
 
 // errors: also an argument that does not decide the run
 RunOptions ParseRunArguments(const std::vector<std::string>& arguments);
+// Those of them that make the scene, and their ranges; and the built-in scene of a name, or an error that lists them.
+void AddSceneParameters(CLI::App* command, SceneParameters* parameters);
+void CheckSceneParameters(const SceneParameters& parameters);
+const Scene& RequireScene(const std::string& name);
 
 // Values in range, files writable. Changes no file.
 void CheckRunOptions(const RunOptions& options);
 
-// The threads are counted here, so that the report can tell how many there were.
-Settings MakeSettings(const RunOptions& options);
+// What is not asked for stays as the scene has it. The threads are counted here, so that the report can tell how many there were.
+Settings MakeSettings(const RunOptions& options, const Settings& of_scene = {});
 
 const char* NameOf(Model model);
 const char* NameOf(Cone cone);

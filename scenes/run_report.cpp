@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "scenes/effort_option.h"
 #include "scenes/run_options.h"
@@ -96,8 +97,8 @@ static std::array<double, 4> LedgerValues(const Ledger& l) {
           l.displacement_without_velocity.value};
 }
 
-RunReport::RunReport(const Scene& scene, const SceneInfo& info, const World& world, double dt)
-    : scene_(scene), info_(info), settings_(world.settings()), dt_(dt) {
+RunReport::RunReport(std::string name, std::string expected, const SceneInfo& info, const World& world, double dt)
+    : name_(std::move(name)), expected_(std::move(expected)), info_(info), settings_(world.settings()), dt_(dt) {
   for (const Body& body : world.bodies()) {
     if (body.kind != BodyKind::kDynamic) ++fixed_bodies_;
     if (body.kind == BodyKind::kDynamic) momentum_scale_ += body.mass * body.linear_velocity_W.norm();
@@ -167,7 +168,7 @@ std::string RunReport::Json() const {
   for (const double seconds : step_seconds_) sum += seconds;
 
   islet::Json json;
-  json["scene"] = scene_.name;
+  json["scene"] = name_;
   json["bodies"] = info_.bodies;
   json["fixed_bodies"] = fixed_bodies_;
   json["frames"] = step_seconds_.size();
@@ -244,7 +245,7 @@ std::string RunReport::Summary() const {
     return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved,
                        q.failed, q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
-  std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", scene_.name,
+  std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", name_,
                                  info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
   text += fmt::format("  time          {:.2f} s for {:.2f} s; {:.2f} ms a frame, median {:.2f}, slowest {:.2f}\n",
                       wall_seconds_, sim_seconds_, 1e3 * sum / frames, 1e3 * Quantile(step_seconds_, 0.5),
@@ -265,7 +266,7 @@ std::string RunReport::Summary() const {
                       last_.kinetic_energy);
   if (info_.passed_z) text += fmt::format(", {} passed", passed_);
   if (info_.bounds) text += fmt::format(", {} escaped", escaped_);
-  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, scene_.expected);
+  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, expected_);
   return text;
 }
 

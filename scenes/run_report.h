@@ -28,7 +28,8 @@ namespace islet {
 
 class RunReport {
  public:
-  RunReport(const Scene& scene, const SceneInfo& info, const World& world, double dt);
+  // name and expected: as in ReadyScene.
+  RunReport(std::string name, std::string expected, const SceneInfo& info, const World& world, double dt);
 
   void AddFrame(const StepReport& report, double step_seconds, const World& world);
   void Finish(const World& world, double wall_seconds, const char* stopped_by);
@@ -42,7 +43,7 @@ class RunReport {
     void Add(double value);
   };
 
-  const Scene& scene_;
+  std::string name_, expected_;
   SceneInfo info_;
   Settings settings_;
   double dt_;

@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
-#include <vector>
 
 #include "scenes/families.h"
+#include "scenes/nearest_name.h"
 
 namespace islet {
 namespace {
@@ -35,22 +35,6 @@ constexpr std::array<Scene, 10> kScenes{{
     {"manystacks", 100, "stacks", true, 10, 0, "separate towers of five cubes, one island each",
      "Every tower stands; the work spreads over all threads.", BuildManyStacks},
 }};
-
-// Number of single-letter insertions, removals and changes that turn a into b.
-int EditDistance(std::string_view a, std::string_view b) {
-  std::vector<int> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = static_cast<int>(j);
-  for (size_t i = 1; i <= a.size(); ++i) {
-    int diagonal = row[0];
-    row[0] = static_cast<int>(i);
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const int change = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
-    }
-  }
-  return row.back();
-}
 
 template <typename T>
 [[noreturn]] void Reject(const char* field, const char* rule, T value) {

@@ -38,7 +38,8 @@ void ViewRecording(const std::string& recording, const std::string& out) {
 
 void View(RunOptions options) {
   const std::filesystem::path name = options.scene;
-  const bool recorded = !FindScene(options.scene) && std::filesystem::is_regular_file(name);
+  const bool recorded =
+      !FindScene(options.scene) && name.extension() != ".json" && std::filesystem::is_regular_file(name);
   if (options.html.empty()) options.html = name.stem().string() + ".html";
   if (!recorded) {
     RunScene(options);

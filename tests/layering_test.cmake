@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(about|apart|completion|drawing|main|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -42,7 +42,8 @@ set(rules
   "^(fcl|ccd|octomap)/"                                    "^engine/detection/detection\\.cpp$"
   "^suitesparse/|^(amd|camd|colamd|cholmod|SuiteSparse.*)\\.h$" "^qp/linear_algebra/ordering\\.cpp$"
   "^httplib\\.h$"                                          "^scenes/live/live_server\\.cpp$"
-  "^nlohmann/"                                             "${program}|^scenes/(live/command|film/film_(file|head))\\.cpp$"
+  "^nlohmann/"                                             "${program}|^scenes/(live/command|film/film_(file|head)|file/json_tree)\\.cpp$"
+  "^assimp/"                                               "^scenes/file/mesh_file\\.cpp$"
   "^(CLI|spdlog|fmt)/"                                     "${program}|^scenes/film/film_(file|head)\\.cpp$"
   "^zstd\\.h$"                                              "^scenes/film/chunk_file\\.cpp$"
   "^tiny_gltf\\.h$"                                         "^scenes/film/film_gltf\\.cpp$"

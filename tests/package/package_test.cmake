@@ -22,6 +22,7 @@ foreach(beside bash-completion/completions/islet zsh/site-functions/_islet fish/
     message(FATAL_ERROR "${beside} does not tell of cubeglass")
   endif()
 endforeach()
+run(${prefix}/bin/islet check ${prefix}/share/islet/samples/seesaw.json)
 
 # A package can be moved: no file names this machine's folders.
 file(GLOB_RECURSE texts ${prefix}/include/* ${prefix}/lib/*.cmake)

@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""The program with scene files, from outside: export, check and run; files meant to do harm are refused quickly and in little memory.
+
+    program_test.py ROOT ISLET SCRATCH
+"""
+import json
+import os
+import pathlib
+import resource
+import shutil
+import subprocess
+import sys
+import time
+
+root, islet, scratch = pathlib.Path(sys.argv[1]), sys.argv[2], pathlib.Path(sys.argv[3])
+shutil.rmtree(scratch, ignore_errors=True)
+scratch.mkdir(parents=True)
+problems, checked = [], 0
+
+SECONDS = 1.0  # and what a loaded machine may take on top
+SLACK = 3.0
+MEBIBYTES = 100
+
+
+def expect(holds, what):
+    global checked
+    checked += 1
+    if not holds:
+        problems.append(what)
+
+
+def run(*arguments):
+    return subprocess.run([islet, *map(str, arguments)], cwd=scratch, capture_output=True, text=True, timeout=60)
+
+
+def hash_of(*arguments):
+    return json.loads(run("run", *arguments, "--frames", 30, "--report", "-").stdout)["state_hash"]
+
+
+# Export, and the same bits.
+for scene in ["stack", "csstack", "officetoy"]:
+    done = run("export", scene, "--out", scene + ".json")
+    expect((done.returncode, done.stdout, done.stderr) == (0, "", ""), f"export {scene}: {done}")
+    expect(run("export", scene).stdout == (scratch / f"{scene}.json").read_text(), f"export of {scene} to the standard output")
+    expect(hash_of(scene) == hash_of(scene + ".json"), f"the hash of {scene}")
+done = run("export", "cubejam", "--count", 5, "--seed", 3, "--out", "jam.json")
+expect(hash_of("cubejam", "--count", 5, "--seed", 3) == hash_of("jam.json"), "the hash of cubejam with options")
+expect(hash_of("jam.json", "--threads", 1) == hash_of("jam.json", "--threads", 2), "one thread and two")
+
+# What is refused: status 2, one line that names it, nothing written.
+rejected = [
+    (["export", "stak"], 'no "stak"'),
+    (["export", "stack", "--count", 0], "--count must be from 1"),
+    (["export", "stack", "--out", "nowhere/x.json"], "nowhere/x.json"),
+    (["run", "absent.json"], "absent.json: cannot be read: No such file"),
+    (["run", scratch / "."], "is a folder"),
+    (["run", "stack.json", "--count", 3], "count: a scene file says that itself; got 3"),
+    (["run", "stack.json", "--friction", 0.1], "friction: a scene file says that itself; got 0.1"),
+    (["run", "stack.json", "--probes", "p.csv"], 'stack.json has no "probes"'),
+    (["run", "stack", "--probes", "p.csv"], "--probes p.csv: the scene stack has none"),
+    (["run", root / "scenes/samples/lid.json", "--probes", "nowhere/p.csv"], "nowhere/p.csv"),
+    (["run", root / "scenes/samples/lid.json", "--probes", "p.csv", "--report", "./p.csv"], "same file"),
+    (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
+    (["run", "stack.json", "--report", "./stack.json"], "the scene file itself: ./stack.json"),
+    (["check", "absent.json"], "absent.json: cannot be read"),
+]
+before = sorted(os.listdir(scratch))
+for arguments, says in rejected:
+    done = run(*arguments)
+    expect(done.returncode == 2, f"{arguments}: status {done.returncode}")
+    expect(says in done.stderr and done.stderr.count("\n") == 1 and not done.stdout, f"{arguments}: {done.stderr}{done.stdout}")
+expect(sorted(os.listdir(scratch)) == before, f"files left: {os.listdir(scratch)}")
+
+# Good ones beside bad ones are told of, too.
+(scratch / "bad.json").write_text('{\n  "version": 1,\n  "bodies": [{"shape": "none"}]\n}\n')
+done = run("check", "stack.json", "bad.json", "jam.json")
+expect(done.returncode == 2 and done.stdout.count(": good: ") == 2, f"check: {done}")
+expect('bad.json:3:24: bodies[0].shape: there is no shape of that name; got "none"' in done.stderr, f"check: {done.stderr}")
+
+# All samples are right, and the list of scenes tells where they are.
+samples = sorted((root / "scenes/samples").glob("*.json"))
+done = run("check", *samples)
+expect(done.returncode == 0 and done.stdout.count("\n") == len(samples) >= 12, f"samples: {done}")
+expect(str(root / "scenes/samples") in run("scenes").stdout, "the samples' folder in `islet scenes`")
+
+# The options override the file; probes are a row a frame.
+lid = root / "scenes/samples/lid.json"
+done = run("run", lid, "--frames", 10, "--dt", 0.005, "--tolerance", 1e-4, "--probes", "p.csv", "--report", "-")
+report = json.loads(done.stdout)
+expect((report["dt"], report["tolerance"], report["frames"], report["scene"]) == (0.005, 1e-4, 10, str(lid)), f"{report}")
+rows = (scratch / "p.csv").read_text().splitlines()
+expect(len(rows) == 12 and rows[0].startswith("frame,time,lid.position.x,"), f"probes: {rows[:2]}")
+expect(all(row.count(",") == rows[0].count(",") for row in rows), "as many columns in each row")
+expect("expected" in run("run", lid, "--frames", 1).stdout, "what is expected")
+expect(hash_of(root / "scenes/samples/dice.json") != hash_of(root / "scenes/samples/dice.json", "--seed", 2), "--seed")
+
+
+# Files meant to do harm.
+def refused(name, text, says):
+    path = scratch / "hostile.json"
+    with open(path, "w") as file:
+        for part in [text] if isinstance(text, str) else text:
+            file.write(part)
+    start = time.monotonic()
+    process = subprocess.Popen([islet, "check", path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (20, 20)))
+    out, error = process.stdout.read(), process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = usage.ru_utime + usage.ru_stime
+    expect(os.waitstatus_to_exitcode(status) == 2 and says in error and len(error) < 1000, f"{name}: {status} {error[:300]}")
+    expect(seconds < SECONDS and time.monotonic() - start < SECONDS + SLACK, f"{name}: {seconds} s")
+    expect(usage.ru_maxrss / 1024 < MEBIBYTES, f"{name}: {usage.ru_maxrss / 1024} MiB")
+    path.unlink()
+
+
+head = '{"version": 1, "bodies": ['
+ball = '{"type": "sphere", "radius": 1}'
+refused("100 MB", ("[" + "0," * 500_000 for _ in range(100)), "at most 32 MiB")
+refused("30 MB of numbers", [head, "0," * 15_000_000, "0]}"], "is one too many")
+refused("30 MB of one string", [head, '], "title": "', "x" * 30_000_000, '"}'], "a string is too long")
+refused("30 MB of one key", [head, '], "', "x" * 30_000_000, '": 1}'], "a string is too long")
+refused("30 MB of escapes", [head, '], "title": "', "\\u0041" * 5_000_000, '"}'], "a string is too long")
+refused("a long title", [head, '], "title": "', "x" * 300, '"}'], "at most 200 bytes")
+refused("a million keys", [head, "], ", ", ".join(f'"k{i}": 1' for i in range(1_000_000)), "}"], "is one too many")
+refused("100,000 arrays in each other", "[" * 100_000 + "]" * 100_000, "nested too deeply")
+refused("100,000 objects in each other", '{"a":' * 100_000 + "1" + "}" * 100_000, "nested too deeply")
+refused("30 MB of brackets", "[" * 30_000_000, "nested too deeply")
+refused("a billion bodies", head + f'{{"shape": {ball}, "mass": 1, "grid": {{"counts": [1000, 1000, 1000], "spacing": [2, 2, 2]}}}}]}}',
+        "a scene has at most 1000000")
+refused("a count of 1e9", head + f'{{"shape": {ball}, "mass": 1, "stack": {{"count": 1e9, "step": [2, 0, 0]}}}}]}}', "got 1e9")
+refused("a count of 1e999", head + f'{{"shape": {ball}, "mass": 1, "stack": {{"count": 1e999, "step": [2, 0, 0]}}}}]}}', "1e999")
+refused("a million in a box of one", head + f'{{"shape": {ball}, "mass": 1, "cloud": {{"count": 1000000, "box": {{"lower": [0, 0, 0], '
+        '"upper": [2, 2, 2]}}}]}', "does not fit")
+refused("20,000 bodies in one place", [head, f'{{"shape": {ball}, "mass": 1}},' * 19_999, f'{{"shape": {ball}, "mass": 1}}]}}'],
+        "would be inside of body 0")
+refused("20,000 sensors in one place", [head, ",".join([f'{{"shape": {ball}, "mass": 1, "sensor": true}}'] * 20_000), "]}"],
+        "more than 1000 bodies in one place")
+refused("a long number", head + '], "passed_below": ' + "1" * 1_000_000 + "}", "a number is too long")
+refused("a number of 400 digits", head + '], "passed_below": ' + "1" * 400 + "}", "beyond the range")
+refused("bytes that are no text", head + '], "title": "' + "\0" * 10 + '"}', "is not JSON")
+refused("nothing", "", "is not JSON")
+(scratch / "mesh.obj").write_text("v 0 0 0\nf 1 2 3\nmtllib /etc/passwd\n" * 1000)
+refused("a mesh without corners", head + '{"shape": {"type": "mesh", "file": "mesh.obj"}, "mass": 1}]}', "mesh.obj")
+(scratch / "mesh.stl").write_text("solid x\n" + "facet\n" * 100_000)
+refused("a broken mesh", head + '{"shape": {"type": "mesh", "file": "mesh.stl"}, "mass": 1}]}', "mesh.stl")
+(scratch / "mesh.stl").write_bytes(b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 1000)
+refused("a mesh that says it is large", head + '{"shape": {"type": "mesh", "file": "mesh.stl"}, "mass": 1}]}', "mesh.stl")
+
+# From a pipe that never ends.
+done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True, timeout=60)
+expect(done.returncode == 2 and "at most 32 MiB" in done.stderr, f"a pipe: {done}")
+
+print(f"{checked} checks")
+if problems:
+    sys.exit("\n".join(problems))
