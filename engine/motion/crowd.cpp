@@ -423,8 +423,11 @@ bool Crowd::Judge(int pass) {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    // The tolerance is of the overlap, not of what a step adds to it: who is beyond goes no deeper.
-    const double deepest = std::min(before_[e] - kTouch * size, -settings_.overlap_tolerance * size);
+    // What rolls on a rim or a cap, whose points do not go with it, would add a little in every step: who is beyond the tolerance goes no
+    // deeper.
+    const double tolerance = settings_.overlap_tolerance * size;
+    const bool rolls = shapes_[end[e].body_a].HasAxis() || shapes_[end[e].body_b].HasAxis();
+    const double deepest = before_[e] - (rolls && before_[e] < -tolerance ? kTouch * size : tolerance);
     if (end[e].gap >= deepest - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);

@@ -154,6 +154,11 @@ bool World::Impl::PassesThrough(int sensor, int i) {
 void World::Impl::FindSensed() {
   std::swap(sensed, passed);
   passed.clear();
+  std::erase_if(sensed, [&](const auto& pair) {  // who was in it before leaves it now
+    return std::any_of(events_before.begin(), events_before.end(), [&](const ContactEvent& e) {
+      return e.sensor && e.body_a == pair.first && e.body_b == pair.second;
+    });
+  });
   for (int s = 0; s < static_cast<int>(bodies.size()); ++s) {
     const Body& sensor = bodies[s];
     if (!sensor.sensor || sensor.removed) continue;

@@ -1,4 +1,5 @@
 // Capsules and cylinders in motion, in scenes whose answer is known; every step's ledger is looked at.
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -179,6 +180,28 @@ TEST(Round, ElasticCapsulesKeepTheirEnergy) {
   const double before = testing::Energy(world.bodies());
   StepTimes(&world, 600);
   EXPECT_NEAR(testing::Energy(world.bodies()), before, 1e-6 * before);
+}
+
+// In a crowd, which moves in one piece a step, a capsule that rolls about on its cap does not sink, however many steps it takes.
+TEST(Round, RollsInACrowdWithoutSinking) {
+  for (const double rate : {30.0, 240.0}) {
+    World world(testing::AsCrowd(Awake()));
+    world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 1});
+    const double r = 0.2, h = 0.2;
+    const Quaternion tilt = Turn(-0.6, {0, 1, 0});
+    const Vector3 position = Vector3(0, 0, r) + tilt * Vector3(0, 0, h), spin(0.3, 4, 0);
+    world.Add({.shape = Shape::Capsule(r, h),
+               .mass = 1,
+               .position_W = position,
+               .rotation_WB = tilt,
+               .linear_velocity_W = spin.cross(position),
+               .angular_velocity_W = spin,
+               .friction = 1,
+               .restitution = 0});
+    double deepest = 0;
+    for (int i = 0; i < rate; ++i) deepest = std::max(deepest, world.Step(1 / rate).penetration_max);
+    EXPECT_LT(deepest, 5e-4 * 2 * r) << rate;
+  }
 }
 
 }  // namespace

@@ -52,7 +52,9 @@ TEST(SceneWriter, WritesEveryBuiltInSceneSoThatItRunsTheSame) {
     SceneParameters parameters;
     if (scene.count_changes && scene.name != "officetoy") parameters.count = 20;
     BuiltScene built = BuildScene(scene, parameters, OneThread());
-    SceneCaption caption{.title = std::string(scene.name), .expected = std::string(scene.expected)};
+    SceneCaption caption;
+    caption.title = scene.name;
+    caption.expected = scene.expected;
     caption.seed = built.info.seed;
     caption.bounds = built.info.bounds;
     caption.passed_z = built.info.passed_z;
@@ -111,7 +113,9 @@ TEST(SceneWriter, KeepsAllOfABody) {
              .kind = BodyKind::kKinematic,
              .position_W = {9, 9, 9},
              .linear_velocity_W = {1, 0, 0}});
-  const ReadBack read = Read(WriteScene(world, {.title = "a \"quoted\"\ntitle"}));
+  SceneCaption caption;
+  caption.title = "a \"quoted\"\ntitle";
+  const ReadBack read = Read(WriteScene(world, caption));
   EXPECT_EQ(read.description.title, "a \"quoted\"\ntitle");
   EXPECT_EQ(WriteScene(read.made.world, CaptionOf(read)), WriteScene(world, CaptionOf(read)));
   EXPECT_EQ(read.made.world.StateHash(), world.StateHash());
