@@ -1,4 +1,4 @@
-// What one step did and how exact it was. Plain data; filled by World::Step and ContactSuite::Resolve.
+// What one step did and how exact it was. Plain data; filled by World::Step, and by ContactSuite::Resolve but for what poses tell.
 #pragma once
 
 #include <array>
