@@ -16,7 +16,7 @@ std::string Hex(const Colour& colour) {
 }
 
 // One gradient a colour, not a ball.
-std::string GradientName(const Colour& colour) { return "s" + Hex(colour).substr(1); }
+std::string GradientName(const Colour& colour) { return Hex(colour).replace(0, 1, "s"); }
 
 std::string Gradient(const Colour& colour) {
   return fmt::format(
