@@ -16,7 +16,11 @@ std::string Hex(const Colour& colour) {
 }
 
 // One gradient a colour, not a ball.
-std::string GradientName(const Colour& colour) { return Hex(colour).replace(0, 1, "s"); }
+std::string GradientName(const Colour& colour) {
+  std::string name = Hex(colour);
+  name[0] = 's';
+  return name;
+}
 
 std::string Gradient(const Colour& colour) {
   return fmt::format(
@@ -37,7 +41,7 @@ std::string Path(const Mark& mark) {
   for (size_t i = 0; i < mark.outline.size(); ++i)
     fmt::format_to(std::back_inserter(path), "{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', mark.outline[i].x(),
                    mark.outline[i].y());
-  path += "Z\" fill=\"" + Hex(mark.colour) + "\"";
+  path.append("Z\" fill=\"").append(Hex(mark.colour)).append("\"");
   if (mark.opacity < 1) path += fmt::format(" fill-opacity=\"{}\"", fmt::format("{:g}", mark.opacity).substr(1));
   return path + "/>\n";
 }
