@@ -70,6 +70,26 @@ void TellStart(const World& world, FilmNumbers* numbers) {
 
 }  // namespace
 
+const char* NameOf(ShapeKind kind) {
+  switch (kind) {
+    case ShapeKind::kSphere:
+      return "sphere";
+    case ShapeKind::kBox:
+      return "box";
+    case ShapeKind::kHalfSpace:
+      return "half-space";
+    case ShapeKind::kConvexHull:
+      return "hull";
+    case ShapeKind::kCapsule:
+      return "capsule";
+    case ShapeKind::kCylinder:
+      return "cylinder";
+    case ShapeKind::kCustom:
+      break;
+  }
+  return "custom";
+}
+
 double PotentialEnergy(const World& world) {
   double sum = 0;
   for (const Body& body : world.bodies())

@@ -73,6 +73,8 @@ FilmHead HeadOf(const World& world, double dt, std::string scene, std::string co
 // what is awake and its kinetic energy are told nevertheless.
 FilmFrame FrameOf(const World& world, const StepReport& report, int number, double step_seconds, double start);
 
+const char* NameOf(ShapeKind kind);  // "half-space" and the like, for people and pages
+
 double PotentialEnergy(const World& world);  // [J] of dynamic bodies in the field of gravity
 
 }  // namespace islet

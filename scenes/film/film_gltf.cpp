@@ -107,26 +107,6 @@ Mesh MeshOf(const Shape& shape, double reach) {
   return mesh;
 }
 
-const char* NameOf(ShapeKind kind) {
-  switch (kind) {
-    case ShapeKind::kSphere:
-      return "sphere";
-    case ShapeKind::kBox:
-      return "box";
-    case ShapeKind::kHalfSpace:
-      return "half-space";
-    case ShapeKind::kConvexHull:
-      return "hull";
-    case ShapeKind::kCapsule:
-      return "capsule";
-    case ShapeKind::kCylinder:
-      return "cylinder";
-    case ShapeKind::kCustom:
-      break;
-  }
-  return "custom";
-}
-
 std::array<float, 4> ToRotation(const std::array<float, 7>& pose) {
   const Eigen::Vector4d q = Eigen::Vector4d(pose[3], pose[5], -pose[4], pose[6]).stableNormalized();
   return {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2]), static_cast<float>(q[3])};

@@ -41,26 +41,6 @@ constexpr std::array kNumberNames{"number",
                                   "hash_high",
                                   "hash_low"};
 
-constexpr const char* NameOf(ShapeKind kind) {
-  switch (kind) {
-    case ShapeKind::kSphere:
-      return "sphere";
-    case ShapeKind::kBox:
-      return "box";
-    case ShapeKind::kHalfSpace:
-      return "half-space";
-    case ShapeKind::kConvexHull:
-      return "hull";
-    case ShapeKind::kCapsule:
-      return "capsule";
-    case ShapeKind::kCylinder:
-      return "cylinder";
-    case ShapeKind::kCustom:
-      return "custom";
-  }
-  return "custom";
-}
-
 constexpr const char* NameOf(BodyKind kind) {
   return kind == BodyKind::kFixed ? "fixed" : kind == BodyKind::kKinematic ? "kinematic" : "dynamic";
 }
