@@ -62,13 +62,6 @@ void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>
   if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
 }
 
-// In looks at two boxes.
-int WorkOfLook(const Shape& a, const Shape& b) {
-  constexpr size_t kEdgesOfTwoBoxes = 24;
-  const size_t edges = a.polytope().edges.size() + b.polytope().edges.size();
-  return static_cast<int>(std::max<size_t>(1, (edges + kEdgesOfTwoBoxes - 1) / kEdgesOfTwoBoxes));
-}
-
 // Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
 bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
   const Vector3& n = contact.normal_W;
@@ -554,7 +547,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
 double Stepper::First(const MeetingQuery& query) {
   const std::int64_t before = meeting_.looks();
   const double first = meeting_.First(query);
-  work_ += static_cast<int>(meeting_.looks() - before) * WorkOfLook(*query.a, *query.b);
+  work_ += static_cast<int>(meeting_.looks() - before);
   return first;
 }
 
@@ -1277,8 +1270,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       out_->unstepped = dt - t;
       break;
     }
-    work_ += kSolveWork;
-    for (const GroupPair& pair : group->pairs) work_ += WorkOfLook(*group->shapes[pair.a], *group->shapes[pair.b]);
+    work_ += kSolveWork + static_cast<int>(group->pairs.size());
     time_of_piece_ = t;
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));
