@@ -2,6 +2,7 @@
 
 #include <httplib.h>
 
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <deque>
@@ -21,6 +22,7 @@ constexpr auto kPatience = std::chrono::seconds(20);  // for a run that is in a 
 constexpr auto kBeat =
     std::chrono::seconds(2);         // between signs of life to a stream, which tell whether it is still there
 constexpr size_t kMostWaiting = 64;  // messages
+constexpr std::array kEventNames{"head", "state", "frame"};  // as LiveEvent counts
 
 std::string NewToken() {
   std::random_device device;
@@ -44,8 +46,11 @@ struct LiveServer::Impl {
 
   std::mutex lock;
   std::condition_variable news, work;
-  std::string head, frame;
-  std::uint64_t heads = 0, frames = 0;  // how many there were
+  struct Event {
+    std::string text;
+    std::uint64_t count = 0;  // of those that there were
+  };
+  std::array<Event, kEventNames.size()> events;
   std::deque<std::shared_ptr<Message>> waiting;
   bool ending = false;
   std::atomic<int> streams = 0;
@@ -68,22 +73,26 @@ void LiveServer::Impl::Stream(httplib::Response& response) {
     response.set_content("too many pages look at this run", "text/plain");
     return;
   }
-  auto seen_heads = std::make_shared<std::uint64_t>(0), seen_frames = std::make_shared<std::uint64_t>(0);
+  auto seen = std::make_shared<std::array<std::uint64_t, kEventNames.size()>>();
   response.set_header("Cache-Control", "no-store");
   response.set_chunked_content_provider(
       "text/event-stream",
-      [this, seen_heads, seen_frames](size_t, httplib::DataSink& sink) {
+      [this, seen](size_t, httplib::DataSink& sink) {
         std::string text;
         {
           std::unique_lock guard(lock);
-          news.wait_for(guard, kBeat, [&] { return ending || *seen_heads != heads || *seen_frames != frames; });
+          const auto is_news = [&](size_t k) { return (*seen)[k] != events[k].count; };
+          news.wait_for(guard, kBeat, [&] { return ending || is_news(0) || is_news(1) || is_news(2); });
+          for (size_t k = 0; k < events.size(); ++k) {
+            if (is_news(k)) text.append("event: ").append(kEventNames[k]).append("\ndata: " + events[k].text + "\n\n");
+            (*seen)[k] = events[k].count;
+          }
           if (ending) {
+            text += "event: end\ndata:\n\n";
+            sink.write(text.data(), text.size());
             sink.done();
             return true;
           }
-          if (*seen_heads != heads) text += "event: head\ndata: " + head + "\n\n";
-          if (*seen_frames != frames) text += "event: frame\ndata: " + frame + "\n\n";
-          *seen_heads = heads, *seen_frames = frames;
         }
         if (text.empty()) text = ": here\n\n";
         return sink.write(text.data(), text.size());
@@ -163,20 +172,12 @@ LiveServer::~LiveServer() {
 
 const std::string& LiveServer::address() const { return impl_->address; }
 
-void LiveServer::SetHead(std::string text) {
+void LiveServer::Show(LiveEvent event, std::string text) {
   {
     const std::scoped_lock guard(impl_->lock);
-    impl_->head = std::move(text);
-    ++impl_->heads;
-  }
-  impl_->news.notify_all();
-}
-
-void LiveServer::Show(std::string frame) {
-  {
-    const std::scoped_lock guard(impl_->lock);
-    impl_->frame = std::move(frame);
-    ++impl_->frames;
+    Impl::Event& shown = impl_->events[static_cast<size_t>(event)];
+    shown.text = std::move(text);
+    ++shown.count;
   }
   impl_->news.notify_all();
 }

@@ -5,6 +5,7 @@
 #include <httplib.h>
 
 #include <atomic>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -86,21 +87,40 @@ TEST_F(LiveServerTest, DoesWhatMessagesAskOrSaysWhyNot) {
 }
 
 TEST_F(LiveServerTest, StreamsTheNewest) {
-  server_.SetHead("HEAD 1");
-  server_.Show("FRAME 1");
+  server_.Show(LiveEvent::kHead, "HEAD 1");
+  server_.Show(LiveEvent::kFrame, "FRAME 0");
+  server_.Show(LiveEvent::kFrame, "FRAME 1");
   httplib::Client client = Client();
   std::string text;
   client.Get(path_ + "stream", [&](const char* data, size_t size) {
     text.append(data, size);
-    if (text.find("FRAME 1\n\n") != std::string::npos && text.find("FRAME 2") == std::string::npos)
-      server_.Show("FRAME 2");
-    if (text.find("FRAME 2\n\n") != std::string::npos && text.find("HEAD 2") == std::string::npos)
-      server_.SetHead("HEAD 2");
-    return text.find("HEAD 2\n\n") == std::string::npos;
+    if (text.ends_with("FRAME 1\n\n")) server_.Show(LiveEvent::kFrame, "FRAME 2");
+    if (text.ends_with("FRAME 2\n\n")) server_.Show(LiveEvent::kState, "STATE");
+    return !text.ends_with("STATE\n\n");
   });
   EXPECT_EQ(text,
             "event: head\ndata: HEAD 1\n\nevent: frame\ndata: FRAME 1\n\n"
-            "event: frame\ndata: FRAME 2\n\nevent: head\ndata: HEAD 2\n\n");
+            "event: frame\ndata: FRAME 2\n\nevent: state\ndata: STATE\n\n");
+}
+
+TEST(LiveServer, TellsItsEnd) {
+  auto server = std::make_unique<LiveServer>("", 0);
+  const std::string address = server->address();
+  const size_t path = address.find('/', address.find("//") + 2);
+  std::atomic<bool> open = false;
+  std::string text;
+  std::thread page([&] {
+    httplib::Client client(address.substr(0, path));
+    client.Get(address.substr(path) + "stream", [&](const char* data, size_t size) {
+      text.append(data, size);
+      return open = true;
+    });
+  });
+  server->Show(LiveEvent::kFrame, "FRAME");
+  while (!open) std::this_thread::sleep_for(milliseconds(1));
+  server.reset();
+  page.join();
+  EXPECT_EQ(text, "event: frame\ndata: FRAME\n\nevent: end\ndata:\n\n");
 }
 
 TEST_F(LiveServerTest, APortThatIsTakenIsNamed) {
