@@ -13,7 +13,7 @@ export class LiveControls {
   constructor(viewer, {bodyRadius, bodyMass, size}) {
     Object.assign(this, {viewer, source: viewer.film.source, bodyRadius, bodyMass, size});
     this.held = null;
-    this.rope = new Line(new BufferGeometry(), new LineBasicMaterial({depthTest: false}));
+    this.rope = new Line(new BufferGeometry(), new LineBasicMaterial({depthTest: false, transparent: true}));
     this.rope.geometry.setAttribute('position', new Float32BufferAttribute(new Float32Array(6), 3));
     this.rope.frustumCulled = false;
     this.rope.visible = false;
@@ -40,6 +40,10 @@ export class LiveControls {
     for (const control of $('live-panel').querySelectorAll('input, button')) control.disabled = true;
   }
 
+  setTheme({accent}) {
+    this.rope.material.color.set(accent);
+  }
+
   // A slider that is being moved is ahead of the run.
   tellState() {
     const {gravity, friction} = this.source.state;
@@ -50,17 +54,17 @@ export class LiveControls {
     $('friction-value').textContent = friction === null ? 'as in the scene' : number(friction);
   }
 
-  // At what is at a place of the window, [px]; without one, at the middle of the view. It leaves from the eye, at a speed at which it
-  // crosses the scene in a third of the time in which something falls through it, and so high that it arrives.
+  // At what is at a place of the window, [px]; without one, at the middle of the view. It leaves from the eye, or from behind the walls
+  // that the view looks through, at a speed at which it crosses the scene in a third of the time in which something falls through it, and
+  // so high that it arrives.
   throwBall(place) {
-    const {stage, bodies} = this.viewer, box = stage.canvas.getBoundingClientRect();
-    const {ray} = stage.ray(...(place ?? [box.left + box.width / 2, box.top + box.height / 2]));
-    const hit = bodies.pick(stage.ray(...(place ?? [box.left + box.width / 2, box.top + box.height / 2])));
-    const distance = hit ? hit.distance : ray.origin.distanceTo(stage.controls.target);
-    const speed = 3 * Math.sqrt(EARTH * this.size), seconds = distance / speed, radius = 0.7 * this.bodyRadius;
+    const {stage, bodies, walls} = this.viewer, box = stage.canvas.getBoundingClientRect();
+    const raycaster = stage.ray(...(place ?? [box.left + box.width / 2, box.top + box.height / 2])), {ray} = raycaster;
+    const radius = 0.7 * this.bodyRadius, goal = bodies.pick(raycaster)?.distance ?? ray.origin.distanceTo(stage.controls.target);
+    const start = walls.behind(ray, goal, radius), speed = 3 * Math.sqrt(EARTH * this.size), seconds = Math.max(goal - start, 0) / speed;
     const velocity = ray.direction.clone().multiplyScalar(speed).addScaledVector(new Vector3(...this.source.state.gravity), -seconds / 2);
     const density = (BALL_WEIGHT * this.bodyMass) / ((4 / 3) * Math.PI * radius ** 3);
-    this.ask({do: 'throw', from: ray.origin.toArray(), velocity: velocity.toArray(), radius, density});
+    this.ask({do: 'throw', from: ray.at(start, new Vector3()).toArray(), velocity: velocity.toArray(), radius, density});
   }
 
   #listen() {

@@ -332,6 +332,7 @@ class Viewer {
     const colours = theme();
     this.stage.setTheme(colours);
     this.walls.setTheme(colours);
+    this.live?.setTheme(colours);
     for (const curve of this.curves) curve.draw();
     this.refresh();
     this.dirty = true;

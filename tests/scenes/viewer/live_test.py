@@ -1,0 +1,85 @@
+"""Opens the page of `islet view --live` in a browser and plays with the run as a person would.
+
+    live_test.py islet chromium scratch
+
+live_drive.js does the clicking. It comes into the page by a server of this test that stands between: what it passes on is the engine's.
+"""
+import http.server
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+
+from browser import Browser
+
+ISLET, CHROMIUM, SCRATCH = sys.argv[1:4]
+shutil.rmtree(SCRATCH, ignore_errors=True)
+os.makedirs(SCRATCH)
+browser = Browser(CHROMIUM, SCRATCH)
+program = subprocess.Popen([ISLET, 'view', 'stack', '--count', '4', '--drop', '0.2', '--dt', '1/60', '--threads', '1', '--live'],
+                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+address = re.search(r'(http://127\.0\.0\.1:\d+)(/\w{32}/)\n', program.stdout.readline())
+ISLET_AT, PATH = address.groups()
+
+
+class Between(http.server.BaseHTTPRequestHandler):
+    def do_GET(self):
+        with urllib.request.urlopen(ISLET_AT + self.path) as answer:
+            self.send_response(200)
+            self.send_header('Content-Type', answer.headers['Content-Type'])
+            self.end_headers()
+            if self.path == PATH:
+                self.wfile.write(browser.with_script(answer.read().decode(), 'live_drive.js').encode())
+                return
+            try:
+                while piece := answer.read1(65536):
+                    self.wfile.write(piece)
+            except OSError:  # the browser is gone
+                pass
+
+    def do_POST(self):
+        message = self.rfile.read(int(self.headers['Content-Length']))
+        status, text = 204, b''
+        if self.path == PATH + 'end':
+            program.send_signal(signal.SIGINT)
+        else:
+            try:
+                urllib.request.urlopen(ISLET_AT + self.path, message).close()
+            except urllib.error.HTTPError as error:
+                status, text = error.code, error.read()
+        self.send_response(status)
+        self.end_headers()
+        self.wfile.write(text)
+
+    def log_message(self, *_):
+        pass
+
+
+server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Between)
+threading.Thread(target=server.serve_forever, daemon=True).start()
+try:
+    answer, console = browser.open(f'http://127.0.0.1:{server.server_port}{PATH}', 1280, 900)
+    _, errors = program.communicate(timeout=30) if answer else program.communicate(program.kill())
+finally:
+    program.kill()
+if answer is None:
+    sys.exit(f'the script in the page did not end; console:\n{console[-3000:]}\n{errors}')
+found = json.loads(answer)
+# The one refusal that the script provokes stands there, too.
+messages = [line for line in console.splitlines() if 'CONSOLE' in line and 'status of 400' not in line]
+failures = found['problems'] + found['complaints'] + messages
+if found['message']:
+    failures.append(found['message'])
+if found['checks'] < 40:
+    failures.append(f"{found['checks']} checks were made")
+if program.returncode != 130:
+    failures.append(f'islet ended with {program.returncode}: {errors}')
+if failures:
+    sys.exit('\n'.join(failures))
+print('the page plays with the run')
