@@ -22,9 +22,19 @@ ISLET, CHROMIUM, SCRATCH = sys.argv[1:4]
 shutil.rmtree(SCRATCH, ignore_errors=True)
 os.makedirs(SCRATCH)
 browser = Browser(CHROMIUM, SCRATCH)
-program = subprocess.Popen([ISLET, 'view', 'stack', '--count', '4', '--drop', '0.2', '--dt', '1/60', '--threads', '1', '--live'],
+# A stack on a floor, and a wall between it and the eye.
+scene = os.path.join(SCRATCH, 'scene.json')
+with open(scene, 'w', encoding='utf-8') as file:
+    json.dump({'version': 1, 'time': {'dt': 1 / 60}, 'bodies': [
+        {'name': 'floor', 'shape': {'type': 'half_space'}, 'kind': 'fixed'},
+        {'name': 'wall', 'shape': {'type': 'box', 'size': [9, 0.5, 9]}, 'kind': 'fixed', 'position': [0, -4, 4.5]},
+        {'name': 'cube', 'shape': {'type': 'box', 'size': [1, 1, 1]}, 'density': 1, 'position': [0, 0, 0.7], 'stack': {'count': 4, 'step': [0, 0, 1.2]}},
+    ]}, file)
+program = subprocess.Popen([ISLET, 'view', scene, '--threads', '1', '--live'],
                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-address = re.search(r'(http://127\.0\.0\.1:\d+)(/\w{32}/)\n', program.stdout.readline())
+address = re.fullmatch(r'page +(http://127\.0\.0\.1:\d+)(/\w{32}/)\n', program.stdout.readline())
+if not address:
+    sys.exit(f'islet tells no address: {program.communicate()[1]}')
 ISLET_AT, PATH = address.groups()
 
 
