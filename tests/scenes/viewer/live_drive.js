@@ -28,8 +28,9 @@ driver.drive(async () => {
   await until('it is paused', () => !source.state.running);
   await pause(200);
   const stopped = newest();
+  await until('the last step is shown', () => shown() === stopped);
   await pause(300);
-  check('no step comes after it', newest() === stopped && shown() === stopped, [stopped, newest(), shown()]);
+  check('no step comes after it', newest() === stopped, [stopped, newest()]);
 
   // A ball: there at once, then it flies.
   const before = bodies(), drawn = v.bodies.drawn;
