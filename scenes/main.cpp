@@ -76,7 +76,7 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, solve and verify in order: what is\n"
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, solve and verify in order: what is\n"
       "done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");

@@ -46,7 +46,7 @@ class LiveView {
         run_.running() ? std::clamp<Seconds>(next_step_ - Clock::now(), Seconds(0), kLongestWait) : kLongestWait;
     server_.Serve(std::chrono::ceil<std::chrono::milliseconds>(wait),
                   [this](const LiveCommand& command) { Do(command); });
-    if (changed_) ShowState();
+    if (changed_ || told_gravity_W_ != run_.world().settings().gravity) ShowState();
     if (generation_ != run_.generation()) ShowHead(), ShowFrame();
     const Clock::time_point now = Clock::now();
     if (run_.running() && now < next_step_) return;
@@ -76,6 +76,7 @@ class LiveView {
     const std::string friction = run_.friction() ? fmt::format("{}", *run_.friction()) : "null";
     server_.Show(LiveEvent::kState, fmt::format(R"({{"running": {}, "gravity": [{}, {}, {}], "friction": {}}})",
                                                 run_.running(), g.x(), g.y(), g.z(), friction));
+    told_gravity_W_ = g;
     changed_ = false;
   }
 
@@ -88,6 +89,7 @@ class LiveView {
 
   FilmHead head_;
   double position_step_, start_energy_;
+  Vector3 told_gravity_W_;  // which a scene may change, too
   LiveRun run_;
   LiveServer server_;
   bool changed_ = false;                          // what ShowState tells

@@ -23,7 +23,7 @@ export class LiveSource {
     this.texts = new Map();  // of a key: bodies and contacts
     this.letters = 0;
     this.lastKey = 0;
-    this.onHead = this.onState = this.onFrame = this.onThin = this.onEnd = this.onLost = () => {};
+    this.onHead = this.onState = this.onFrame = this.onThin = this.onEnd = this.onLost = this.onFound = () => {};
     this.stream = new EventSource('stream');
     const on = (event, action) => this.stream.addEventListener(event, ({data}) => action(data));
     on('head', (data) => this.#takeHead(JSON.parse(data)));
@@ -38,6 +38,7 @@ export class LiveSource {
       this.onEnd();
     });
     this.stream.addEventListener('error', () => this.onLost());
+    this.stream.addEventListener('open', () => this.onFound());
     this.waiting = [];
     this.sending = false;
     // Nobody would let go of what this page holds.

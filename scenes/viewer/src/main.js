@@ -98,6 +98,7 @@ class Viewer {
     };
     source.onFrame = () => (this.grown = true);
     source.onLost = () => this.live.say('The run does not answer; it may come back.');
+    source.onFound = () => this.live.say('');
     source.onEnd = () => {
       this.live.end();
       this.tellState();

@@ -117,6 +117,14 @@ driver.drive(async () => {
   press('r');
   check('the report', /Steps.*State hash/.test($('report').textContent), $('report').textContent);
 
+  // A stream that breaks off is taken up again.
+  await fetch('drop', {method: 'POST'});
+  await until('what is lost is told', () => /does not answer/.test($('live-note').textContent));
+  const lost = newest();
+  await until('and found', () => $('live-note').textContent === '' && newest() > lost);
+  const numbers = film.numbers.get('number');
+  check('each frame is there once', numbers.every((n, i) => i === 0 || n > numbers[i - 1]), numbers);
+
   // Its end is told, and what was is still there.
   await fetch('end', {method: 'POST'});
   await until('the end is told', () => $('live-note').textContent === 'The run has ended.' && $('throw').disabled);
