@@ -68,6 +68,20 @@ TEST(LiveRun, ABodyIsDraggedByAPoint) {
   EXPECT_EQ(run.world().body(1).force_W, Vector3::Zero());
 }
 
+// Where it is pulled so close to its middle that the square of its turning vanishes.
+TEST(LiveRun, ABodyIsDraggedByAlmostItsMiddle) {
+  World world;
+  world.Add({.shape = Shape::Box({0.3, 0.4, 0.5}), .position_W = {0, 0, 1.5}});
+  LiveRun run(std::move(world), 1.0 / 60);
+  run.Do(Plain(LiveCommand::Kind::kRun));
+  for (int i = 0; i < 3; ++i) {
+    run.Do(Drag(0, {-1e-300, -1e-300, 0}, {-1.5, 0.1, 10}));
+    run.Advance();
+  }
+  EXPECT_GT(run.world().body(0).position_W.z(), 1.6);
+  EXPECT_TRUE(run.world().body(0).rotation_WB.coeffs().allFinite());
+}
+
 TEST(LiveRun, ABallIsThrown) {
   LiveRun run = CubeOnAFloor();
   LiveCommand ball = Plain(LiveCommand::Kind::kThrow);
