@@ -39,7 +39,7 @@ class Viewer {
 
     const walls = all.filter((i) => isWall(head, i, this.bodyRadius));
     this.isWall = new Set(walls);
-    const extent = await extentOf(film, this.bodyRadius, all.filter((i) => !this.isWall.has(i))), size = extent.all.getSize(new Vector3()).length();
+    const extent = await this.extent(), size = extent.all.getSize(new Vector3()).length();
     const start = await film.frame(0, false);
     this.walls = new Walls(head, walls, start, extent.first.getCenter(new Vector3()), size);
     const bodyMass = median(dynamic.map((i) => bodies.mass[i]));
@@ -66,10 +66,25 @@ class Viewer {
     requestAnimationFrame((now) => this.tick(now, now));
   }
 
+  // Numbers of the bodies that are drawn as such.
+  solidOnes() {
+    return this.film.head.bodies.kind.map((_, i) => i).filter((i) => !this.isWall.has(i));
+  }
+
+  extent() {
+    return extentOf(this.film, this.bodyRadius, this.solidOnes());
+  }
+
+  // Of a run that goes on it is to see where the bodies have got to.
+  resetCamera() {
+    if (this.live) this.extent().then(({all}) => this.stage.setExtent(all), fail);
+    else this.stage.resetCamera();
+  }
+
   makeBodies() {
     const {head} = this.film;
     this.bodies?.dispose();
-    this.bodies = new Bodies(head, head.bodies.kind.map((_, i) => i).filter((i) => !this.isWall.has(i)));
+    this.bodies = new Bodies(head, this.solidOnes());
     this.solid.clear();
     this.solid.add(this.bodies.group);
     this.modes = colourModes(head);
@@ -276,7 +291,7 @@ class Viewer {
     click('last', () => player.step(Infinity));
     click('back', () => player.step(-1));
     click('forward', () => player.step(1));
-    click('camera', () => this.stage.resetCamera());
+    click('camera', () => this.resetCamera());
     click('report-button', () => this.setReport($('report').hidden));
     $('scrub').addEventListener('input', () => player.step(Number($('scrub').value) - player.frame));
     $('speed').addEventListener('change', () => player.setSpeed(Number($('speed').value)));
@@ -305,7 +320,7 @@ class Viewer {
     const toggle = (name) => () => this.setToggle(name, !$(`show-${name}`).checked);
     const actions = {
       ' ': () => player.toggle(), ArrowLeft: () => player.step(event.shiftKey ? -10 : -1), ArrowRight: () => player.step(event.shiftKey ? 10 : 1),
-      Home: () => player.step(-Infinity), End: () => player.step(Infinity), c: () => this.stage.resetCamera(), r: () => this.setReport($('report').hidden),
+      Home: () => player.step(-Infinity), End: () => player.step(Infinity), c: () => this.resetCamera(), r: () => this.setReport($('report').hidden),
       p: toggle('points'), n: toggle('normals'), f: toggle('forces'), b: toggle('bodies'), Escape: () => this.pick(-1),
     };
     if (this.live) {

@@ -52,6 +52,11 @@ driver.drive(async () => {
   v.live.ask({do: 'throw', from: [...v.shown.frame.positions.subarray(3 * top, 3 * top + 3)], velocity: [0, 0, 0], radius: 0.1, density: 1});
   await until('what is refused is told', () => /does not fit/.test($('live-note').textContent));
 
+  // The camera sees where all has got to.
+  const seen = v.stage.extent.clone();
+  $('camera').click();
+  await until('the camera is set to it', () => !v.stage.extent.equals(seen));
+
   // Gravity upside down, then as it was; friction.
   slide('gravity', -5);
   await until('gravity', () => Math.abs(source.state.gravity[2] - 5) < 1e-9);
