@@ -32,8 +32,9 @@ ReadyScene FromFile(const RunOptions& options) {
   RefuseParameter("drop", p.drop);
   RefuseParameter("angle", p.angle);
   RefuseParameter("incoming", p.incoming);
-  const auto description = std::make_shared<const SceneDescription>(
-      ReadScene(std::make_shared<const Document>(options.scene, ReadSceneText(options.scene))));
+  std::string text = options.scene_text ? *options.scene_text : ReadSceneText(options.scene);
+  const auto description =
+      std::make_shared<const SceneDescription>(ReadScene(std::make_shared<const Document>(options.scene, text)));
   const double dt = options.dt.value_or(description->dt);
   MadeScene made =
       MakeScene(*description, MakeSettings(options, description->settings), p.seed.value_or(description->seed));
@@ -42,6 +43,7 @@ ReadyScene FromFile(const RunOptions& options) {
   if (!options.probes.empty() && description->probes.empty())
     throw std::invalid_argument(fmt::format("--probes {}: {} has no \"probes\"", options.probes, options.scene));
   return {.name = options.scene,
+          .text = std::move(text),
           .expected = description->expected.empty() ? "the file does not say" : description->expected,
           .dt = dt,
           .time_limit = description->end,
@@ -64,6 +66,7 @@ ReadyScene MakeReady(const RunOptions& options) {
         fmt::format("--probes {}: the scene {} has none; those of files can have some", options.probes, options.scene));
   BuiltScene built = BuildScene(scene, options.parameters, MakeSettings(options));
   return {.name = std::string(scene.name),
+          .text = {},
           .expected = std::string(scene.expected),
           .dt = options.dt.value_or(kUsualStep),
           .time_limit = scene.time_limit,

@@ -17,6 +17,7 @@ namespace islet {
 
 struct ReadyScene {
   std::string name;      // or the path of its file
+  std::string text;      // of its file, or empty
   std::string expected;  // what a right simulation shows
   double dt;             // [s] of the options, else the scene's own
   double time_limit;     // [s]

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "scenes/about.h"
+#include "scenes/film/film_head.h"
 #include "scenes/output_file.h"
 
 namespace islet {
@@ -26,22 +27,19 @@ std::string Quoted(const std::string& text) {
 
 }  // namespace
 
-FilmHead RunHead(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
-                 const World& world) {
+FilmHead RunHead(const RunOptions& options, const ReadyScene& scene) {
   std::string command = "islet run";
   for (const std::string& argument : options.arguments) command.append(" ").append(Quoted(argument));
-  FilmHead head = HeadOf(world, dt, scene, command, info.bounds);
+  FilmHead head = HeadOf(scene.world, scene.dt, scene.name, command, scene.info.bounds);
   head.arguments = options.arguments;
   head.version = Version();
+  if (scene.text.size() <= kMostHeadBytes / 2) head.scene_text = scene.text;
   return head;
 }
 
-Recorder::Recorder(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
-                   const World& world)
-    : path_(options.record),
-      start_(PotentialEnergy(world)),
-      writer_(options.record, RunHead(options, scene, dt, info, world)) {
-  writer_.Add(FrameOf(world, {}, 0, 0, start_));
+Recorder::Recorder(const RunOptions& options, const ReadyScene& scene)
+    : path_(options.record), start_(PotentialEnergy(scene.world)), writer_(options.record, RunHead(options, scene)) {
+  writer_.Add(FrameOf(scene.world, {}, 0, 0, start_));
 }
 
 void Recorder::Add(const World& world, const StepReport& report, int frame, double step_seconds) {

@@ -4,18 +4,17 @@
 #pragma once
 
 #include "scenes/film/film_file.h"
+#include "scenes/ready_scene.h"
 #include "scenes/run_options.h"
 
 namespace islet {
 
-// Of a run that begins.
-// dt: [s].
-FilmHead RunHead(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info,
-                 const World& world);
+// Of a run that begins. The text of a scene's file goes with it, if it is no longer than half of what a head may be.
+FilmHead RunHead(const RunOptions& options, const ReadyScene& scene);
 
 class Recorder {
  public:
-  Recorder(const RunOptions& options, const std::string& scene, double dt, const SceneInfo& info, const World& world);
+  Recorder(const RunOptions& options, const ReadyScene& scene);
   void Add(const World& world, const StepReport& report, int frame, double step_seconds);  // [s] wall
   void Finish(const std::string& stopped_by);
 

@@ -12,6 +12,7 @@
 #include "scenes/film/film_file.h"
 #include "scenes/film/film_gltf.h"
 #include "scenes/output_file.h"
+#include "scenes/ready_scene.h"
 #include "scenes/run.h"
 
 namespace islet {
@@ -68,8 +69,6 @@ void Check(const ReplayOptions& options) {
   FilmReader reader(path);
   const FilmHead& head = reader.head();
   if (head.arguments.empty()) throw std::invalid_argument(path + ": does not tell the command that made it");
-  if (!head.scene_text.empty())
-    throw std::invalid_argument(path + ": is of a scene file, whose runs this program cannot check");
   for (const std::string& argument : head.arguments)
     if (Printable(argument) != argument)
       throw std::invalid_argument(path + ": its command has control characters: " + Printable(head.command));
@@ -80,6 +79,11 @@ void Check(const ReplayOptions& options) {
     throw std::invalid_argument(fmt::format("{}: its command cannot be run: {}", path, Printable(error.what())));
   }
   run.threads = options.threads;
+  if (IsSceneFile(run.scene)) {
+    if (head.scene_text.empty())
+      throw std::invalid_argument(path + ": does not hold the text of its scene file " + Printable(run.scene));
+    run.scene_text = head.scene_text;  // whatever stands in the file by now
+  }
   if (head.version != Version())
     Print(stderr, fmt::format("islet: {} was recorded by islet {}, this is {}; they may differ\n", path,
                               Printable(head.version), Version()));

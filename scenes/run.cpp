@@ -106,12 +106,12 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   }
 
   std::optional<Recorder> recorder;
-  if (!options.record.empty()) recorder.emplace(options, scene.name, dt, info, world);
+  if (!options.record.empty()) recorder.emplace(options, scene);
   if (watch && !watch(world, 0)) return "watch";
   std::optional<RunPage> page;
   const double start_energy = PotentialEnergy(world);
   if (!options.html.empty()) {
-    page.emplace(options.html, RunHead(options, scene.name, dt, info, world),
+    page.emplace(options.html, RunHead(options, scene),
                  PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame, frame_limit + 1});
     page->Add(FrameOf(world, {}, 0, 0, start_energy));
   }

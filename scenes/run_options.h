@@ -21,6 +21,7 @@ namespace islet {
 
 struct RunOptions {
   std::string scene;
+  std::optional<std::string> scene_text;  // of a scene file: in place of what stands in it now
   SceneParameters parameters;
 
   std::optional<int> frames;      // stop after so many frames

@@ -28,7 +28,7 @@ constexpr Seconds kLongestWait(0.1);  // for messages: so late an interrupt is o
 class LiveView {
  public:
   LiveView(const RunOptions& options, ReadyScene scene)
-      : head_(RunHead(options, scene.name, scene.dt, scene.info, scene.world)),
+      : head_(RunHead(options, scene)),
         position_step_(PositionStep(head_)),
         start_energy_(PotentialEnergy(scene.world)),
         run_(std::move(scene.world), scene.dt, std::move(scene.drive)),

@@ -38,24 +38,44 @@ struct Axis {
 
 struct Scratch {
   Turned a, b;
+  std::vector<int> edges_a, edges_b;
   std::vector<Vector3> reference, incident;
 };
 
-// [m] least height of the other polytope over a face.
-double FaceSeparation(const Turned& polytope, int face, const Turned& other) {
+// The vertex that lies deepest against a direction.
+int Deepest(const Turned& polytope, const Vector3& direction) {
+  int deepest = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t v = 0; v < polytope.vertices.size(); ++v) {
+    const double height = direction.dot(polytope.vertices[v]);
+    if (height < least) least = height, deepest = static_cast<int>(v);
+  }
+  return deepest;
+}
+
+// [m] least height of the other polytope over a face; where it is no more than `enough`, some height that is no more. Asked
+// of the likely vertex first, so most faces cost one look.
+double FaceSeparation(const Turned& polytope, int face, const Turned& other, int likely, double enough) {
   const Vector3& normal = polytope.normals[face];
   const Vector3& on_face = polytope.OnFace(face);
-  double least = std::numeric_limits<double>::infinity();
-  for (const Vector3& v : other.vertices) least = std::min(least, normal.dot(v - on_face));
+  double least = normal.dot(other.vertices[likely] - on_face);
+  for (size_t v = 0; v < other.vertices.size() && least > enough; ++v) {
+    least = std::min(least, normal.dot(other.vertices[v] - on_face));
+  }
   return least;
 }
 
 // False if a face's axis already shows that the bodies are out of reach.
 bool BestFace(const Turned& a, const Turned& b, double reach, double size, const Vector3& travel_W, Axis* best) {
   const int num_a = a.num_faces(), num = num_a + b.num_faces();
+  const Vector3 apart = b.centre - a.centre;
+  const int likely_a = Deepest(a, -apart), likely_b = Deepest(b, apart);
   for (int f = 0; f < num; ++f) {
     const bool of_a = f < num_a;
-    const double separation = of_a ? FaceSeparation(a, f, b) : FaceSeparation(b, f - num_a, a);
+    const double enough = best->face < 0 ? -std::numeric_limits<double>::infinity()
+                                         : std::min(reach, best->score.Needed(FaceSlack(size), size));
+    const double separation =
+        of_a ? FaceSeparation(a, f, b, likely_b, enough) : FaceSeparation(b, f - num_a, a, likely_a, enough);
     if (separation > reach) return false;
     const Vector3 normal = of_a ? a.normals[f] : Vector3(-b.normals[f - num_a]);
     const AxisScore score = AxisScore::Of(separation, normal.dot(travel_W), size);
@@ -81,13 +101,41 @@ bool ArcsMeet(const Vector3& a0, const Vector3& a1, const Vector3& along_a, cons
   return crossing.dot(middle_b) > 0;
 }
 
-bool BestEdges(const Turned& a, const Turned& b, double reach, double size, const Vector3& travel_W, Axis* best) {
-  for (size_t ea = 0; ea < a.source->edges.size(); ++ea) {
+// Whether some direction of an edge's arc keeps a point of the other body farther than `least` from the edge. The arc's
+// plane is square to the edge, so a point's height along it is greatest where it looks at the point.
+bool MayKeepApart(const Vector3& n0, const Vector3& n1, const Vector3& along, const Vector3& to_point, double least) {
+  if (n0.dot(to_point) > least || n1.dot(to_point) > least) return true;
+  const Vector3 across = to_point - (along.dot(to_point) / along.squaredNorm()) * along;
+  return across.norm() > least && n0.cross(across).dot(along) * n1.cross(across).dot(along) < 0 &&
+         across.dot(n0 + n1) > 0;
+}
+
+// The edges that may carry an axis along which the bodies are farther apart than `least`. `point` is one of the other body.
+void EdgesApart(const Turned& polytope, const Vector3& point, double least, std::vector<int>* edges) {
+  edges->clear();
+  for (size_t e = 0; e < polytope.source->edges.size(); ++e) {
+    const auto& ends = polytope.source->edges[e];
+    const auto& faces = polytope.source->edge_faces[e];
+    const Vector3& from = polytope.vertices[ends[0]];
+    if (MayKeepApart(polytope.normals[faces[0]], polytope.normals[faces[1]], polytope.vertices[ends[1]] - from,
+                     point - from, least)) {
+      edges->push_back(static_cast<int>(e));
+    }
+  }
+}
+
+// Of the axes of two edges that are better than the best face's: others would not be taken.
+bool BestEdges(const Turned& a, const Turned& b, double reach, double size, const Vector3& travel_W, const Axis& face,
+               std::vector<int>* edges_a, std::vector<int>* edges_b, Axis* best) {
+  const double least = std::min(reach, face.score.Needed(EdgeSlack(size), size));
+  EdgesApart(a, b.vertices[Deepest(b, face.normal)], least, edges_a);
+  EdgesApart(b, a.vertices[Deepest(a, -face.normal)], least, edges_b);
+  for (const int ea : *edges_a) {
     const auto& ends_a = a.source->edges[ea];
     const auto& faces_a = a.source->edge_faces[ea];
     const Vector3& from_a = a.vertices[ends_a[0]];
     const Vector3 along_a = a.vertices[ends_a[1]] - from_a;
-    for (size_t eb = 0; eb < b.source->edges.size(); ++eb) {
+    for (const int eb : *edges_b) {
       const auto& ends_b = b.source->edges[eb];
       const auto& faces_b = b.source->edge_faces[eb];
       const Vector3& from_b = b.vertices[ends_b[0]];
@@ -105,7 +153,7 @@ bool BestEdges(const Turned& a, const Turned& b, double reach, double size, cons
       if (separation > reach) return false;
       const AxisScore score = AxisScore::Of(separation, normal.dot(travel_W), size);
       if (best->edge_a < 0 || score.BetterThan(best->score, FaceSlack(size))) {
-        *best = {score, separation, -1, static_cast<int>(ea), static_cast<int>(eb), normal};
+        *best = {score, separation, -1, ea, eb, normal};
       }
     }
   }
@@ -186,7 +234,9 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   const double size = std::min(a.size(), b.size());
   Axis face, edges;
   if (!BestFace(scratch.a, scratch.b, reach, size, travel_ba_W, &face)) return;
-  if (!BestEdges(scratch.a, scratch.b, reach, size, travel_ba_W, &edges)) return;
+  if (!BestEdges(scratch.a, scratch.b, reach, size, travel_ba_W, face, &scratch.edges_a, &scratch.edges_b, &edges)) {
+    return;
+  }
   if (edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size))) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {

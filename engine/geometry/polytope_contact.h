@@ -2,7 +2,8 @@
 // meet on the Gauss map, then the same manifold as for boxes.
 //
 // See narrow_phase.h for what the contacts promise, separating_axis.h for the choice of the axis.
-//   cost: faces x vertices of the other + edges x edges; for shapes of up to some hundred corners
+//   cost: linear in the features of both, but for the few edges along whose arcs they may be farther apart than along any
+//     face
 //   threads: pure; scratch memory is one per thread
 #pragma once
 

@@ -34,6 +34,10 @@ struct AxisScore {
     if (separates != other.separates) return separates;
     return value > other.value + slack;
   }
+  // [m] separation that an axis must exceed to be better than this one.
+  double Needed(double slack, double size) const {
+    return separates ? value + slack : std::min(value + slack, -TouchSlack(size));
+  }
 };
 
 }  // namespace islet

@@ -8,7 +8,7 @@ thread steps. While one of them lives, also inside an expression or a loop over 
 world.positions.copy(). A row of a removed body stays until its number is used again. A world that keeps a view of itself as an attribute is
 never collected.
 """
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -124,6 +124,22 @@ class BodyId:
     number: int
     generation: int
 
+class Body:  # as a callback sees it
+    position: np.ndarray
+    rotation: np.ndarray
+    linear_velocity: np.ndarray
+    angular_velocity: np.ndarray
+    kind: Kind
+    friction: float
+    restitution: float
+
+class Contact:  # the same
+    body_a: int
+    body_b: int
+    point: np.ndarray  # [m]
+    normal: np.ndarray  # unit, from a to b
+    gap: float  # [m]
+
 class World:
     def __init__(self, settings: Optional[Settings] = None) -> None: ...
     def add(
@@ -158,15 +174,24 @@ class World:
     # Sets the velocities that take a kinematic body there in a step of dt. They stay: call it before each step.
     def move_to(self, body: int, position: Vector, rotation: Vector, dt: float) -> None: ...
     def set_kind(self, body: int, kind: Kind) -> None: ...
-    def set_mass(self, body: int, mass: float) -> None: ...
+    def set_mass(self, body: int, mass: float, inertia: Any = None) -> None: ...  # [kg m^2] (3, 3); without it, it changes with the mass
     def set_material(self, body: int, friction: float, restitution: float) -> None: ...
     def set_surface_velocity(self, body: int, velocity: Vector) -> None: ...  # [m/s] in its frame: a conveyor
     def set_layers(self, body: int, layers: int, collides_with: int) -> None: ...
     def set_collision(self, body: int, other: int, collide: bool) -> None: ...
     def set_gravity(self, gravity: Vector) -> None: ...
+    # Asked in step(), of any pair and any number of times, one at a time: they must depend on their arguments alone, and cost more than all
+    # else. What they raise comes out of step(), and the world is as it was. None: no longer.
+    def set_collision_callback(self, callback: Optional[Callable[[int, int, Body, Body], bool]]) -> None: ...  # may a < b touch
+    def set_material_callback(  # (friction, restitution) of a contact
+        self, callback: Optional[Callable[[Contact, Body, Body], Tuple[float, float]]]
+    ) -> None: ...
     def step(self, dt: float) -> StepReport: ...  # other Python threads run meanwhile
     def save(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
+    # Poses and velocities alone, 104 bytes a body, for worlds of Settings(stateless=True): what is saved is all that later steps depend on.
+    def save_motion(self) -> bytes: ...
+    def restore_motion(self, data: bytes) -> None: ...
     def check_initial_overlap(self) -> None: ...  # ValueError names two bodies and the depth; the next step() asks the same
     def shape(self, body: int) -> Shape: ...
     def kind(self, body: int) -> Kind: ...
@@ -203,6 +228,9 @@ class World:
     def cast_ray(
         self, origin: Vector, way: Vector, layers: int = 0xFFFFFFFF
     ) -> Optional[Tuple[int, float, np.ndarray, np.ndarray]]: ...  # body, share of the way, point, normal
+    def cast_shape(
+        self, shape: Shape, position: Vector, rotation: Vector, way: Vector, layers: int = 0xFFFFFFFF
+    ) -> Optional[Tuple[int, float, np.ndarray, np.ndarray]]: ...  # the same, of a shape that moves along the way
     def overlapping(
         self, shape: Shape, position: Vector, rotation: Vector = (0, 0, 0, 1), layers: int = 0xFFFFFFFF
     ) -> List[int]: ...

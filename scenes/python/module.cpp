@@ -12,6 +12,7 @@
 #include <string>
 
 #include <pybind11/eigen.h>
+#include <pybind11/functional.h>
 #include <pybind11/numpy.h>
 #include <pybind11/operators.h>
 #include <pybind11/pybind11.h>
@@ -178,6 +179,14 @@ WorldSnapshot SnapshotOf(const py::bytes& data) {
   return WorldSnapshot::FromBytes({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
 }
 
+py::bytes MotionOf(PyWorld& self) {
+  const std::vector<std::byte> bytes = self.world().SaveMotion();
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+// What a callback returned, checked by the world.
+using MaterialFunction = std::function<std::pair<double, double>(const Contact& contact, const Body& a, const Body& b)>;
+
 Shape HullOf(const py::array_t<double, py::array::c_style | py::array::forcecast>& points) {
   if (points.ndim() != 2 || points.shape(1) != 3)
     throw std::invalid_argument("convex_hull: points must have shape (n, 3)");
@@ -326,6 +335,20 @@ void BindWorld(py::module_& m) {
       .def("__repr__", [](const BodyId& id) {
         return "<islet.BodyId: " + std::to_string(id.number) + ", generation " + std::to_string(id.generation) + ">";
       });
+  py::class_<Body>(m, "Body")
+      .def_readonly("position", &Body::position_W)
+      .def_property_readonly("rotation", [](const Body& body) -> Eigen::Vector4d { return body.rotation_WB.coeffs(); })
+      .def_readonly("linear_velocity", &Body::linear_velocity_W)
+      .def_readonly("angular_velocity", &Body::angular_velocity_W)
+      .def_readonly("kind", &Body::kind)
+      .def_readonly("friction", &Body::friction)
+      .def_readonly("restitution", &Body::restitution);
+  py::class_<Contact>(m, "Contact")
+      .def_readonly("body_a", &Contact::body_a)
+      .def_readonly("body_b", &Contact::body_b)
+      .def_readonly("point", &Contact::point_W)
+      .def_readonly("normal", &Contact::normal_W)
+      .def_readonly("gap", &Contact::gap);
   const auto numbers = py::dtype::of<double>();
   py::class_<PyWorld>(m, "World")
       .def(py::init([](const std::optional<Settings>& settings) {
@@ -412,8 +435,11 @@ void BindWorld(py::module_& m) {
           "set_kind", [](PyWorld& self, int body, BodyKind kind) { self.world().SetKind(body, kind); }, py::arg("body"),
           py::arg("kind"))
       .def(
-          "set_mass", [](PyWorld& self, int body, double mass) { self.world().SetMass(body, mass); }, py::arg("body"),
-          py::arg("mass"))
+          "set_mass",
+          [](PyWorld& self, int body, double mass, const std::optional<Matrix3>& inertia) {
+            inertia ? self.world().SetMass(body, mass, *inertia) : self.world().SetMass(body, mass);
+          },
+          py::arg("body"), py::arg("mass"), py::arg("inertia") = py::none())
       .def(
           "set_material",
           [](PyWorld& self, int body, double friction, double restitution) {
@@ -437,11 +463,34 @@ void BindWorld(py::module_& m) {
           py::arg("body"), py::arg("other"), py::arg("collide"))
       .def(
           "set_gravity", [](PyWorld& self, const Row3& g) { self.world().SetGravity(ToVector(g)); }, py::arg("gravity"))
+      .def(
+          "set_collision_callback",
+          [](PyWorld& self, CollisionCallback callback) { self.world().SetCollisionCallback(std::move(callback)); },
+          py::arg("callback"))
+      .def(
+          "set_material_callback",
+          [](PyWorld& self, MaterialFunction callback) {
+            if (!callback) return self.world().SetMaterialCallback(nullptr);
+            self.world().SetMaterialCallback(
+                [callback = std::move(callback)](const Contact& contact, const Body& a, const Body& b) -> Material {
+                  const auto [friction, restitution] = callback(contact, a, b);
+                  return {friction, restitution};
+                });
+          },
+          py::arg("callback"))
       .def("step", &PyWorld::Step, py::arg("dt"))
       .def("save", [](PyWorld& self) { return self.world().Save(); })
       .def(
           "restore", [](PyWorld& self, const WorldSnapshot& snapshot) { self.Growing("restore").Restore(snapshot); },
           py::arg("snapshot"))
+      .def("save_motion", &MotionOf)
+      .def(
+          "restore_motion",
+          [](PyWorld& self, const py::bytes& data) {
+            const std::string_view bytes = data;
+            self.world().RestoreMotion({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
+          },
+          py::arg("data"))
       .def("check_initial_overlap", [](PyWorld& self) { self.world().CheckInitialOverlap(); })
       .def(
           "shape", [](PyWorld& self, int body) { return self.world().shape(Live(self, body)); }, py::arg("body"))
@@ -509,6 +558,15 @@ void BindWorld(py::module_& m) {
             return py::make_tuple(hit->body, hit->share, hit->point_W, hit->normal_W);
           },
           py::arg("origin"), py::arg("way"), py::arg("layers") = 0xffffffffu)
+      .def(
+          "cast_shape",
+          [](PyWorld& self, const Shape& shape, const Row3& p, const Row4& r, const Row3& way,
+             std::uint32_t layers) -> py::object {
+            const auto hit = self.world().CastShape(shape, ToVector(p), ToRotation(r), ToVector(way), layers);
+            if (!hit) return py::none();
+            return py::make_tuple(hit->body, hit->share, hit->point_W, hit->normal_W);
+          },
+          py::arg("shape"), py::arg("position"), py::arg("rotation"), py::arg("way"), py::arg("layers") = 0xffffffffu)
       .def(
           "overlapping",
           [](PyWorld& self, const Shape& shape, const Row3& p, const Row4& r, std::uint32_t layers) {

@@ -160,6 +160,21 @@ TEST_F(LedgerTest, AWayBendsBetweenTwoLooks) {
   }
 }
 
+// Past the corner of a plate that turns. By 1e9 rad in a step nobody can follow it: that ends, and is not taken for clean.
+TEST_F(LedgerTest, AWayThatCannotBeFollowedIsNotClean) {
+  before[0].kind = after[0].kind = BodyKind::kKinematic;
+  before[1].position_W = {1.3, 0, 1};
+  before[1].linear_velocity_W = {0, 0, -20};
+  after[1] = before[1];
+  after[1].position_W += kDt * before[1].linear_velocity_W + 0.5 * kDt * kDt * kGravity;
+  after[1].linear_velocity_W += kDt * kGravity;
+  for (const double rate : {31.0, 1e10}) {
+    before[0].angular_velocity_W = after[0].angular_velocity_W = {0, rate, 0};
+    after[0].rotation_WB = Exp(kDt * before[0].angular_velocity_W);
+    EXPECT_EQ(Judge().sides_changed, rate > 31) << rate;
+  }
+}
+
 // A wall that moves does work: the body may gain what it did, and no more.
 TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
   before[0].kind = after[0].kind = BodyKind::kKinematic;

@@ -129,6 +129,66 @@ class PythonTest(unittest.TestCase):
                 act()
             self.assertIn(part, str(caught.exception))
 
+    def test_callbacks_are_asked_in_a_step(self):
+        world = islet.World(islet.Settings(threads=2))
+        floor = world.add(islet.Shape.half_space(), islet.Kind.FIXED)
+        shelf = world.add(islet.Shape.box((9, 1, 0.1)), islet.Kind.FIXED, position=(0, 0, 2))
+        ball = world.add(islet.Shape.sphere(0.1), position=(0, 0, 1.5), linear_velocity=(0, 0, 5), restitution=0)
+        other = world.add(islet.Shape.sphere(0.1), position=(3, 0, 2.3), restitution=0)
+
+        def may_touch(a, b, body_a, body_b):  # the shelf is a platform that lets go up
+            self.assertLess(a, b)
+            return a != shelf or body_b.linear_velocity[2] < 1e-3 and body_b.position[2] > 2.19
+
+        world.set_collision_callback(may_touch)
+        seen = []
+        world.set_material_callback(lambda contact, a, b: (seen.append(contact.body_a), (0.0, 1.0 if b.position[0] > 1 else 0.0))[1])
+        tops = {ball: 0, other: 0}
+        for _ in range(60):
+            world.step(1 / 60)
+            tops = {b: max(top, world.positions[b, 2]) for b, top in tops.items()}
+        self.assertGreater(tops[ball], 2.7)  # through the shelf
+        self.assertAlmostEqual(world.positions[ball, 2], 2.2, places=3)  # and onto it, where nothing bounces
+        self.assertLess(world.positions[other, 2], 2.31)
+        self.assertGreater(abs(world.linear_velocities[other, 2]) + world.positions[other, 2] - 2.2, 0.05)  # this one bounces on
+        self.assertIn(shelf, seen)
+
+        def fails(*_):
+            raise KeyError("mine")
+
+        world.set_collision_callback(None)
+        world.set_material_callback(fails)
+        before = world.state_hash
+        with self.assertRaisesRegex(KeyError, "mine"):
+            world.step(1 / 60)
+        self.assertEqual(world.state_hash, before)
+        world.set_material_callback(lambda *_: (-1, 0))
+        with self.assertRaisesRegex(ValueError, "friction = -1"):
+            world.step(1 / 60)
+        world.set_material_callback(lambda *_: world.remove(ball))
+        with self.assertRaisesRegex(RuntimeError, "in a step"):
+            world.step(1 / 60)
+        world.set_material_callback(None)
+        world.step(1 / 60)
+
+    def test_shapes_are_cast_and_motions_are_rolled_back(self):
+        world = stack(islet.Settings(stateless=True))
+        body, share, point, normal = world.cast_shape(islet.Shape.sphere(0.25), (0, 0, 9), (0, 0, 0, 1), (0, 0, -10))
+        top = float(world.positions[:, 2].max())
+        self.assertAlmostEqual(9 - 10 * share - 0.25, top + 0.5, places=6)
+        np.testing.assert_allclose(normal, (0, 0, 1), atol=1e-9)
+        self.assertIsNone(world.cast_shape(islet.Shape.sphere(0.25), (0, 0, 9), (0, 0, 0, 1), (0, 0, 10)))
+        motion = world.save_motion()
+        hashes = [(world.step(1 / 60), world.positions.tobytes())[1] for _ in range(5)]
+        world.restore_motion(motion)
+        self.assertEqual([(world.step(1 / 60), world.positions.tobytes())[1] for _ in range(5)], hashes)
+        with self.assertRaisesRegex(ValueError, "bytes"):
+            world.restore_motion(motion[:-1])
+        world.set_mass(1, 5.0, np.diag([1.0, 2.0, 2.5]))
+        self.assertEqual(world.masses[1], 5)
+        with self.assertRaisesRegex(ValueError, "inertia"):
+            world.set_mass(1, 5.0, np.diag([1.0, 2.0, 9.0]))
+
     def test_saved_runs_go_on_the_same(self):
         world = islet.scene("balance")
         snapshot = world.save()

@@ -545,6 +545,38 @@ TEST_P(RandomPolytopes, NoPointIsRepeated) {
 INSTANTIATE_TEST_SUITE_P(BoxesAndHulls, RandomPolytopes, testing::Values(false, true),
                          [](const auto& parameter) { return parameter.param ? "Hulls" : "Boxes"; });
 
+// Of round hulls few edges can carry the best axis, and the others are left out unseen: none may be missed.
+TEST(RoundHulls, GapIsTheLargestSeparation) {
+  Rng rng(83);
+  int by_edges = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const auto ellipsoid = [&rng](const Vector3& radii) {
+      std::vector<Vector3> points;
+      for (int k = 0; k < 60; ++k) points.push_back(RandomVector(&rng, 1).normalized().cwiseProduct(radii));
+      return Shape::ConvexHull(points);
+    };
+    RandomPair pair{ellipsoid({1, 1, 1}), ellipsoid({1, 0.8, 0.5}), At(3, -2, 1), {}};
+    const Vector3 apart = RandomVector(&rng, 1).normalized();
+    pair.pose_b = {pair.pose_a.position_W + apart, RandomRotation(&rng)};
+    // Pulled apart along their centres until they overlap by a little, or are a little apart.
+    const double overlap = Separation(pair.a.polytope(), pair.pose_a, pair.b.polytope(), pair.pose_b, apart);
+    pair.pose_b.position_W -= (overlap - Uniform(&rng, -0.1, 0.1)) * apart;
+    const double separation = BestSeparation(pair, &rng), size = std::min(pair.a.size(), pair.b.size());
+    const auto contacts = Collide(pair.a, pair.pose_a, pair.b, pair.pose_b, 1);
+    ASSERT_FALSE(contacts.empty());
+    by_edges += IsEdgePair(contacts[0]);
+    const double along =
+        Separation(pair.a.polytope(), pair.pose_a, pair.b.polytope(), pair.pose_b, contacts[0].normal_W);
+    if (separation > 0) {
+      EXPECT_GE(LeastGap(contacts), separation - 1e-12) << "trial " << trial;
+      EXPECT_NEAR(LeastGap(contacts), DistanceBound(pair), 0.02) << "trial " << trial;
+    } else {
+      EXPECT_NEAR(along, separation, 1.1e-4 * size) << "trial " << trial;
+    }
+  }
+  EXPECT_GT(by_edges, 10);
+}
+
 // Two ways must agree: the box's own code and the general one on the hulls of the same corners.
 TEST(BoxBox, AgreesWithTheHullsOfTheirCorners) {
   Rng rng(71);

@@ -146,6 +146,20 @@ refused("a broken mesh", head + '{"shape": {"type": "mesh", "file": "mesh.stl"},
 (scratch / "mesh.stl").write_bytes(b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 1000)
 refused("a mesh that says it is large", head + '{"shape": {"type": "mesh", "file": "mesh.stl"}, "mass": 1}]}', "mesh.stl")
 
+# A recording holds the text of its scene file: it is checked against that, whatever stands in the file by now.
+scene = scratch / "recorded.json"
+text = head + f'{{"shape": {ball}, "mass": 1, "position": [0, 0, 3]}}]}}'
+scene.write_text(text)
+film = scratch / "recorded.film"
+for now in (None, text.replace("[0, 0, 3]", "[0, 0, 4]"), ""):
+    if now is None:
+        done = subprocess.run([islet, "run", scene, "--frames", "5", "--record", film], capture_output=True, text=True)
+        expect(done.returncode == 0, f"record: {done}")
+    else:
+        scene.write_text(now)
+    done = subprocess.run([islet, "replay", film, "--check"], capture_output=True, text=True)
+    expect(done.returncode == 0 and "all 6 frames are the same" in done.stdout, f"check a scene file's recording: {done}")
+
 # From a pipe that never ends.
 done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True, timeout=60)
 expect(done.returncode == 2 and "at most 32 MiB" in done.stderr, f"a pipe: {done}")
