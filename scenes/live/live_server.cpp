@@ -124,6 +124,8 @@ void LiveServer::Impl::Command(const httplib::Request& request, httplib::Respons
   response.status = 204;
 }
 
+std::string HttplibVersion() { return CPPHTTPLIB_VERSION; }
+
 LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl>()) {
   Impl& s = *impl_;
   s.page = std::move(page);

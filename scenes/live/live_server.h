@@ -44,4 +44,6 @@ class LiveServer {
   std::unique_ptr<Impl> impl_;
 };
 
+std::string HttplibVersion();
+
 }  // namespace islet
