@@ -1,9 +1,12 @@
 #include "scenes/live/live_server.h"
 
 #include <httplib.h>
+#include <poll.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <future>
@@ -24,6 +27,72 @@ constexpr auto kBeat =
 constexpr size_t kMostWaiting = 64;  // messages
 constexpr std::array kEventNames{"head", "state", "frame"};  // as LiveEvent counts
 
+constexpr size_t kLongestRequest = 32 << 10;                   // [bytes] a head as browsers send it, and a message
+constexpr auto kRequestTime = std::chrono::milliseconds(900);  // in which a request must be there
+constexpr int kWriteTime = 5000;                               // [ms] for who reads slowly
+
+// A connection for one request. The library reads lines of any length: what comes here ends at kLongestRequest, and after kRequestTime.
+class RequestStream final : public httplib::Stream {
+ public:
+  explicit RequestStream(socket_t socket) : socket_(socket) {}
+
+  bool is_readable() const override { return begin_ < end_ || Wait(POLLIN, TimeLeft()); }
+  bool is_writable() const override { return Wait(POLLOUT, kWriteTime); }
+  ssize_t read(char* to, size_t size) override {
+    if (begin_ == end_) {
+      if (!Wait(POLLIN, TimeLeft())) return -1;
+      const ssize_t got = ::recv(socket_, buffer_.data(), std::min(buffer_.size(), left_), 0);
+      if (got <= 0) return got;
+      begin_ = 0, end_ = static_cast<size_t>(got);
+      left_ -= end_;
+    }
+    size = std::min(size, end_ - begin_);
+    std::copy_n(buffer_.data() + begin_, size, to);
+    begin_ += size;
+    return static_cast<ssize_t>(size);
+  }
+  using Stream::write;
+  ssize_t write(const char* from, size_t size) override {
+    return is_writable() ? ::send(socket_, from, size, MSG_NOSIGNAL) : -1;
+  }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  socket_t socket() const override { return socket_; }
+
+  // Who still sends would not hear the answer if the connection were closed at once.
+  void Close() {
+    ::shutdown(socket_, SHUT_WR);
+    while (Wait(POLLIN, TimeLeft()) && ::recv(socket_, buffer_.data(), buffer_.size(), 0) > 0) {
+    }
+    ::close(socket_);
+  }
+
+ private:
+  int TimeLeft() const {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end_time_ - std::chrono::steady_clock::now());
+    return static_cast<int>(std::max<long>(left.count(), 0));
+  }
+  bool Wait(short event, int milliseconds) const {
+    pollfd wanted{socket_, event, 0};
+    return ::poll(&wanted, 1, milliseconds) > 0 && (wanted.revents & event);
+  }
+
+  socket_t socket_;
+  std::chrono::steady_clock::time_point end_time_ = std::chrono::steady_clock::now() + kRequestTime;
+  std::array<char, 4096> buffer_;
+  size_t begin_ = 0, end_ = 0, left_ = kLongestRequest;
+};
+
+class BoundedServer final : public httplib::Server {
+  bool process_and_close_socket(socket_t socket) override {
+    RequestStream stream(socket);
+    bool closed = false;
+    const bool good = process_request(stream, /*close_connection=*/true, closed, nullptr);
+    stream.Close();
+    return good;
+  }
+};
+
 std::string NewToken() {
   std::random_device device;
   std::string token;
@@ -41,7 +110,7 @@ struct LiveServer::Impl {
 
   std::string page, token = NewToken(), address;
   int port = 0;
-  httplib::Server server;
+  BoundedServer server;
   std::thread thread;
 
   std::mutex lock;
@@ -97,7 +166,11 @@ void LiveServer::Impl::Stream(httplib::Response& response) {
         if (text.empty()) text = ": here\n\n";
         return sink.write(text.data(), text.size());
       },
-      [this](bool) { --streams; });
+      [this](bool) {
+        const std::scoped_lock guard(lock);
+        --streams;
+        news.notify_all();
+      });
 }
 
 void LiveServer::Impl::Command(const httplib::Request& request, httplib::Response& response) {
@@ -135,8 +208,6 @@ LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl
     ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   });
   s.server.set_payload_max_length(kLongestCommand);
-  s.server.set_keep_alive_timeout(1);
-  s.server.set_read_timeout(2);
   s.server.set_pre_routing_handler([&s](const httplib::Request& request, httplib::Response& response) {
     if (s.IsOurs(request)) return httplib::Server::HandlerResponse::Unhandled;
     response.status = 403;
@@ -162,12 +233,13 @@ LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl
 LiveServer::~LiveServer() {
   Impl& s = *impl_;
   {
-    const std::scoped_lock guard(s.lock);
+    std::unique_lock guard(s.lock);
     s.ending = true;
     for (const auto& message : s.waiting) message->answer.set_value("the run has ended");
     s.waiting.clear();
+    s.news.notify_all();
+    s.news.wait_for(guard, kRequestTime, [&] { return s.streams == 0; });  // stop() would cut off what tells them
   }
-  s.news.notify_all();
   s.server.stop();
   s.thread.join();
 }

@@ -6,6 +6,8 @@
 //   POST /TOKEN/command   a message, see command.h: 204 done, 400 and why not, 503 too late
 //
 // What has no token, or names another host (a foreign page that was told this address is ours), gets 403. It listens at 127.0.0.1 alone.
+// A request is one connection, and is answered or refused within a second, in a few ten kilobytes; only a message to a run that is in a
+// long step waits for that.
 //   threads: the server runs on its own; the functions below are for one thread, which owns the run
 //   errors: std::runtime_error where the port cannot be had
 #pragma once

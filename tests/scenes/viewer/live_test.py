@@ -4,6 +4,7 @@
 
 live_drive.js does the clicking. It comes into the page by a server of this test that stands between: what it passes on is the engine's.
 """
+import http.client
 import http.server
 import json
 import os
@@ -54,7 +55,7 @@ class Between(http.server.BaseHTTPRequestHandler):
                 while not dropped.is_set() and (piece := answer.read1(65536)):
                     self.wfile.write(piece)
                 dropped.clear()
-            except OSError:  # the browser is gone
+            except (OSError, http.client.HTTPException):  # the browser or the run is gone
                 pass
 
     def do_POST(self):
