@@ -44,6 +44,7 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Matrix3& inverse, const V
 Vector3 MidpointRotation(const Matrix3& inertia, const Matrix3& inverse, const Vector3& momentum_B, double dt) {
   const Vector3 w = MidpointVelocity(inertia, inverse, momentum_B, dt);
   const double speed = w.norm();
+  if (speed == 0) return dt * w;  // the squares of what is below 1e-162 rad/s vanish
   return 2 * std::atan(0.5 * dt * speed) / speed * w;
 }
 

@@ -12,6 +12,7 @@
 #include "qp/build_facts.h"
 #include "scenes/drawing_png.h"
 #include "scenes/fclib_file.h"
+#include "scenes/live/live_server.h"
 
 namespace islet {
 namespace {
@@ -44,6 +45,7 @@ std::string About() {
   line("SuiteSparse AMD", qp::AmdVersion());
   line("HDF5", Hdf5Version());
   line("cairo", CairoVersion());
+  line("cpp-httplib", HttplibVersion());
   line("fmt", fmt::format("{}.{}.{}", FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100));
   line("CLI11", CLI11_VERSION);
   line("nlohmann-json",

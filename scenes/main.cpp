@@ -76,7 +76,7 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, solve and verify in order: what is\n"
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, solve and verify in order: what is\n"
       "done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
@@ -92,10 +92,12 @@ int Run(int argc, char** argv) {
   islet::RunOptions view_options;
   islet::AddViewOptions(view, &view_options);
   view->footer(
-      "The page is one file and needs no network. Open it in any browser.\n\n"
+      "The page is one file and needs no network. Open it in any browser. With --live it runs until Ctrl-C, and the\n"
+      "page, whose address is told, pauses and steps it, throws balls, drags bodies, changes gravity and friction.\n\n"
       "Examples:\n"
       "  islet view csstack --seconds 1/2 --out csstack.html\n"
-      "  islet view cubejam --count 20 --frames 20");
+      "  islet view cubejam --count 20 --frames 20\n"
+      "  islet view cubejam --count 20 --live");
   CLI::App* const replay = app.add_subcommand("replay", "Tell, check or convert what `islet run --record` kept");
   islet::ReplayOptions replay_options;
   islet::AddReplayOptions(replay, &replay_options);

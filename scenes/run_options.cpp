@@ -280,10 +280,20 @@ RunOptions ParseRunArguments(const std::vector<std::string>& arguments) {
 void AddViewOptions(CLI::App* command, RunOptions* options) {
   AddSceneOptions(command, options);
   options->html_plays = true;
-  command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
+  CLI::Option* const out = command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
+                               ->group(kOutput)
+                               ->type_name("FILE.html")
+                               ->check(FileName);
+  CLI::Option* const live =
+      command->add_flag("--live", options->live, "write nothing: serve the page to this machine while the scene runs")
+          ->group(kOutput)
+          ->excludes(out);
+  for (const char* const end : {"--frames", "--seconds"}) live->excludes(command->get_option(end));
+  command->add_option("--port", options->port, "of --live, 1 to 65535 (default: any that is free)")
       ->group(kOutput)
-      ->type_name("FILE.html")
-      ->check(FileName);
+      ->type_name("N")
+      ->needs(live)
+      ->check(CLI::Range(1, 65535));
 }
 
 const Scene& RequireScene(const std::string& name) {

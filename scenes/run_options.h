@@ -45,6 +45,8 @@ struct RunOptions {
 
   std::string html;         // file or empty: a page that shows the run
   bool html_plays = false;  // it opens at the beginning, not at the worst frame
+  bool live = false;        // no file: a page is served while the scene runs
+  int port = 0;             // at which; 0: any that is free
 
   std::string export_fclib;        // folder for the island problems, or empty
   std::vector<int> export_frames;  // from 1; empty: all
@@ -56,7 +58,7 @@ struct RunOptions {
 
 void AddRunOptions(CLI::App* command, RunOptions* options);
 
-// Of `islet view`: those that choose scene, time and method, and where the page goes.
+// Of `islet view`: those that choose scene, time and method, and where the page goes or that it is live.
 void AddViewOptions(CLI::App* command, RunOptions* options);
 // Those that were given of what decides the run, in a form that ParseRunArguments reads: neither outputs nor threads.
 std::vector<std::string> RunArguments(const CLI::App& command);

@@ -10,6 +10,7 @@
 #include "scenes/output_file.h"
 #include "scenes/run.h"
 #include "scenes/run_page.h"
+#include "scenes/view_live.h"
 
 namespace islet {
 namespace {
@@ -40,6 +41,11 @@ void View(RunOptions options) {
   const std::filesystem::path name = options.scene;
   const bool recorded =
       !FindScene(options.scene) && name.extension() != ".json" && std::filesystem::is_regular_file(name);
+  if (options.live) {
+    if (recorded) throw std::invalid_argument("--live runs a scene; got the recording " + options.scene);
+    ViewLive(options);
+    return;
+  }
   if (options.html.empty()) options.html = name.stem().string() + ".html";
   if (!recorded) {
     RunScene(options);

@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -52,7 +52,8 @@ set(rules
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^cairo\\.h$"                                             "^scenes/drawing_png\\.cpp$"
   "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
-  "^(poll|sys/prctl|sys/wait)\\.h$"                        "^scenes/apart\\.cpp$"
+  "^poll\\.h$"                                             "^scenes/(apart|live/live_server)\\.cpp$"
+  "^sys/(prctl|wait)\\.h$"                                 "^scenes/apart\\.cpp$"
   "^sys/ioctl\\.h$"                                         "^scenes/terminal_line\\.cpp$"
   "^(unsupported/)?Eigen/"                                 "^(qp|engine|scenes)/"
   "^(immintrin|cpuid)\\.h$"                                "^(qp|engine)/[a-z0-9_/]+\\.cpp$|^qp/[a-z0-9_/]+_impl\\.h$"

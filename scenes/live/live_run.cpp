@@ -15,7 +15,7 @@ constexpr double kFarthestPull = 5;  // [m] a longer spring pulls no harder
 
 }  // namespace
 
-LiveRun::LiveRun(World world, double dt) : world_(std::move(world)), dt_(dt) {}
+LiveRun::LiveRun(World world, double dt, Drive drive) : world_(std::move(world)), dt_(dt), drive_(std::move(drive)) {}
 
 void LiveRun::Do(const LiveCommand& command) {
   using Kind = LiveCommand::Kind;
@@ -38,7 +38,9 @@ void LiveRun::Do(const LiveCommand& command) {
           world.body(command.body).kind != BodyKind::kDynamic)
         throw std::invalid_argument("message: body must be a dynamic one; got " + std::to_string(command.body));
       if (drag_ && drag_->body != command.body) LetGo();
-      drag_ = Drag{command.body, command.from, command.vector};
+      const Body& body = world.body(command.body);
+      const Vector3 force = drag_ ? drag_->force_W : body.force_W, torque = drag_ ? drag_->torque_W : body.torque_W;
+      drag_ = Drag{command.body, command.from, command.vector, force, torque};
       break;
     }
     case Kind::kRelease:
@@ -46,10 +48,12 @@ void LiveRun::Do(const LiveCommand& command) {
       break;
     case Kind::kGravity:
       world_.SetGravity(command.vector);
+      gravity_W_ = command.vector;
       break;
     case Kind::kFriction:
       for (int i = 0; i < static_cast<int>(world_.bodies().size()); ++i)
         if (!world_.body(i).removed) world_.SetMaterial(i, command.value, world_.body(i).restitution);
+      friction_ = command.value;
       break;
   }
 }
@@ -57,11 +61,13 @@ void LiveRun::Do(const LiveCommand& command) {
 void LiveRun::Throw(const LiveCommand& command) {
   if (thrown_ >= kMostThrown)
     throw std::invalid_argument("message: throw: at most " + std::to_string(kMostThrown) + " balls in one run");
-  const Shape ball = Shape::Sphere(command.radius);
-  if (!world_.Overlapping(ball, command.from, Quaternion::Identity()).empty())
+  if (!ball_ || ball_->radius() != command.radius) ball_ = Shape::Sphere(command.radius);
+  if (!world_.Overlapping(*ball_, command.from, Quaternion::Identity()).empty())
     throw std::invalid_argument("message: throw: a ball does not fit there");
-  world_.Add(
-      {.shape = ball, .density = command.density, .position_W = command.from, .linear_velocity_W = command.vector});
+  BodyDefinition body{
+      .shape = *ball_, .density = command.density, .position_W = command.from, .linear_velocity_W = command.vector};
+  body.friction = friction_.value_or(body.friction);
+  world_.Add(body);
   ++thrown_;
   ++generation_;
 }
@@ -83,13 +89,15 @@ void LiveRun::Pull() {
 }
 
 void LiveRun::LetGo() {
-  if (drag_) world_.SetForce(drag_->body, Vector3::Zero(), Vector3::Zero());
+  if (drag_) world_.SetForce(drag_->body, drag_->force_W, drag_->torque_W);
   drag_.reset();
 }
 
 bool LiveRun::Advance() {
   if (!running_ && !step_) return false;
   step_ = false;
+  if (drive_) drive_(steps_ * dt_, &world_);
+  if (gravity_W_ && *gravity_W_ != world_.settings().gravity) world_.SetGravity(*gravity_W_);
   Pull();
   report_ = world_.Step(dt_);
   ++steps_;

@@ -1,8 +1,12 @@
 #include "scenes/live/live_server.h"
 
 #include <httplib.h>
+#include <poll.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <future>
@@ -21,6 +25,73 @@ constexpr auto kPatience = std::chrono::seconds(20);  // for a run that is in a 
 constexpr auto kBeat =
     std::chrono::seconds(2);         // between signs of life to a stream, which tell whether it is still there
 constexpr size_t kMostWaiting = 64;  // messages
+constexpr std::array kEventNames{"head", "state", "frame"};  // as LiveEvent counts
+
+constexpr size_t kLongestRequest = 32 << 10;                   // [bytes] a head as browsers send it, and a message
+constexpr auto kRequestTime = std::chrono::milliseconds(900);  // in which a request must be there
+constexpr int kWriteTime = 5000;                               // [ms] for who reads slowly
+
+// A connection for one request. The library reads lines of any length: what comes here ends at kLongestRequest, and after kRequestTime.
+class RequestStream final : public httplib::Stream {
+ public:
+  explicit RequestStream(socket_t socket) : socket_(socket) {}
+
+  bool is_readable() const override { return begin_ < end_ || Wait(POLLIN, TimeLeft()); }
+  bool is_writable() const override { return Wait(POLLOUT, kWriteTime); }
+  ssize_t read(char* to, size_t size) override {
+    if (begin_ == end_) {
+      if (!Wait(POLLIN, TimeLeft())) return -1;
+      const ssize_t got = ::recv(socket_, buffer_.data(), std::min(buffer_.size(), left_), 0);
+      if (got <= 0) return got;
+      begin_ = 0, end_ = static_cast<size_t>(got);
+      left_ -= end_;
+    }
+    size = std::min(size, end_ - begin_);
+    std::copy_n(buffer_.data() + begin_, size, to);
+    begin_ += size;
+    return static_cast<ssize_t>(size);
+  }
+  using Stream::write;
+  ssize_t write(const char* from, size_t size) override {
+    return is_writable() ? ::send(socket_, from, size, MSG_NOSIGNAL) : -1;
+  }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  socket_t socket() const override { return socket_; }
+
+  // Who still sends would not hear the answer if the connection were closed at once.
+  void Close() {
+    ::shutdown(socket_, SHUT_WR);
+    while (Wait(POLLIN, TimeLeft()) && ::recv(socket_, buffer_.data(), buffer_.size(), 0) > 0) {
+    }
+    ::close(socket_);
+  }
+
+ private:
+  int TimeLeft() const {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end_time_ - std::chrono::steady_clock::now());
+    return static_cast<int>(std::max<long>(left.count(), 0));
+  }
+  bool Wait(short event, int milliseconds) const {
+    pollfd wanted{socket_, event, 0};
+    return ::poll(&wanted, 1, milliseconds) > 0 && (wanted.revents & event);
+  }
+
+  socket_t socket_;
+  std::chrono::steady_clock::time_point end_time_ = std::chrono::steady_clock::now() + kRequestTime;
+  std::array<char, 4096> buffer_;
+  size_t begin_ = 0, end_ = 0, left_ = kLongestRequest;
+};
+
+class BoundedServer final : public httplib::Server {
+  bool process_and_close_socket(socket_t socket) override {
+    RequestStream stream(socket);
+    bool closed = false;
+    const bool good = process_request(stream, /*close_connection=*/true, closed, nullptr);
+    stream.Close();
+    return good;
+  }
+};
 
 std::string NewToken() {
   std::random_device device;
@@ -39,13 +110,16 @@ struct LiveServer::Impl {
 
   std::string page, token = NewToken(), address;
   int port = 0;
-  httplib::Server server;
+  BoundedServer server;
   std::thread thread;
 
   std::mutex lock;
   std::condition_variable news, work;
-  std::string head, frame;
-  std::uint64_t heads = 0, frames = 0;  // how many there were
+  struct Event {
+    std::string text;
+    std::uint64_t count = 0;  // of those that there were
+  };
+  std::array<Event, kEventNames.size()> events;
   std::deque<std::shared_ptr<Message>> waiting;
   bool ending = false;
   std::atomic<int> streams = 0;
@@ -68,27 +142,35 @@ void LiveServer::Impl::Stream(httplib::Response& response) {
     response.set_content("too many pages look at this run", "text/plain");
     return;
   }
-  auto seen_heads = std::make_shared<std::uint64_t>(0), seen_frames = std::make_shared<std::uint64_t>(0);
+  auto seen = std::make_shared<std::array<std::uint64_t, kEventNames.size()>>();
   response.set_header("Cache-Control", "no-store");
   response.set_chunked_content_provider(
       "text/event-stream",
-      [this, seen_heads, seen_frames](size_t, httplib::DataSink& sink) {
+      [this, seen](size_t, httplib::DataSink& sink) {
         std::string text;
         {
           std::unique_lock guard(lock);
-          news.wait_for(guard, kBeat, [&] { return ending || *seen_heads != heads || *seen_frames != frames; });
+          const auto is_news = [&](size_t k) { return (*seen)[k] != events[k].count; };
+          news.wait_for(guard, kBeat, [&] { return ending || is_news(0) || is_news(1) || is_news(2); });
+          for (size_t k = 0; k < events.size(); ++k) {
+            if (is_news(k)) text.append("event: ").append(kEventNames[k]).append("\ndata: " + events[k].text + "\n\n");
+            (*seen)[k] = events[k].count;
+          }
           if (ending) {
+            text += "event: end\ndata:\n\n";
+            sink.write(text.data(), text.size());
             sink.done();
             return true;
           }
-          if (*seen_heads != heads) text += "event: head\ndata: " + head + "\n\n";
-          if (*seen_frames != frames) text += "event: frame\ndata: " + frame + "\n\n";
-          *seen_heads = heads, *seen_frames = frames;
         }
         if (text.empty()) text = ": here\n\n";
         return sink.write(text.data(), text.size());
       },
-      [this](bool) { --streams; });
+      [this](bool) {
+        const std::scoped_lock guard(lock);
+        --streams;
+        news.notify_all();
+      });
 }
 
 void LiveServer::Impl::Command(const httplib::Request& request, httplib::Response& response) {
@@ -115,6 +197,8 @@ void LiveServer::Impl::Command(const httplib::Request& request, httplib::Respons
   response.status = 204;
 }
 
+std::string HttplibVersion() { return CPPHTTPLIB_VERSION; }
+
 LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl>()) {
   Impl& s = *impl_;
   s.page = std::move(page);
@@ -124,8 +208,6 @@ LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl
     ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   });
   s.server.set_payload_max_length(kLongestCommand);
-  s.server.set_keep_alive_timeout(1);
-  s.server.set_read_timeout(2);
   s.server.set_pre_routing_handler([&s](const httplib::Request& request, httplib::Response& response) {
     if (s.IsOurs(request)) return httplib::Server::HandlerResponse::Unhandled;
     response.status = 403;
@@ -151,32 +233,25 @@ LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl
 LiveServer::~LiveServer() {
   Impl& s = *impl_;
   {
-    const std::scoped_lock guard(s.lock);
+    std::unique_lock guard(s.lock);
     s.ending = true;
     for (const auto& message : s.waiting) message->answer.set_value("the run has ended");
     s.waiting.clear();
+    s.news.notify_all();
+    s.news.wait_for(guard, kRequestTime, [&] { return s.streams == 0; });  // stop() would cut off what tells them
   }
-  s.news.notify_all();
   s.server.stop();
   s.thread.join();
 }
 
 const std::string& LiveServer::address() const { return impl_->address; }
 
-void LiveServer::SetHead(std::string text) {
+void LiveServer::Show(LiveEvent event, std::string text) {
   {
     const std::scoped_lock guard(impl_->lock);
-    impl_->head = std::move(text);
-    ++impl_->heads;
-  }
-  impl_->news.notify_all();
-}
-
-void LiveServer::Show(std::string frame) {
-  {
-    const std::scoped_lock guard(impl_->lock);
-    impl_->frame = std::move(frame);
-    ++impl_->frames;
+    Impl::Event& shown = impl_->events[static_cast<size_t>(event)];
+    shown.text = std::move(text);
+    ++shown.count;
   }
   impl_->news.notify_all();
 }

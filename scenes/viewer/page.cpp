@@ -13,7 +13,6 @@ namespace {
 
 constexpr size_t kPosesAChunk = 32768;
 constexpr size_t kFewestContacts = 32;  // of a frame, whatever the budget
-constexpr std::string_view kDataMark = "<!--islet:data-->";
 
 // Base64 has no letter that HTML or a script would mind.
 std::string Block(const std::string& id, std::string_view bytes) {

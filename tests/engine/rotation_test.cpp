@@ -79,6 +79,17 @@ TEST(FreeRotation, StandsStillWithoutVelocity) {
 
 // About a principal axis the Cayley map turns by 2 atan(w dt / 2), less than w dt by a twelfth of its cube; five of them of
 // the shares p, p, 1 - 4 p, p, p, with 4 p^3 + (1 - 4 p)^3 = 0, lose only the fifth power.
+// The squares of such velocities are zero.
+TEST(FreeRotation, ATinyVelocityIsAVelocity) {
+  const Matrix3 inertia = Vector3(1, 2, 3).asDiagonal();
+  for (const double speed : {1e-100, 1e-160, 1e-170, 1e-300}) {
+    const Vector3 velocity(speed, 0, speed / 2);
+    EXPECT_LE((FreeRotation(inertia, Quaternion::Identity(), velocity, 0.1) / speed - 0.1 * velocity / speed).norm(),
+              1e-15)
+        << speed;
+  }
+}
+
 TEST(FreeRotation, PrincipalAxisByHand) {
   const Matrix3 inertia = Vector3(1, 2, 2.5).asDiagonal();
   const Vector3 small = FreeRotation(inertia, Quaternion::Identity(), {0, 0, 4}, 2e-4);

@@ -1,7 +1,9 @@
 """Help, completion and manual page of the program islet: help_test.py ISLET [name of a test]."""
 import os
 import re
+import shlex
 import shutil
+import signal
 import subprocess
 import tempfile
 import unittest
@@ -13,17 +15,28 @@ class Help(unittest.TestCase):
     def test_examples_run(self):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.dirname(ISLET) + os.pathsep + os.environ["PATH"]
-            for command in "scenes", "run", "solve", "verify", "completion", "man":
+            for command in "scenes", "run", "view", "solve", "verify", "completion", "man":
                 text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
                 examples = [line.strip() for line in text.split("Examples:\n")[1].splitlines() if line.strip()]
                 self.assertGreaterEqual(len(examples), 1)
                 self.assertTrue(any(example.startswith("islet " + command) for example in examples))
                 for example in examples:
                     with self.subTest(example):
+                        if " --live" in example:
+                            self.interrupt(example, folder)
+                            continue
                         done = subprocess.run(example, shell=True, cwd=folder, env=dict(os.environ, PATH=path), text=True,
                                               capture_output=True, timeout=120)
                         self.assertEqual(done.returncode, 0, done.stderr)
                         self.assertTrue(done.stdout or " > " in example)
+
+    def interrupt(self, example, folder):
+        """Runs what goes on until Ctrl-C."""
+        program = subprocess.Popen([ISLET] + shlex.split(example)[1:], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.assertRegex(program.stdout.readline(), r"^page +http://127\.0\.0\.1:[0-9]+/[0-9a-f]{32}/$")
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 130, errors)
 
 
 class Completion(unittest.TestCase):
@@ -63,7 +76,7 @@ printf '%s\n' "${COMPREPLY[@]}"
             self.assertEqual(self.complete("run", "stack", "--report", "a.", folder=folder), ["a.hdf5"])
 
     def test_bash_knows_every_option(self):
-        for command in "scenes", "run", "solve", "verify":
+        for command in "scenes", "run", "view", "solve", "verify":
             text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
             told = set(re.findall(r"(?m)^  (?:-h,)?(--[a-z-]+)", text))
             self.assertEqual({name for name in self.complete(command, "-") if name.startswith("--")}, told)
@@ -101,7 +114,7 @@ class ManualPage(unittest.TestCase):
             self.assertRegex(text, f"(?m)^{heading}$")
 
     def test_tells_every_command_and_option(self):
-        for command in "scenes", "run", "solve", "verify", "completion", "man":
+        for command in "scenes", "run", "view", "solve", "verify", "completion", "man":
             self.assertIn(f"\n.SS {command}\n", self.page)
             text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
             for option in re.findall(r"(?m)^  (?:-h,)?(--[a-z-]+)", text):

@@ -60,7 +60,11 @@ export class Bodies {
   setFrame(frame) {
     for (const mesh of this.meshes) {
       const matrices = mesh.instanceMatrix.array;
-      mesh.userData.numbers.forEach((i, k) => writePose(frame, i, matrices, 16 * k));
+      mesh.userData.numbers.forEach((i, k) => {
+        if (i < frame.frozen.length) return writePose(frame, i, matrices, 16 * k);
+        matrices.fill(0, 16 * k, 16 * k + 15);  // added later: a point, which is not drawn
+        matrices[16 * k + 15] = 1;
+      });
       mesh.instanceMatrix.needsUpdate = true;
       mesh.boundingSphere = null;  // of the frame before; picking makes it anew
     }
@@ -88,8 +92,8 @@ export class Bodies {
   // A rim of the accent's colour around the body that is picked.
   setPicked(i, frame, colour) {
     const place = this.placeOf.get(i);
-    this.halo.visible = place !== undefined;
-    if (!place) return;
+    this.halo.visible = place !== undefined && i < frame.frozen.length;
+    if (!this.halo.visible) return;
     const shape = this.head.shapes[this.head.bodies.shape[i]];
     if (this.halo.userData.shape !== shape) this.halo.geometry = geometryOf(shape, 1);
     this.halo.userData.shape = shape;
@@ -102,6 +106,14 @@ export class Bodies {
 
   pick(raycaster) {
     const [hit] = raycaster.intersectObjects(this.meshes, false);
-    return hit ? {body: hit.object.userData.numbers[hit.instanceId], distance: hit.distance} : null;
+    return hit ? {body: hit.object.userData.numbers[hit.instanceId], distance: hit.distance, point: hit.point} : null;
+  }
+
+  dispose() {
+    for (const mesh of [...this.meshes, this.halo]) {
+      mesh.geometry.dispose();
+      mesh.material.dispose();
+      mesh.dispose?.();
+    }
   }
 }

@@ -46,7 +46,7 @@ export function colourModes(head) {
     const members = new Int32Array(bodies);
     for (const island of frame.island) if (island >= 0) ++members[island];
     for (let i = 0; i < bodies; ++i) {
-      const island = frame.island[i];
+      const island = frame.island[i] ?? -1;  // there are none of bodies that are added later
       paint(i, frame.frozen[i] ? FROZEN : island < 0 || members[island] < 2 ? NOBODY : numbers[island]);
     }
   };

@@ -88,11 +88,11 @@ export function decodeBodies(array, steps) {
   return result;
 }
 
-// An array of frames: contacts as arrays (a, b, points, normals, directions of the impulses, sizes), how many there were (all), and
+// An array of frames, which all have the same bodies, that are some or all of `kinds`: contacts as arrays (a, b, points, normals, directions of the impulses, sizes), how many there were (all), and
 // what presses most on each body.
 export function decodeContacts(array, frames, kinds, steps) {
   const bytes = new Bytes(array);
-  const n = kinds.length;
+  const n = frames[0].frozen.length;
   const pressCodes = new Int32Array(n);
   let before = null;
   return frames.map(({positions}) => {

@@ -9,7 +9,7 @@ export async function extentOf(film, bodyRadius, solid) {
   const box = new Box3(), first = new Box3(), point = new Vector3();
   for (let k = 0; k <= 4; ++k) {
     const frame = await film.frame(Math.round(((film.frames - 1) * k) / 4), false);
-    head.bodies.kind.forEach((kind, i) => {
+    head.bodies.kind.slice(0, frame.frozen.length).forEach((kind, i) => {
       point.fromArray(frame.positions, 3 * i);
       if (kind === 'dynamic' && (!allowed || allowed.containsPoint(point))) box.expandByPoint(point);
     });

@@ -6,16 +6,19 @@ const CHUNKS_KEPT = 16;
 export class Film {
   constructor(source) {
     this.source = source;
-    this.head = source.head;
-    this.frames = source.frames;
-    this.numbers = source.numbers;
-    this.chunkOf = [];
-    this.firstOf = [];
-    this.head.chunks.forEach((size, k) => {
-      this.firstOf.push(this.chunkOf.length);
-      for (let i = 0; i < size; ++i) this.chunkOf.push(k);
-    });
-    this.chunks = new Map();  // in the order of their last use
+    this.chunks = new Map();  // of a key, in the order of their last use
+  }
+
+  get head() {
+    return this.source.head;
+  }
+
+  get frames() {
+    return this.source.frames;
+  }
+
+  get numbers() {
+    return this.source.numbers;
   }
 
   number(name, frame) {
@@ -24,12 +27,10 @@ export class Film {
 
   // Promise of frame i. withContacts: it has `contacts`, too.
   async frame(i, withContacts) {
-    const k = this.chunkOf[i];
-    const chunk = this.#use(k);
-    const frames = await chunk.bodies;
-    const frame = frames[i - this.firstOf[k]];
+    const [key, at] = this.source.place(i), chunk = this.#use(key);
+    const frames = await chunk.bodies, frame = frames[at];
     if (withContacts && !frame.contacts) {
-      chunk.contacts ??= this.#contacts(k, frames);
+      chunk.contacts ??= this.#contacts(chunk, frames);
       await chunk.contacts;
     }
     return frame;
@@ -37,34 +38,32 @@ export class Film {
 
   // Frame i if it is decoded, else null, and it will soon be.
   ready(i, withContacts) {
-    const k = this.chunkOf[i];
-    const frame = this.chunks.get(k)?.frames?.[i - this.firstOf[k]];
+    const [key, at] = this.source.place(i), frame = this.chunks.get(key)?.frames?.[at];
     if (frame && (!withContacts || frame.contacts)) {
-      this.#use(k);
+      this.#use(key);
       return frame;
     }
     this.frame(i, withContacts).catch(() => {});  // who shows it will hear of it
     return null;
   }
 
-  #use(k) {
-    const chunk = this.chunks.get(k) ?? this.#open(k);
-    this.chunks.delete(k);
-    this.chunks.set(k, chunk);
+  #use(key) {
+    const chunk = this.chunks.get(key) ?? this.#open(key);
+    this.chunks.delete(key);
+    this.chunks.set(key, chunk);
     while (this.chunks.size > CHUNKS_KEPT) this.chunks.delete(this.chunks.keys().next().value);
     return chunk;
   }
 
-  #open(k) {
-    const data = this.source.load(k);
+  #open(key) {
+    const data = this.source.load(key);
     const chunk = {data, frames: null, contacts: null};
-    chunk.bodies = (async () => (chunk.frames = decodeBodies(await (await data).bodies(), this.head.steps)))();
+    chunk.bodies = (async () => (chunk.frames = decodeBodies(await data.bodies(), this.head.steps)))();
     return chunk;
   }
 
-  async #contacts(k, frames) {
-    const bytes = await (await this.chunks.get(k).data).contacts();
-    const decoded = decodeContacts(bytes, frames, this.head.bodies.kind, this.head.steps);
+  async #contacts(chunk, frames) {
+    const decoded = decodeContacts(await chunk.data.contacts(), frames, this.head.bodies.kind, this.head.steps);
     decoded.forEach((contacts, i) => (frames[i].contacts = contacts));
   }
 }

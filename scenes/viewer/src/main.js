@@ -7,16 +7,20 @@ import {extentOf} from './extent.js';
 import {Film} from './film.js';
 import {count, make, metres, number} from './format.js';
 import {bodyTable} from './picked.js';
+import {LiveControls} from './live_controls.js';
+import {LivePlayer} from './live_player.js';
 import {Marks} from './marks.js';
 import {Player} from './player.js';
 import {reportTable, worstFrame, worstIsland} from './report.js';
 import {radiusOf} from './shapes.js';
-import {openPage} from './source.js';
+import {openSource} from './source.js';
 import {Stage} from './stage.js';
 import {onTheme, theme} from './theme.js';
 import {isWall, Walls} from './walls.js';
 
 const $ = (id) => document.getElementById(id);
+
+const CURVES_EVERY = 250;  // [ms] while a run goes on
 
 function median(values) {
   const sorted = values.filter(Number.isFinite).sort((a, b) => a - b);
@@ -25,7 +29,7 @@ function median(values) {
 
 class Viewer {
   async open() {
-    this.film = new Film(await openPage());
+    this.film = new Film(await openSource());
     const {film} = this, {head} = film, {bodies} = head;
     const all = bodies.kind.map((_, i) => i), dynamic = all.filter((i) => bodies.kind[i] === 'dynamic');
     this.bodyRadius = median((dynamic.length ? dynamic : all).map((i) => radiusOf(head.shapes[bodies.shape[i]])));
@@ -33,19 +37,21 @@ class Viewer {
     this.picked = -1;
     this.shown = null;
 
-    const walls = all.filter((i) => isWall(head, i, this.bodyRadius)), isWalls = new Set(walls), solid = all.filter((i) => !isWalls.has(i));
-    const extent = await extentOf(film, this.bodyRadius, solid), size = extent.all.getSize(new Vector3()).length();
+    const walls = all.filter((i) => isWall(head, i, this.bodyRadius));
+    this.isWall = new Set(walls);
+    const extent = await this.extent(), size = extent.all.getSize(new Vector3()).length();
     const start = await film.frame(0, false);
-    this.bodies = new Bodies(head, solid);
     this.walls = new Walls(head, walls, start, extent.first.getCenter(new Vector3()), size);
-    const weight = median(dynamic.map((i) => bodies.mass[i])) * (Math.hypot(...head.gravity) || 9.81);
-    this.marks = new Marks(this.bodyRadius, weight, head.dt);
+    const bodyMass = median(dynamic.map((i) => bodies.mass[i]));
+    this.marks = new Marks(this.bodyRadius, bodyMass * (Math.hypot(...head.gravity) || 9.81), head.dt);
     this.stage = new Stage($('view'), () => (this.dirty = true));
-    this.stage.scene.add(new Group().add(this.walls.group, this.bodies.group, this.marks.group));
-    this.modes = colourModes(head);
+    this.solid = new Group();
+    this.stage.scene.add(new Group().add(this.walls.group, this.solid, this.marks.group));
+    this.makeBodies();
     this.mode = this.modes[0];
     this.curves = makeCurves(film, (frame) => this.player.step(frame - this.player.frame));
-    this.player = new Player(film.frames, head.dt, (frame) => this.show(frame), () => this.tellState());
+    if (film.source.live) this.goLive({bodyRadius: this.bodyRadius, bodyMass, size});
+    else this.player = new Player(film.frames, head.dt, (frame) => this.show(frame), () => this.tellState());
 
     this.fillPage();
     this.listen();
@@ -60,6 +66,72 @@ class Viewer {
     requestAnimationFrame((now) => this.tick(now, now));
   }
 
+  // Numbers of the bodies that are drawn as such.
+  solidOnes() {
+    return this.film.head.bodies.kind.map((_, i) => i).filter((i) => !this.isWall.has(i));
+  }
+
+  extent() {
+    return extentOf(this.film, this.bodyRadius, this.solidOnes());
+  }
+
+  // Of a run that goes on it is to see where the bodies have got to.
+  resetCamera() {
+    if (this.live) this.extent().then(({all}) => this.stage.setExtent(all), fail);
+    else this.stage.resetCamera();
+  }
+
+  makeBodies() {
+    const {head} = this.film;
+    this.bodies?.dispose();
+    this.bodies = new Bodies(head, this.solidOnes());
+    this.solid.clear();
+    this.solid.add(this.bodies.group);
+    this.modes = colourModes(head);
+  }
+
+  goLive(typical) {
+    const {source} = this.film;
+    this.live = new LiveControls(this, typical);
+    this.stage.scene.add(this.live.rope);
+    this.player = new LivePlayer(source, (frame) => this.show(frame), () => this.tellState(), (why) => this.live.say(why));
+    this.curvesDrawn = 0;  // [ms] when
+    source.onHead = () => {
+      this.makeBodies();
+      this.bodies.setSolid($('show-bodies').checked);
+      if (this.shown) this.bodies.setFrame(this.shown.frame);
+      this.setMode(this.mode.id);
+      this.tellSummary();
+    };
+    source.onState = () => {
+      this.live.tellState();
+      this.tellState();
+    };
+    source.onThin = (to) => {
+      this.player.thinned(to);
+      if (this.shown) this.shown.i = to(this.shown.i);
+    };
+    source.onFrame = () => (this.grown = true);
+    source.onLost = () => this.live.say('The run does not answer; it may come back.');
+    source.onFound = () => this.live.say('');
+    source.onEnd = () => {
+      this.live.end();
+      this.tellState();
+    };
+  }
+
+  // What tells of all frames, when there are more.
+  tellGrowth(now) {
+    if (!this.grown || now - this.curvesDrawn < CURVES_EVERY) return;
+    this.grown = false;
+    this.curvesDrawn = now;
+    $('scrub').max = this.film.frames - 1;
+    $('scrub').value = this.player.frame;
+    for (const curve of this.curves) curve.draw();
+    if (this.shown) this.tellTime(this.shown.i);
+    if (!$('report').hidden) this.fillReport();
+  }
+
   get wantsContacts() {
     return this.marks.wanted || this.mode.contacts || this.picked >= 0;
   }
@@ -68,7 +140,7 @@ class Viewer {
   show(i) {
     const frame = this.film.ready(i, this.wantsContacts);
     if (!frame) {
-      this.film.frame(i, this.wantsContacts).then(() => !this.player.playing && this.player.frame === i && this.show(i), fail);
+      this.film.frame(i, this.wantsContacts).then(() => this.player.wants(i) && this.show(i), fail);
       return false;
     }
     const began = performance.now();
@@ -77,15 +149,20 @@ class Viewer {
     this.walls.setFrame(frame);
     this.refresh();
     this.stage.shadowsChanged();
+    this.live?.drawRope();
+    this.tellTime(i);
+    if (i + 24 < this.film.frames && this.player.playing) this.film.ready(i + 24, this.wantsContacts);
+    this.scriptTime = performance.now() - began;
+    return true;
+  }
+
+  tellTime(i) {
     const time = this.film.number('time', i);
     $('clock-time').textContent = `${time.toFixed(2)} s`;
     $('clock-frame').textContent = `frame ${this.film.number('number', i)} of ${this.film.number('number', this.film.frames - 1)}`;
     $('scrub').value = i;
     $('scrub').setAttribute('aria-valuetext', $('clock-time').textContent);
     for (const curve of this.curves) curve.setFrame(i);
-    if (i + 24 < this.film.frames && this.player.playing) this.film.ready(i + 24, this.wantsContacts);
-    this.scriptTime = performance.now() - began;
-    return true;
   }
 
   // What depends on the frame and on what is wanted of it.
@@ -110,9 +187,15 @@ class Viewer {
 
   tellPicked(frame, i) {
     if (this.picked < 0) return;
-    const before = i > 0 ? this.film.ready(i - 1, false) : null;
+    if (this.picked >= frame.frozen.length) {
+      $('picked-body').replaceChildren(make('p', {class: 'note'}, `Body ${this.picked} is not there yet.`));
+      return;
+    }
+    let before = i > 0 ? this.film.ready(i - 1, false) : null;
     if (i > 0 && !before) this.film.frame(i - 1, false).then(() => this.shown.i === i && this.tellPicked(frame, i), fail);
-    $('picked-body').replaceChildren(bodyTable(this.film, frame, before, this.picked, (body) => this.pick(body)));
+    if (before && this.picked >= before.frozen.length) before = null;
+    const seconds = before && this.film.number('time', i) - this.film.number('time', i - 1);
+    $('picked-body').replaceChildren(bodyTable(this.film, frame, before, seconds, this.picked, (body) => this.pick(body)));
   }
 
   pick(body) {
@@ -139,31 +222,42 @@ class Viewer {
     this.refresh();
   }
 
-  fillPage() {
-    const {film} = this, {head} = film, last = film.frames - 1;
-    const dynamic = head.bodies.kind.filter((kind) => kind === 'dynamic').length;
-    document.title = `${head.scene} – islet`;
-    $('scene').textContent = head.scene;
-    const parts = [`${count(dynamic)} ${dynamic === 1 ? 'body' : 'bodies'}`, `${number(film.number('time', last), 4)} s in steps of ${number(1e3 * head.dt)} ms`];
+  tellSummary() {
+    const {film} = this, {head} = film;
+    const dynamic = head.bodies.kind.filter((kind) => kind === 'dynamic').length, step = `steps of ${number(1e3 * head.dt)} ms`;
+    const parts = [`${count(dynamic)} ${dynamic === 1 ? 'body' : 'bodies'}`, this.live ? `live, in ${step}` : `${number(film.number('time', film.frames - 1), 4)} s in ${step}`];
     if (head.stopped_by) parts.push(`stopped by: ${head.stopped_by}`);
     $('summary').textContent = parts.join(' · ');
+  }
+
+  fillPage() {
+    const {film} = this, {head} = film;
+    document.title = `${head.scene} – islet`;
+    $('scene').textContent = head.scene;
+    this.tellSummary();
     $('command').textContent = head.command;
-    $('scrub').max = last;
+    $('scrub').max = film.frames - 1;
     $('colours').replaceChildren(...this.modes.map((mode, k) => make('label', {},
       make('input', {type: 'radio', name: 'colour', id: `colour-${mode.id}`, onchange: () => this.setMode(mode.id)}), mode.name, make('kbd', {}, String(k + 1)))));
     $('curves').replaceChildren(...this.curves.map((curve) => curve.element));
-    $('report-table').replaceChildren(reportTable(film, (frame) => this.player.step(frame - this.player.frame)));
-    const {errors, contacts} = head;
-    $('data-note').textContent = `Positions are within ${metres(errors.position)} and rotations within ${number(errors.rotation)} rad of the run. ` +
+    this.fillReport();
+    const {errors, contacts, steps} = head;
+    $('data-note').textContent = this.live ? `Positions are in steps of ${metres(steps.position)} and rotations in steps of ${number(steps.rotation)}. The page keeps all of the run: ` +
+      'beyond 20,000 frames or 128 MB every second one of the older half is forgotten.' : `Positions are within ${metres(errors.position)} and rotations within ${number(errors.rotation)} rad of the run. ` +
       (contacts.frames_cut ? `Of ${count(contacts.all)} contacts ${count(contacts.kept)} are kept, in each frame those that press most. ` : `All ${count(contacts.all)} contacts are kept. `) +
       'The curves are exact.';
-    const worst = worstFrame(film);
+  }
+
+  fillReport() {
+    const {film} = this, worst = worstFrame(film);
+    $('report-table').replaceChildren(reportTable(film, (frame) => this.player.step(frame - this.player.frame)));
     $('report-worst').replaceChildren(make('button', {class: 'link', onclick: () => this.openWorst()}, `Frame ${film.number('number', worst.frame)}`), `: ${worst.why}.`);
   }
 
   setReport(open) {
     $('report').hidden = !open;
     $('report-button').setAttribute('aria-expanded', String(open));
+    if (open && this.live) this.fillReport();
   }
 
   // Report, worst frame, worst island: its bodies, and of them the one with the most pressing contact picked.
@@ -190,14 +284,14 @@ class Viewer {
   }
 
   listen() {
-    const {player} = this, last = this.film.frames - 1;
+    const {player} = this;
     const click = (id, action) => $(id).addEventListener('click', action);
     click('play', () => player.toggle());
-    click('first', () => player.step(-last));
-    click('last', () => player.step(last));
+    click('first', () => player.step(-Infinity));
+    click('last', () => player.step(Infinity));
     click('back', () => player.step(-1));
     click('forward', () => player.step(1));
-    click('camera', () => this.stage.resetCamera());
+    click('camera', () => this.resetCamera());
     click('report-button', () => this.setReport($('report').hidden));
     $('scrub').addEventListener('input', () => player.step(Number($('scrub').value) - player.frame));
     $('speed').addEventListener('change', () => player.setSpeed(Number($('speed').value)));
@@ -221,15 +315,20 @@ class Viewer {
   key(event) {
     const {target} = event, own = event.key === ' ' ? 'button, summary, input:not([type="range"])' : event.key.startsWith('Arrow') ? 'input[type="radio"]' : null;
     if (event.ctrlKey || event.metaKey || event.altKey || target.matches('select') || (own && target.matches(own))) return;
-    const {player} = this, last = this.film.frames - 1;
+    const {player} = this;
     const speeds = [...$('speed').options].map((option) => Number(option.value)), at = speeds.indexOf(player.speed);
     const toggle = (name) => () => this.setToggle(name, !$(`show-${name}`).checked);
     const actions = {
       ' ': () => player.toggle(), ArrowLeft: () => player.step(event.shiftKey ? -10 : -1), ArrowRight: () => player.step(event.shiftKey ? 10 : 1),
-      Home: () => player.step(-last), End: () => player.step(last), '-': () => player.setSpeed(speeds[Math.max(at - 1, 0)]),
-      '+': () => player.setSpeed(speeds[Math.min(at + 1, speeds.length - 1)]), c: () => this.stage.resetCamera(), r: () => this.setReport($('report').hidden),
+      Home: () => player.step(-Infinity), End: () => player.step(Infinity), c: () => this.resetCamera(), r: () => this.setReport($('report').hidden),
       p: toggle('points'), n: toggle('normals'), f: toggle('forces'), b: toggle('bodies'), Escape: () => this.pick(-1),
     };
+    if (this.live) {
+      actions.t = () => this.live.throwBall(this.live.pointer);
+    } else {
+      actions['-'] = () => player.setSpeed(speeds[Math.max(at - 1, 0)]);
+      actions['+'] = () => player.setSpeed(speeds[Math.min(at + 1, speeds.length - 1)]);
+    }
     this.modes.forEach((mode, k) => (actions[k + 1] = () => this.setMode(mode.id)));
     const action = actions[event.key === '=' ? '+' : event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;
@@ -249,6 +348,7 @@ class Viewer {
     const colours = theme();
     this.stage.setTheme(colours);
     this.walls.setTheme(colours);
+    this.live?.setTheme(colours);
     for (const curve of this.curves) curve.draw();
     this.refresh();
     this.dirty = true;
@@ -256,6 +356,7 @@ class Viewer {
 
   tick(now, before) {
     this.player.advance(Math.min((now - before) / 1e3, 0.5));
+    if (this.live) this.tellGrowth(now);
     if (this.dirty) {
       this.dirty = false;
       this.stage.render();

@@ -24,15 +24,15 @@ export function contactTable(frame, body, dt, pick) {
   return make('div', {}, ...(rows.length ? [table] : []), ...(more > 0 ? [make('p', {class: 'note'}, `and ${count(more)} that press less`)] : []));
 }
 
-// Of the way in the last step, as far as the steps of the positions tell it.
-function speed(moved, {dt, steps}) {
+// Of the way since the frame before, as far as the steps of the positions tell it.
+function speed(moved, seconds, {steps}) {
   if (moved === null) return 'not known';
   const least = 2 * steps.position;
-  return moved > 0 && moved < least ? `below ${number(least / dt, 2)} m/s` : `${number(moved / dt)} m/s`;
+  return moved > 0 && moved < least ? `below ${number(least / seconds, 2)} m/s` : `${number(moved / seconds)} m/s`;
 }
 
-// before: the frame before, or null.
-export function bodyTable(film, frame, before, body, pick) {
+// before: the frame so many seconds before, or null.
+export function bodyTable(film, frame, before, seconds, body, pick) {
   const {head} = film, {bodies} = head;
   const place = [...frame.positions.subarray(3 * body, 3 * body + 3)];
   const moved = before && Math.hypot(...place.map((x, k) => x - before.positions[3 * body + k]));
@@ -47,7 +47,7 @@ export function bodyTable(film, frame, before, body, pick) {
     row('Number', String(body)), row('Shape', `${head.shapes[bodies.shape[body]].kind}, ${state}`),
     ...(fixed ? [] : [row('Mass', `${number(bodies.mass[body])} kg`)]),
     row('Position', `${vector(place)} m`),
-    row('Speed', speed(moved, head)),
+    row('Speed', speed(moved, seconds, head)),
     row('Island', island < 0 ? 'none' : `${island}, of ${count(members)} ${members === 1 ? 'body' : 'bodies'}`),
     ...(frame.accuracy[body] > 0 ? [row('Accuracy', `${number(frame.accuracy[body])} of v_ref`)] : []),
     row('Contacts', cut ? `${touching.length} of those kept` : String(touching.length)),

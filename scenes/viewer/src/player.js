@@ -23,6 +23,11 @@ export class Player {
     if (next === this.frames - 1) this.pause();
   }
 
+  // Whether frame i is to be shown once it is decoded.
+  wants(frame) {
+    return !this.playing && frame === this.frame;
+  }
+
   play() {
     if (this.frame === this.frames - 1) this.go(0);
     this.playing = this.frames > 1;

@@ -5,10 +5,12 @@ import {make} from './format.js';
 const LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 20;
 
 export class Plot {
-  // definition: {title, unit, series: [{name, values, colour, format}], stacked, log, aim, marks}; onScrub(frame).
-  constructor(definition, times, onScrub) {
+  // definition: {title, unit, series: [{name, of, colour, format}], stacked, log, aim, marks}, of and marks functions of a frame;
+  // onScrub(frame). What is added to the film is drawn by the next draw().
+  constructor(definition, film, onScrub) {
     this.definition = definition;
-    this.times = times;
+    this.film = film;
+    this.end = 1;
     this.canvas = make('canvas');
     this.cursor = make('i', {class: 'cursor'});
     this.readouts = definition.series.map((s) => make('b'));
@@ -29,8 +31,8 @@ export class Plot {
     });
   }
 
-  get end() {
-    return this.times[this.times.length - 1] || 1;
+  time(frame) {
+    return this.film.number('time', frame);
   }
 
   x(time) {
@@ -39,32 +41,32 @@ export class Plot {
 
   frameAt(x) {
     const time = ((x - LEFT) / (this.width - LEFT - RIGHT)) * this.end;
-    let low = 0, high = this.times.length - 1;
+    let low = 0, high = this.film.frames - 1;
     while (low < high) {
       const middle = (low + high) >> 1;
-      if (this.times[middle] < time) low = middle + 1;
+      if (this.time(middle) < time) low = middle + 1;
       else high = middle;
     }
-    return low > 0 && time - this.times[low - 1] < this.times[low] - time ? low - 1 : low;
+    return low > 0 && time - this.time(low - 1) < this.time(low) - time ? low - 1 : low;
   }
 
   setFrame(frame) {
-    this.cursor.style.transform = `translateX(${this.x(this.times[frame])}px)`;
-    this.definition.series.forEach((s, k) => (this.readouts[k].textContent = s.format(s.values[frame])));
+    this.cursor.style.transform = `translateX(${this.x(Math.min(this.time(frame), this.end))}px)`;
+    this.definition.series.forEach((s, k) => (this.readouts[k].textContent = s.format(s.of(frame))));
   }
 
   // Of the vertical axis; of a logarithmic one in powers of ten.
   #range() {
     const {series, stacked, log, aim} = this.definition;
     let low = Infinity, high = -Infinity;
-    this.times.forEach((_, i) => {
+    for (let i = 0; i < this.film.frames; ++i) {
       let sum = 0;
-      for (const {values} of series) {
-        const value = log ? (values[i] > 0 ? Math.log10(values[i]) : NaN) : stacked ? (sum += values[i]) : values[i];
+      for (const {of} of series) {
+        const plain = of(i), value = log ? (plain > 0 ? Math.log10(plain) : NaN) : stacked ? (sum += plain) : plain;
         if (value < low) low = value;
         if (value > high) high = value;
       }
-    });
+    }
     if (log) {
       if (aim) low = Math.min(low, Math.log10(aim) - 1), high = Math.max(high, Math.log10(aim) + 1);
       if (!(high >= low)) [low, high] = [-12, 0];
@@ -80,6 +82,7 @@ export class Plot {
     this.width = this.box.clientWidth;
     this.height = this.box.clientHeight;
     if (!this.width || !this.height) return;
+    this.end = this.time(this.film.frames - 1) || 1;
     const ratio = window.devicePixelRatio || 1, {canvas} = this;
     canvas.width = Math.round(this.width * ratio);
     canvas.height = Math.round(this.height * ratio);
@@ -119,7 +122,7 @@ export class Plot {
     g.save();
     g.beginPath(), g.rect(LEFT, TOP - 3, right - LEFT + 1, bottom - TOP + 4), g.clip();
     if (stacked) this.#areas(g, ink, y);
-    else for (const s of series) this.#line(g, ink(s.colour), s.values, level, log);
+    else for (const s of series) this.#line(g, ink(s.colour), s.of, level, log);
     if (aim) {
       g.setLineDash([4, 4]);
       g.strokeStyle = ink('text');
@@ -134,25 +137,26 @@ export class Plot {
     }
     if (marks) {
       g.fillStyle = ink('bad');
-      this.times.forEach((time, i) => marks[i] && g.fillRect(this.x(time) - 1, TOP - 2, 2, bottom - TOP + 2));
+      for (let i = 0; i < this.film.frames; ++i) if (marks(i)) g.fillRect(this.x(this.time(i)) - 1, TOP - 2, 2, bottom - TOP + 2);
     }
     g.restore();
     g.strokeStyle = ink('axis');
     g.beginPath(), g.moveTo(LEFT, bottom + 0.5), g.lineTo(right, bottom + 0.5), g.stroke();
   }
 
-  #line(g, colour, values, level, log) {
+  #line(g, colour, of, level, log) {
     g.strokeStyle = colour;
     g.lineWidth = 1.5;
     g.lineJoin = 'round';
     g.beginPath();
     let open = false;
-    for (let i = 0; i < values.length; ++i) {
-      if (log && !(values[i] > 0)) {
+    for (let i = 0; i < this.film.frames; ++i) {
+      const value = of(i);
+      if (log && !(value > 0)) {
         open = false;
         continue;
       }
-      const x = this.x(this.times[i]), y = level(values[i]);
+      const x = this.x(this.time(i)), y = level(value);
       if (open) g.lineTo(x, y);
       else g.moveTo(x, y), g.lineTo(x + 0.5, y);
       open = true;
@@ -161,14 +165,14 @@ export class Plot {
   }
 
   #areas(g, ink, y) {
-    const below = new Float64Array(this.times.length);
-    for (const {values, colour} of this.definition.series) {
+    const below = new Float64Array(this.film.frames);
+    for (const {of, colour} of this.definition.series) {
       g.fillStyle = ink(colour);
       g.beginPath();
-      for (let i = 0; i < below.length; ++i) g.lineTo(this.x(this.times[i]), y(below[i] + values[i]));
-      for (let i = below.length - 1; i >= 0; --i) g.lineTo(this.x(this.times[i]), y(below[i]));
+      for (let i = 0; i < below.length; ++i) g.lineTo(this.x(this.time(i)), y(below[i] + of(i)));
+      for (let i = below.length - 1; i >= 0; --i) g.lineTo(this.x(this.time(i)), y(below[i]));
       g.fill();
-      values.forEach((value, i) => (below[i] += value));
+      for (let i = 0; i < below.length; ++i) below[i] += of(i);
     }
   }
 }

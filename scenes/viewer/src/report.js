@@ -31,7 +31,7 @@ export function reportTable(film, go) {
   const failed = sum(numbers.get('failed')), first = numbers.get('failed').indexOf(1);
   const hash = ['hash_high', 'hash_low'].map((key) => numbers.get(key)[last].toString(16).padStart(8, '0')).join('');
   return make('table', {class: 'numbers report'}, make('tr', {}, make('td', {colspan: 2}), make('th', {}, 'frame')),
-    row('Simulated', `${number(numbers.get('time')[last], 4)} s`), row('Stopped by', head.stopped_by),
+    row('Simulated', `${number(numbers.get('time')[last], 4)} s`), ...(head.stopped_by ? [row('Stopped by', head.stopped_by)] : []),
     row('Steps', count(last)), row('Failed steps', count(failed), ...(failed ? [at(first)] : [])),
     row('Problems that missed the aim', count(sum(numbers.get('missed')))),
     worst('Accuracy, of v_ref', 'accuracy', number), worst('Coulomb map', 'coulomb_map', (x) => `${number(x)} m/s`),

@@ -1,26 +1,24 @@
-// Where frames come from: here, from the page itself. Another source (a live run) has the same four:
+// Where frames come from: here, from the page itself. The other source, a live run (live_source.js), has the same:
 //   head      what the page tells of the film, see page_head.cpp
 //   frames    how many there are
-//   numbers   Map of a curve's name to its Float64Array, one number a frame
-//   load(k)   Promise of chunk k: {bodies, contacts}, functions that give Promises of a Uint8Array each
+//   numbers   Map of a curve's name to its numbers, one a frame
+//   place(i)  of frame i: [key of its chunk, which one it is in there]
+//   load(key) {bodies, contacts} of a chunk: functions that give Promises of a Uint8Array each
+import {LiveSource} from './live_source.js';
+import {unpack} from './unpack.js';
 
 const element = (id) => document.getElementById(id);
 
-async function unpack(id) {
-  const text = atob(element(id).textContent);
-  const packed = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; ++i) packed[i] = text.charCodeAt(i);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-export async function openPage() {
+async function openPage() {
   const head = JSON.parse(element('head').textContent);
-  const bytes = await unpack('numbers');
+  const bytes = await unpack(element('numbers').textContent);
   const numbers = new Map();
   head.numbers.forEach((name, i) => {
     numbers.set(name, new Float64Array(bytes.buffer.slice(8 * i * head.frames, 8 * (i + 1) * head.frames)));
   });
-  const load = async (k) => ({bodies: () => unpack(`bodies${k}`), contacts: () => unpack(`contacts${k}`)});
-  return {head, frames: head.frames, numbers, load};
+  const places = head.chunks.flatMap((size, k) => Array.from({length: size}, (_, i) => [k, i]));
+  const load = (k) => ({bodies: () => unpack(element(`bodies${k}`).textContent), contacts: () => unpack(element(`contacts${k}`).textContent)});
+  return {head, frames: head.frames, numbers, place: (i) => places[i], load};
 }
+
+export const openSource = () => (element('live') ? LiveSource.open() : openPage());

@@ -26,6 +26,15 @@ function floorHeight(shape, part, size) {
   return upright && Math.min(x, y) > 0.5 * size ? z : null;
 }
 
+// Of a convex body: normal and distance from its centre of each face's plane.
+function planes({vertices, faces}) {
+  return faces.map((face) => {
+    const [p, q, r] = face.slice(0, 3).map((v) => new Vector3(...vertices[v]));
+    const normal = q.sub(p).cross(r.sub(p)).normalize();
+    return {normal, offset: normal.dot(p)};
+  });
+}
+
 function edges({vertices, faces}) {
   const points = [], seen = new Set();
   for (const face of faces) {
@@ -94,6 +103,7 @@ export class Walls {
       this.#addGrid(part, seenFrom, size, floor, shape.half_extents ?? [Infinity, Infinity]);
     } else {
       const {vertices, faces} = polytope(shape);
+      part.userData.planes = planes({vertices, faces});
       const looksInside = (face) => {
         const [p, q, r] = face.slice(0, 3).map((v) => new Vector3(...vertices[v]));
         const normal = q.sub(p).cross(r.sub(p));
@@ -131,6 +141,23 @@ export class Walls {
       part.matrix.fromArray(pose);
       part.matrixWorldNeedsUpdate = true;
     }
+  }
+
+  // [m] along a ray: where a ball is behind the last wall that stands before so many metres; 0 if none does.
+  behind(ray, metres, radius) {
+    let start = 0;
+    for (const part of this.parts) {
+      if (!part.userData.planes) continue;
+      const {origin, direction} = ray.clone().applyMatrix4(part.matrix.clone().invert());
+      let enters = -Infinity, leaves = Infinity, slope = 1;
+      for (const {normal, offset} of part.userData.planes) {
+        const along = normal.dot(direction), at = (offset - normal.dot(origin)) / along;
+        if (along < 0) enters = Math.max(enters, at);
+        else if (at < leaves) [leaves, slope] = [at, along];
+      }
+      if (enters < Math.min(leaves, metres) && leaves > 0) start = Math.max(start, leaves + (1.01 * radius) / slope);
+    }
+    return start;
   }
 
   setTheme({wall, line}) {

@@ -95,7 +95,7 @@ TEST(LiveCommand, NoTextDoesHarm) {
           text.insert(at, text.substr(random() % text.size(), random() % 8));
           break;
       }
-      if (text.empty()) text = "{";
+      if (text.empty()) text.push_back('{');
     }
     try {
       const LiveCommand command = ParseCommand(text);

@@ -68,6 +68,20 @@ TEST(LiveRun, ABodyIsDraggedByAPoint) {
   EXPECT_EQ(run.world().body(1).force_W, Vector3::Zero());
 }
 
+// Where it is pulled so close to its middle that the square of its turning vanishes.
+TEST(LiveRun, ABodyIsDraggedByAlmostItsMiddle) {
+  World world;
+  world.Add({.shape = Shape::Box({0.3, 0.4, 0.5}), .position_W = {0, 0, 1.5}});
+  LiveRun run(std::move(world), 1.0 / 60);
+  run.Do(Plain(LiveCommand::Kind::kRun));
+  for (int i = 0; i < 3; ++i) {
+    run.Do(Drag(0, {-1e-300, -1e-300, 0}, {-1.5, 0.1, 10}));
+    run.Advance();
+  }
+  EXPECT_GT(run.world().body(0).position_W.z(), 1.6);
+  EXPECT_TRUE(run.world().body(0).rotation_WB.coeffs().allFinite());
+}
+
 TEST(LiveRun, ABallIsThrown) {
   LiveRun run = CubeOnAFloor();
   LiveCommand ball = Plain(LiveCommand::Kind::kThrow);
@@ -99,6 +113,67 @@ TEST(LiveRun, GravityAndFrictionChange) {
   run.Do(friction);
   for (int i = 0; i < 60; ++i) run.Advance();
   EXPECT_NEAR(run.world().body(1).position_W.x(), 1.5, 2e-2);
+}
+
+// A fan that blows, and a gravity of its own: both are the scene's.
+TEST(LiveRun, TheSceneDrivesItsWorldUnlessItIsAskedForOtherwise) {
+  LiveRun::Drive drive = [](double time, World* world) {
+    world->SetGravity({0, 0, time < 0.5 ? -9.81 : -5});
+    world->SetForce(1, {0, 0, 20}, Vector3::Zero());
+  };
+  World world;
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  LiveRun run(std::move(world), 1.0 / 60, drive);
+  run.Do(Plain(LiveCommand::Kind::kRun));
+  for (int i = 0; i < 60; ++i) run.Advance();
+  EXPECT_EQ(run.world().settings().gravity, Vector3(0, 0, -5));
+  EXPECT_GT(run.world().body(1).position_W.z(), 2);
+  LiveCommand gravity = Plain(LiveCommand::Kind::kGravity);
+  gravity.vector = {0, 0, -40};
+  run.Do(gravity);
+  run.Advance();
+  EXPECT_EQ(run.world().settings().gravity, Vector3(0, 0, -40));
+  for (int i = 0; i < 150; ++i) run.Advance();
+  EXPECT_NEAR(run.world().body(1).position_W.z(), 0.5, 0.01);
+  for (int i = 0; i < 60; ++i) {  // it is dragged against the fan
+    run.Do(Drag(1, {0, 0, 0}, {0, 0, 1}));
+    run.Advance();
+  }
+  EXPECT_NEAR(run.world().body(1).position_W.z(), 1, 0.05);
+}
+
+TEST(LiveRun, WhatIsLetGoFeelsItsForceAgain) {
+  World world;
+  world.Add(Floor());
+  const int cube = world.Add(Cube({0, 0, 0.5}));
+  world.SetForce(cube, {0, 0, 12}, {0, 0, 1});
+  LiveRun run(std::move(world), 1.0 / 60);
+  run.Do(Plain(LiveCommand::Kind::kRun));
+  for (int i = 0; i < 10; ++i) {
+    run.Do(Drag(cube, {0, 0, 0.1 * i}, {0, 0, 2}));
+    run.Advance();
+  }
+  EXPECT_NE(run.world().body(cube).force_W, Vector3(0, 0, 12));
+  run.Do(Plain(LiveCommand::Kind::kRelease));
+  EXPECT_EQ(run.world().body(cube).force_W, Vector3(0, 0, 12));
+  EXPECT_EQ(run.world().body(cube).torque_W, Vector3(0, 0, 1));
+}
+
+TEST(LiveRun, FrictionIsThatOfBallsToCome) {
+  LiveRun run = CubeOnAFloor();
+  EXPECT_FALSE(run.friction());
+  LiveCommand friction = Plain(LiveCommand::Kind::kFriction);
+  friction.value = 0.125;
+  run.Do(friction);
+  EXPECT_EQ(run.friction(), 0.125);
+  LiveCommand ball = Plain(LiveCommand::Kind::kThrow);
+  ball.from = {-3, 0, 0.6};
+  run.Do(ball);
+  ball.from = {-5, 0, 0.6};
+  run.Do(ball);
+  EXPECT_EQ(run.world().body(3).friction, 0.125);
+  EXPECT_EQ(&run.world().shape(2).data(), &run.world().shape(3).data());
 }
 
 TEST(LiveRun, WhatCannotBeDraggedIsRefused) {

@@ -4,10 +4,19 @@
 #include <gtest/gtest.h>
 #include <httplib.h>
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <fstream>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 namespace islet {
@@ -85,22 +94,101 @@ TEST_F(LiveServerTest, DoesWhatMessagesAskOrSaysWhyNot) {
   EXPECT_EQ(done_, 1);
 }
 
+double MostMemory() {  // [MB] of this process so far
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word)
+    if (word == "VmHWM:") break;
+  double kilobytes = 0;
+  status >> kilobytes;
+  return kilobytes / 1e3;
+}
+
+// Sends a beginning, then the same piece again and again, to a port; returns the first line of the answer, or what came of it.
+std::string Flood(const std::string& host, const std::string& beginning, const std::string& piece, size_t pieces) {
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(host.substr(host.find(':') + 1))));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return "no connection";
+  ::send(socket, beginning.data(), beginning.size(), MSG_NOSIGNAL);
+  for (size_t k = 0; k < pieces; ++k)
+    if (::send(socket, piece.data(), piece.size(), MSG_NOSIGNAL) < 0) break;
+  std::array<char, 200> answer;
+  const ssize_t size = ::recv(socket, answer.data(), answer.size(), 0);
+  ::close(socket);
+  const std::string text(answer.data(), static_cast<size_t>(std::max<ssize_t>(size, 0)));
+  return text.substr(0, text.find('\r'));
+}
+
+// A request without end, and one that claims what it does not send, are refused in a second and 100 MB.
+TEST_F(LiveServerTest, RefusesWhatHasNoEnd) {
+  const std::string start = "POST " + path_ + "command HTTP/1.1\r\nHost: " + host_ + "\r\n", piece(1 << 16, '[');
+  const size_t endless = 3000;  // pieces: 200 MB
+  const std::vector<std::tuple<std::string, size_t, std::string>> floods{
+      {"GET /", endless, "HTTP/1.1 414"},
+      {start + "X: ", endless, "HTTP/1.1 400"},
+      {start + "Content-Length: 200000000\r\n\r\n", endless, "HTTP/1.1 413"},
+      {start + "Content-Length: 200000000\r\n\r\n", 0, "HTTP/1.1 413"},
+      {start + "Transfer-Encoding: chunked\r\n\r\n", endless, "HTTP/1.1 400"},
+      {"POST /x HTTP/1.1\r\nContent-Length: 200000000\r\n\r\n", endless, "HTTP/1.1 403"},
+      {"", endless, "HTTP/1.1 414"},
+  };
+  const double before = MostMemory();
+  for (const auto& [beginning, pieces, wanted] : floods) {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::string answer = Flood(host_, beginning, piece, pieces);
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(3)) << beginning;  // 1, on a busy machine
+    // Who sends on after the refusal may find the connection gone before the answer is read.
+    EXPECT_TRUE(answer.starts_with(wanted) || (answer.empty() && pieces > 0)) << beginning << answer;
+  }
+  EXPECT_LT(MostMemory() - before, 100);
+  EXPECT_EQ(done_, 0);
+  EXPECT_EQ(Client().Get(path_)->status, 200);
+}
+
 TEST_F(LiveServerTest, StreamsTheNewest) {
-  server_.SetHead("HEAD 1");
-  server_.Show("FRAME 1");
+  server_.Show(LiveEvent::kHead, "HEAD 1");
+  server_.Show(LiveEvent::kFrame, "FRAME 0");
+  server_.Show(LiveEvent::kFrame, "FRAME 1");
   httplib::Client client = Client();
   std::string text;
   client.Get(path_ + "stream", [&](const char* data, size_t size) {
     text.append(data, size);
-    if (text.find("FRAME 1\n\n") != std::string::npos && text.find("FRAME 2") == std::string::npos)
-      server_.Show("FRAME 2");
-    if (text.find("FRAME 2\n\n") != std::string::npos && text.find("HEAD 2") == std::string::npos)
-      server_.SetHead("HEAD 2");
-    return text.find("HEAD 2\n\n") == std::string::npos;
+    if (text.ends_with("FRAME 1\n\n")) server_.Show(LiveEvent::kFrame, "FRAME 2");
+    if (text.ends_with("FRAME 2\n\n")) server_.Show(LiveEvent::kState, "STATE");
+    return !text.ends_with("STATE\n\n");
   });
   EXPECT_EQ(text,
             "event: head\ndata: HEAD 1\n\nevent: frame\ndata: FRAME 1\n\n"
-            "event: frame\ndata: FRAME 2\n\nevent: head\ndata: HEAD 2\n\n");
+            "event: frame\ndata: FRAME 2\n\nevent: state\ndata: STATE\n\n");
+}
+
+// Also to who is in the middle of a frame.
+TEST(LiveServer, TellsItsEnd) {
+  for (int round = 0; round < 20; ++round) {
+    auto server = std::make_unique<LiveServer>("", 0);
+    const std::string address = server->address();
+    const size_t path = address.find('/', address.find("//") + 2);
+    std::atomic<bool> open = false;
+    std::string text;
+    std::thread page([&] {
+      httplib::Client client(address.substr(0, path));
+      client.Get(address.substr(path) + "stream", [&](const char* data, size_t size) {
+        text.append(data, size);
+        return open = true;
+      });
+    });
+    server->Show(LiveEvent::kFrame, "FIRST");
+    while (!open) std::this_thread::sleep_for(milliseconds(1));
+    server->Show(LiveEvent::kFrame, std::string(1 << 20, 'x'));
+    if (round % 2) std::this_thread::sleep_for(milliseconds(1));
+    server.reset();
+    page.join();
+    EXPECT_TRUE(text.starts_with("event: frame\ndata: FIRST\n\n"));
+    EXPECT_TRUE(text.ends_with("x\n\nevent: end\ndata:\n\n"));
+  }
 }
 
 TEST_F(LiveServerTest, APortThatIsTakenIsNamed) {

@@ -1,174 +1,147 @@
 // Runs inside of a page of the viewer: clicks what a person would click and looks at what comes of it. See browser_test.py.
-(async () => {
-  const $ = (id) => document.getElementById(id);
-  const found = {problems: [], checks: 0, complaints: []};
-  const check = (what, good, seen) => {
-    ++found.checks;
-    if (!good) found.problems.push(`${what}: ${JSON.stringify(seen)}`);
+driver.drive(async () => {
+  const $ = (id) => document.getElementById(id), {found, check, pause, until, press} = driver;
+  const v = window.islet, last = v.film.frames - 1;
+  const shown = () => v.shown?.i;
+  await until('a frame is shown', () => v.shown !== null);
+  await pause(100);
+  found.opened = {frame: v.player.frame, report: !$('report').hidden, command: $('command').textContent, picked: v.picked};
+  const accuracy = [...v.film.numbers.get('accuracy')];
+  found.opened.worst = accuracy.indexOf(Math.max(...accuracy));
+  v.pick(-1);
+  found.drawn = v.bodies.drawn;
+  found.walls = v.walls.parts.length;
+  found.background = getComputedStyle($('stage')).backgroundColor;
+  check('no sideways scrolling', document.documentElement.scrollWidth <= window.innerWidth, document.documentElement.scrollWidth);
+  check('six charts', document.querySelectorAll('#curves canvas').length === 6);
+
+  // Frames.
+  $('first').click();
+  await until('first', () => shown() === 0);
+  check('label', $('clock-frame').textContent === `frame 0 of ${last}`, $('clock-frame').textContent);
+  $('forward').click();
+  await until('a step on', () => shown() === 1);
+  $('forward').click();
+  await until('two steps on', () => shown() === 2);
+  $('back').click();
+  await until('a step back', () => shown() === 1);
+  const middle = Math.round(last / 2);
+  $('scrub').value = middle;
+  $('scrub').dispatchEvent(new Event('input'));
+  await until('scrubbed', () => shown() === middle);
+  check('label after scrubbing', $('clock-frame').textContent === `frame ${middle} of ${last}`, $('clock-frame').textContent);
+  check('clock', Math.abs(parseFloat($('clock-time').textContent) - v.film.number('time', middle)) < 0.006, $('clock-time').textContent);
+  press('ArrowRight');
+  await until('arrow key', () => shown() === middle + 1);
+  press('ArrowLeft', {shiftKey: true});
+  await until('ten back', () => shown() === middle - 9);
+  press('End');
+  await until('End', () => shown() === last);
+  press('Home');
+  await until('Home', () => shown() === 0);
+  $('play').click();
+  check('plays', v.player.playing && $('play').getAttribute('aria-label') === 'Pause');
+  await until('playing moves on', () => shown() >= 3);
+  press(' ');
+  const stopped = v.player.frame;
+  await pause(300);
+  check('pause', !v.player.playing && v.player.frame === stopped, [stopped, v.player.frame]);
+  $('speed').value = '4';
+  $('speed').dispatchEvent(new Event('change'));
+  check('speed', v.player.speed === 4);
+  press('-');
+  check('slower', v.player.speed === 2 && $('speed').value === '2');
+
+  // Poses: bodies are where the frames say, and the picture has them there.
+  v.player.go(last);
+  await until('the last frame', () => shown() === last);
+  const frame = v.shown.frame, first = await v.film.frame(0, false), dynamic = v.film.head.bodies.kind.map((k, i) => [k, i]).filter(([k]) => k === 'dynamic').map(([, i]) => i);
+  check('bodies moved', dynamic.some((i) => Math.abs(frame.positions[3 * i + 2] - first.positions[3 * i + 2]) > 0.1));
+  check('rotations are of length one', dynamic.every((i) => Math.abs(Math.hypot(...frame.rotations.subarray(4 * i, 4 * i + 4)) - 1) < 1e-5));
+  const gl = v.stage.renderer.getContext();
+  const project = (body) => {
+    const point = v.stage.camera.position.clone().fromArray(frame.positions, 3 * body).project(v.stage.camera);
+    return [(point.x + 1) / 2, (point.y + 1) / 2];
   };
-  const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
-  const until = async (what, condition) => {
-    for (let k = 0; k < 1500; ++k) {
-      if (condition()) return check(what, true);
-      await pause(20);
-    }
-    check(what, false, 'did not happen');
+  const pixel = ([x, y]) => {
+    const out = new Uint8Array(4);
+    gl.readPixels(Math.floor(x * gl.drawingBufferWidth), Math.floor(y * gl.drawingBufferHeight), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, out);
+    return [...out];
   };
-  const press = (key, more = {}) => document.body.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true, ...more}));
-  const finish = () => {
-    found.complaints = window.complaints;
-    return fetch('http://127.0.0.1:PORT', {method: 'POST', mode: 'no-cors', body: JSON.stringify(found)});
-  };
-  try {
-    for (let k = 0; k < 1500 && $('message').textContent === 'Loading'; ++k) await pause(20);
-    found.message = $('message').textContent;
-    if (found.message !== '') return;
-    const v = window.islet, last = v.film.frames - 1;
-    const shown = () => v.shown?.i;
-    await until('a frame is shown', () => v.shown !== null);
-    await pause(100);
-    found.opened = {frame: v.player.frame, report: !$('report').hidden, command: $('command').textContent, picked: v.picked};
-    const accuracy = [...v.film.numbers.get('accuracy')];
-    found.opened.worst = accuracy.indexOf(Math.max(...accuracy));
-    v.pick(-1);
-    found.drawn = v.bodies.drawn;
-    found.walls = v.walls.parts.length;
-    found.background = getComputedStyle($('stage')).backgroundColor;
-    check('no sideways scrolling', document.documentElement.scrollWidth <= window.innerWidth, document.documentElement.scrollWidth);
-    check('six charts', document.querySelectorAll('#curves canvas').length === 6);
+  const far = (a, b) => Math.max(...a.map((x, k) => Math.abs(x - b[k])));
+  v.stage.render();
+  const empty = pixel([0.02, 0.98]), all = dynamic.map((i) => pixel(project(i)));
+  check('pixels of bodies', all.every((p) => far(p, empty) > 12), [empty, all.filter((p) => far(p, empty) <= 12)]);
+  v.bodies.group.visible = false;
+  v.stage.render();
+  const without = dynamic.map((i) => pixel(project(i)));
+  v.bodies.group.visible = true;
+  check('they are of the bodies', all.filter((p, k) => far(p, without[k]) > 12).length > 0.9 * all.length, [all, without]);
 
-    // Frames.
-    $('first').click();
-    await until('first', () => shown() === 0);
-    check('label', $('clock-frame').textContent === `frame 0 of ${last}`, $('clock-frame').textContent);
-    $('forward').click();
-    await until('a step on', () => shown() === 1);
-    $('forward').click();
-    await until('two steps on', () => shown() === 2);
-    $('back').click();
-    await until('a step back', () => shown() === 1);
-    const middle = Math.round(last / 2);
-    $('scrub').value = middle;
-    $('scrub').dispatchEvent(new Event('input'));
-    await until('scrubbed', () => shown() === middle);
-    check('label after scrubbing', $('clock-frame').textContent === `frame ${middle} of ${last}`, $('clock-frame').textContent);
-    check('clock', Math.abs(parseFloat($('clock-time').textContent) - v.film.number('time', middle)) < 0.006, $('clock-time').textContent);
-    press('ArrowRight');
-    await until('arrow key', () => shown() === middle + 1);
-    press('ArrowLeft', {shiftKey: true});
-    await until('ten back', () => shown() === middle - 9);
-    press('End');
-    await until('End', () => shown() === last);
-    press('Home');
-    await until('Home', () => shown() === 0);
-    $('play').click();
-    check('plays', v.player.playing && $('play').getAttribute('aria-label') === 'Pause');
-    await until('playing moves on', () => shown() >= 3);
-    press(' ');
-    const stopped = v.player.frame;
-    await pause(300);
-    check('pause', !v.player.playing && v.player.frame === stopped, [stopped, v.player.frame]);
-    $('speed').value = '4';
-    $('speed').dispatchEvent(new Event('change'));
-    check('speed', v.player.speed === 4);
-    press('-');
-    check('slower', v.player.speed === 2 && $('speed').value === '2');
-
-    // Poses: bodies are where the frames say, and the picture has them there.
-    v.player.go(last);
-    await until('the last frame', () => shown() === last);
-    const frame = v.shown.frame, first = await v.film.frame(0, false), dynamic = v.film.head.bodies.kind.map((k, i) => [k, i]).filter(([k]) => k === 'dynamic').map(([, i]) => i);
-    check('bodies moved', dynamic.some((i) => Math.abs(frame.positions[3 * i + 2] - first.positions[3 * i + 2]) > 0.1));
-    check('rotations are of length one', dynamic.every((i) => Math.abs(Math.hypot(...frame.rotations.subarray(4 * i, 4 * i + 4)) - 1) < 1e-5));
-    const gl = v.stage.renderer.getContext();
-    const project = (body) => {
-      const point = v.stage.camera.position.clone().fromArray(frame.positions, 3 * body).project(v.stage.camera);
-      return [(point.x + 1) / 2, (point.y + 1) / 2];
-    };
-    const pixel = ([x, y]) => {
-      const out = new Uint8Array(4);
-      gl.readPixels(Math.floor(x * gl.drawingBufferWidth), Math.floor(y * gl.drawingBufferHeight), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, out);
-      return [...out];
-    };
-    const far = (a, b) => Math.max(...a.map((x, k) => Math.abs(x - b[k])));
-    v.stage.render();
-    const empty = pixel([0.02, 0.98]), all = dynamic.map((i) => pixel(project(i)));
-    check('pixels of bodies', all.every((p) => far(p, empty) > 12), [empty, all.filter((p) => far(p, empty) <= 12)]);
-    v.bodies.group.visible = false;
-    v.stage.render();
-    const without = dynamic.map((i) => pixel(project(i)));
-    v.bodies.group.visible = true;
-    check('they are of the bodies', all.filter((p, k) => far(p, without[k]) > 12).length > 0.9 * all.length, [all, without]);
-
-    // Colours.
-    const colours = new Set();
-    for (const mode of v.modes) {
-      $(`colour-${mode.id}`).click();
-      await until(`colour ${mode.id}`, () => v.mode === mode && (!mode.contacts || frame.contacts));
-      await pause(60);
-      colours.add(v.bodies.meshes.map((mesh) => [...mesh.instanceColor.array].map((x) => x.toFixed(2)).join()).join());
-      check(`legend of ${mode.id}`, mode.id === 'body' || $('legend').textContent.length > 5, $('legend').textContent);
-    }
-    check('every mode has its colours', colours.size === v.modes.length, colours.size);
-    press('1');
-    check('key of a colour', $('colour-body').checked);
-
-    // Contacts.
-    for (const name of ['points', 'normals', 'forces']) {
-      $(`show-${name}`).click();
-      await until(`${name} are drawn`, () => v.marks.drawn[name] === frame.contacts?.count && frame.contacts.count > 0);
-      $(`show-${name}`).click();
-      await until(`${name} are gone`, () => v.marks.drawn[name] === 0);
-    }
-    check('contacts of the page', frame.contacts.count === v.film.head.contacts.kept || frame.contacts.count > 3, frame.contacts.count);
-    press('b');
-    check('translucent', v.bodies.meshes[0].material.transparent);
-    press('b');
-    check('solid', !v.bodies.meshes[0].material.transparent);
-
-    // Picking: a click on what is nearest to the eye.
-    const box = $('view').getBoundingClientRect();
-    const eye = v.stage.camera.position, away = (i) => eye.distanceTo(eye.clone().fromArray(frame.positions, 3 * i));
-    const nearest = dynamic.reduce((a, b) => (away(b) < away(a) ? b : a)), [px, py] = project(nearest);
-    const at = {clientX: box.left + px * box.width, clientY: box.top + (1 - py) * box.height, button: 0, pointerId: 1, bubbles: true};
-    $('view').setPointerCapture = $('view').releasePointerCapture = () => {};
-    $('view').dispatchEvent(new PointerEvent('pointerdown', at));
-    $('view').dispatchEvent(new PointerEvent('pointerup', at));
-    await until('picked', () => v.picked === nearest);
-    await until('its numbers', () => /Mass.*kg.*Position.*Speed.*m\/s.*Island.*Contacts/.test($('picked-body').textContent));
-    check('its halo', v.bodies.halo.visible);
-    press('Escape');
-    check('nothing picked', v.picked === -1 && !v.bodies.halo.visible);
-
-    // Charts: a click scrubs.
-    const chart = document.querySelector('[data-plot="energy"] canvas'), area = chart.getBoundingClientRect();
-    chart.setPointerCapture = () => {};
-    chart.dispatchEvent(new PointerEvent('pointerdown', {clientX: area.left + 46 + (area.width - 54) / 4, clientY: area.top + 30, pointerId: 2, bubbles: true}));
-    await until('a click in a chart', () => Math.abs(shown() - last / 4) <= 1);
-    const inked = document.querySelectorAll('#curves canvas');
-    for (const canvas of inked) {
-      const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-      let ink = 0;
-      for (let k = 3; k < data.length; k += 4) ink += data[k] > 0;
-      check('a chart is drawn', ink > 300, ink);
-    }
-
-    // Camera, size, report.
-    v.stage.camera.position.multiplyScalar(3);
-    v.stage.controls.update();
-    const moved = v.stage.camera.position.clone();
-    $('camera').click();
-    check('camera is reset', v.stage.camera.position.distanceTo(moved) > 1);
-    $('stage').style.height = '321px';
-    await until('the picture follows its size', () => v.stage.renderer.domElement.height === Math.round(321 * v.stage.renderer.getPixelRatio()));
-    $('stage').style.height = '';
-    if ($('report').hidden) press('r');
-    check('report', !$('report').hidden && $('report-button').getAttribute('aria-expanded') === 'true');
-    found.report = $('report').textContent;
-    check('command', $('command').textContent.startsWith('islet run '), $('command').textContent);
-  } catch (error) {
-    found.problems.push(`the driver stopped: ${error.stack}`);
-  } finally {
-    await finish();
+  // Colours.
+  const colours = new Set();
+  for (const mode of v.modes) {
+    $(`colour-${mode.id}`).click();
+    await until(`colour ${mode.id}`, () => v.mode === mode && (!mode.contacts || frame.contacts));
+    await pause(60);
+    colours.add(v.bodies.meshes.map((mesh) => [...mesh.instanceColor.array].map((x) => x.toFixed(2)).join()).join());
+    check(`legend of ${mode.id}`, mode.id === 'body' || $('legend').textContent.length > 5, $('legend').textContent);
   }
-})();
+  check('every mode has its colours', colours.size === v.modes.length, colours.size);
+  press('1');
+  check('key of a colour', $('colour-body').checked);
+
+  // Contacts.
+  for (const name of ['points', 'normals', 'forces']) {
+    $(`show-${name}`).click();
+    await until(`${name} are drawn`, () => v.marks.drawn[name] === frame.contacts?.count && frame.contacts.count > 0);
+    $(`show-${name}`).click();
+    await until(`${name} are gone`, () => v.marks.drawn[name] === 0);
+  }
+  check('contacts of the page', frame.contacts.count === v.film.head.contacts.kept || frame.contacts.count > 3, frame.contacts.count);
+  press('b');
+  check('translucent', v.bodies.meshes[0].material.transparent);
+  press('b');
+  check('solid', !v.bodies.meshes[0].material.transparent);
+
+  // Picking: a click on what is nearest to the eye.
+  const box = $('view').getBoundingClientRect();
+  const eye = v.stage.camera.position, away = (i) => eye.distanceTo(eye.clone().fromArray(frame.positions, 3 * i));
+  const nearest = dynamic.reduce((a, b) => (away(b) < away(a) ? b : a)), [px, py] = project(nearest);
+  const at = {clientX: box.left + px * box.width, clientY: box.top + (1 - py) * box.height, button: 0, pointerId: 1, bubbles: true};
+  $('view').setPointerCapture = $('view').releasePointerCapture = () => {};
+  $('view').dispatchEvent(new PointerEvent('pointerdown', at));
+  $('view').dispatchEvent(new PointerEvent('pointerup', at));
+  await until('picked', () => v.picked === nearest);
+  await until('its numbers', () => /Mass.*kg.*Position.*Speed.*m\/s.*Island.*Contacts/.test($('picked-body').textContent));
+  check('its halo', v.bodies.halo.visible);
+  press('Escape');
+  check('nothing picked', v.picked === -1 && !v.bodies.halo.visible);
+
+  // Charts: a click scrubs.
+  const chart = document.querySelector('[data-plot="energy"] canvas'), area = chart.getBoundingClientRect();
+  chart.setPointerCapture = () => {};
+  chart.dispatchEvent(new PointerEvent('pointerdown', {clientX: area.left + 46 + (area.width - 54) / 4, clientY: area.top + 30, pointerId: 2, bubbles: true}));
+  await until('a click in a chart', () => Math.abs(shown() - last / 4) <= 1);
+  const inked = document.querySelectorAll('#curves canvas');
+  for (const canvas of inked) {
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let ink = 0;
+    for (let k = 3; k < data.length; k += 4) ink += data[k] > 0;
+    check('a chart is drawn', ink > 300, ink);
+  }
+
+  // Camera, size, report.
+  v.stage.camera.position.multiplyScalar(3);
+  v.stage.controls.update();
+  const moved = v.stage.camera.position.clone();
+  $('camera').click();
+  check('camera is reset', v.stage.camera.position.distanceTo(moved) > 1);
+  $('stage').style.height = '321px';
+  await until('the picture follows its size', () => v.stage.renderer.domElement.height === Math.round(321 * v.stage.renderer.getPixelRatio()));
+  $('stage').style.height = '';
+  if ($('report').hidden) press('r');
+  check('report', !$('report').hidden && $('report-button').getAttribute('aria-expanded') === 'true');
+  found.report = $('report').textContent;
+  check('command', $('command').textContent.startsWith('islet run '), $('command').textContent);
+});

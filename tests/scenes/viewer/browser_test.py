@@ -2,39 +2,20 @@
 
     browser_test.py islet test_scenes_viewer_page chromium scratch
 
-browser_drive.js does the clicking inside of a copy of each page, and sends what it found to a server of this test, which takes nothing else.
+browser_drive.js does the clicking inside of a copy of each page, and sends what it found.
 Any message in the console fails.
 """
-import http.server
 import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-import threading
+
+from browser import Browser, text_of
 
 ISLET, PAGE_TEST, CHROMIUM, SCRATCH = sys.argv[1:5]
-HERE = os.path.dirname(os.path.abspath(__file__))
 failures = []
-answered, answer = threading.Event(), None
-
-
-class Answers(http.server.BaseHTTPRequestHandler):
-    def do_POST(self):
-        global answer
-        answer = self.rfile.read(int(self.headers['Content-Length'])).decode()
-        self.send_response(204)
-        self.end_headers()
-        answered.set()
-
-    def log_message(self, *_):
-        pass
-
-
-server = http.server.HTTPServer(('127.0.0.1', 0), Answers)
-threading.Thread(target=server.serve_forever, daemon=True).start()
 
 
 def check(what, good, found=''):
@@ -48,29 +29,10 @@ def run(*command, **more):
 
 def browse(page, width, height, dark=False, quiet=True):
     """What the script found, with the messages of the console."""
-    text = open(page, encoding='utf-8').read()
-    drive = open(os.path.join(HERE, 'browser_drive.js'), encoding='utf-8').read().replace('PORT', str(server.server_port))
-    catch = "<script>window.complaints=[];addEventListener('error',e=>complaints.push(e.message));" \
-            "addEventListener('unhandledrejection',e=>complaints.push(String(e.reason)))</script>"
     copy = os.path.join(SCRATCH, 'driven.html')
-    end = text.rindex('</body>')
-    head = text.index('<style>')
     with open(copy, 'w', encoding='utf-8') as out:
-        out.write(text[:head] + catch + text[head:end] + f'<script>{drive}</script>' + text[end:])
-    global answer
-    answer = None
-    answered.clear()
-    log = os.path.join(SCRATCH, 'console.txt')
-    with open(log, 'w', encoding='utf-8') as console:
-        browser = subprocess.Popen(
-            [CHROMIUM, '--headless', '--no-sandbox', '--enable-unsafe-swiftshader', '--use-angle=swiftshader', '--enable-logging=stderr',
-             '--remote-debugging-port=0', f'--user-data-dir={SCRATCH}/profile', f'--window-size={width},{height}',
-             f'--blink-settings=preferredColorScheme={0 if dark else 1}', 'file://' + copy],
-            stdout=subprocess.DEVNULL, stderr=console, start_new_session=True)
-        answered.wait(90)
-        os.killpg(browser.pid, signal.SIGKILL)
-        browser.wait()
-    console = open(log, encoding='utf-8', errors='replace').read()
+        out.write(browser.with_script(text_of(page), 'browser_drive.js'))
+    answer, console = browser.open('file://' + copy, width, height, dark, 90)
     if answer is None:
         sys.exit(f'{page}: the script in the page did not end; console:\n{console[-3000:]}')
     found = json.loads(answer)
@@ -82,11 +44,12 @@ def browse(page, width, height, dark=False, quiet=True):
 
 
 def head_of(page):
-    return json.loads(re.search(r'id="head">(.*?)</script>', open(page, encoding='utf-8').read()).group(1))
+    return json.loads(re.search(r'id="head">(.*?)</script>', text_of(page)).group(1))
 
 
 shutil.rmtree(SCRATCH, ignore_errors=True)
 os.makedirs(SCRATCH)
+browser = Browser(CHROMIUM, SCRATCH)
 jam = os.path.join(SCRATCH, 'jam.html')
 summary = run(ISLET, 'view', 'cubejam', '--count', '30', '--frames', '70', '--threads', '1', '--out', jam)
 shapes = os.path.join(SCRATCH, 'shapes.html')
@@ -120,7 +83,7 @@ check('it opens at its worst frame', found['opened']['frame'] == found['opened']
 check('a body of the worst island is picked', found['opened']['picked'] >= 0, found['opened'])
 
 # A page that was damaged says so.
-text = open(jam, encoding='utf-8').read()
+text = text_of(jam)
 at = text.index('id="bodies0">') + 200
 broken = os.path.join(SCRATCH, 'broken.html')
 open(broken, 'w', encoding='utf-8').write(text[:at] + 'AAAAAAAA' + text[at + 8:])
