@@ -99,29 +99,50 @@ class Search {
  public:
   Search(const Solid& a, const Solid& b) : a_(a), b_(b), size_(std::min(a.shape->size(), b.shape->size())) {}
 
-  // Beyond `reach` [m] it stops at the first direction that says so.
-  Nearest Find(double reach) {
+  // Of the directions that cost little: the faces' normals, and the line of the centres, along which nothing need touch.
+  Nearest FindRoughly(const Vector3& between) {
     for (const Vector3& n : a_.faces) TryFace(n, true);
     for (const Vector3& n : b_.faces) TryFace(-n, false);
-    if (best_.gap > reach) return best_;
-    for (const Line& p : a_.lines) {
-      for (const Line& q : b_.lines) TryCurves(NearestOfLines(p, q), false, a_.wall, b_.wall);
-      for (const Circle& q : b_.circles) TryCurves(NearestOfCircleAndLine(q, p), true, a_.wall, 0);
-    }
-    for (const Circle& p : a_.circles) {
-      for (const Line& q : b_.lines) TryCurves(NearestOfCircleAndLine(p, q), false, 0, b_.wall);
-      for (const Circle& q : b_.circles) TryCurves(NearestOfCircles(p, q), false, 0, 0);
-    }
-    for (const Vector3& p : a_.points) {
-      for (const Vector3& q : b_.points) TryPoints(p, q, a_.girth, b_.girth);
-      TryPoint(p, a_.girth, b_, 1);
-    }
-    for (const Vector3& q : b_.points) TryPoint(q, b_.girth, a_, -1);
+    Nearest rough = best_;
+    const double apart = between.norm();
+    if (apart <= kTie * size_) return rough;
+    const Vector3 n = between / apart;
+    const double gap = -b_.Extent(-n) - a_.Extent(n);
+    if (gap > rough.gap) rough.normal = n, rough.gap = gap;
+    return rough;
+  }
+
+  // Beyond `reach` [m] it stops at the first direction that says so.
+  Nearest Find(double reach, const Vector3& between) {
+    const Nearest rough = FindRoughly(between);
+    if (rough.gap > reach) return rough;
+    TryAll();
     if (best_.gap == -INFINITY) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
     return best_;
   }
 
  private:
+  // What cost least comes first: once found, the nearest points of bodies that are apart need no other.
+  void TryAll() {
+    for (const Vector3& p : a_.points) {
+      for (const Vector3& q : b_.points) TryPoints(p, q, a_.girth, b_.girth);
+      TryPoint(p, a_.girth, b_, 1);
+    }
+    for (const Vector3& q : b_.points) TryPoint(q, b_.girth, a_, -1);
+    for (const Line& p : a_.lines)
+      for (const Line& q : b_.lines) TryCurves(NearestOfLines(p, q), false, &p, &q);
+    if (nearest_) return;
+    for (const Line& p : a_.lines)
+      for (const Circle& q : b_.circles)
+        if (!nearest_) TryCurves(NearestOfCircleAndLine(q, p), true, &p, nullptr);
+    for (const Circle& p : a_.circles) {
+      for (const Line& q : b_.lines)
+        if (!nearest_) TryCurves(NearestOfCircleAndLine(p, q), false, nullptr, &q);
+      for (const Circle& q : b_.circles)
+        if (!nearest_) TryCurves(NearestOfCircles(p, q), false, nullptr, nullptr);
+    }
+  }
+
   bool Better(double gap) const { return gap > best_.gap + kTie * size_; }
 
   // A face of one meets what of the other is nearest along its normal.
@@ -133,13 +154,23 @@ class Search {
   }
 
   // Points on the surfaces that are farthest along n, as those of two bodies are where they are nearest.
-  void TryPlace(const Vector3& n, const Vector3& on_a, const Vector3& on_b) {
+  // `real`: they are points of the bodies, not of what goes on beyond them.
+  void TryPlace(const Vector3& n, const Vector3& on_a, const Vector3& on_b, bool real) {
     const double gap = -b_.Extent(-n) - a_.Extent(n);
-    if (Better(gap) && std::abs(n.dot(on_b - on_a) - gap) <= kTie * size_) best_ = {n, on_a, on_b, gap};
+    if (!Better(gap) || std::abs(n.dot(on_b - on_a) - gap) > kTie * size_) return;
+    best_ = {n, on_a, on_b, gap};
+    nearest_ = real && gap > kTie * size_ && (on_b - on_a - gap * n).norm() <= kTie * size_;
   }
 
-  // The curves lie as deep below the surfaces as these radii.
-  void TryCurves(const CurvePlaces& places, bool swapped, double radius_a, double radius_b) {
+  // Whether a point of a line that goes on beyond its ends lies between these.
+  static bool IsBetweenEnds(const Line& line, const Vector3& point) {
+    const double along = (point - line.from).dot(line.way);
+    return along >= 0 && along <= line.way.squaredNorm();
+  }
+
+  // The lines of a and b of the pair, if they are lines: those of round bodies lie below their surfaces.
+  void TryCurves(const CurvePlaces& places, bool swapped, const Line* line_a, const Line* line_b) {
+    const double radius_a = line_a ? a_.wall : 0, radius_b = line_b ? b_.wall : 0;
     for (int k = 0; k < places.count; ++k) {
       const CurvePlace& place = places.place[k];
       const Vector3 cross = place.tangent_p.cross(place.tangent_q);
@@ -147,7 +178,8 @@ class Search {
       const Vector3 &p = swapped ? place.on_q : place.on_p, &q = swapped ? place.on_p : place.on_q;
       for (const double sign : {1.0, -1.0}) {
         const Vector3 n = sign * cross.normalized();
-        TryPlace(n, p + radius_a * n, q - radius_b * n);
+        TryPlace(n, p + radius_a * n, q - radius_b * n,
+                 (!line_a || IsBetweenEnds(*line_a, p)) && (!line_b || IsBetweenEnds(*line_b, q)));
       }
     }
   }
@@ -156,7 +188,7 @@ class Search {
     const double apart = (q - p).norm();
     if (apart <= kTie * size_) return;
     const Vector3 n = (q - p) / apart;
-    TryPlace(n, p + radius_a * n, q - radius_b * n);
+    TryPlace(n, p + radius_a * n, q - radius_b * n, true);
   }
 
   // A point of one against the curves of the other; sign: 1 if it is a's.
@@ -176,6 +208,8 @@ class Search {
   const Solid &a_, &b_;
   double size_;
   Nearest best_;
+  bool nearest_ =
+      false;  // these points are as far apart as the bodies are along the normal: no direction separates more
 };
 
 // What of a body lies flat along the normal: nothing, the two ends of a long side, or the corners of a face.
@@ -423,11 +457,22 @@ void CollideRound(const Shape& a, const Placement& pose_a, const Shape& b, const
   static thread_local Solid of_a, of_b;
   of_a.Load(a, Vector3::Zero(), pose_a.rotation_WB);
   of_b.Load(b, pose_b.position_W - pose_a.position_W, pose_b.rotation_WB);
-  const Nearest nearest = Search(of_a, of_b).Find(reach);
+  const Nearest nearest = Search(of_a, of_b).Find(reach, pose_b.position_W - pose_a.position_W);
   if (nearest.gap > reach) return;
   const size_t first = contacts->size();
   Manifold(of_a, of_b, nearest, reach, contacts).Append();
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].point_W += pose_a.position_W;
+}
+
+double RoundGapAtLeast(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                       Vector3* normal) {
+  static thread_local Solid of_a, of_b;
+  const Vector3 between = pose_b.position_W - pose_a.position_W;
+  of_a.Load(a, Vector3::Zero(), pose_a.rotation_WB);
+  of_b.Load(b, between, pose_b.rotation_WB);
+  const Nearest rough = Search(of_a, of_b).FindRoughly(between);
+  *normal = rough.normal;
+  return rough.gap;
 }
 
 }  // namespace islet

@@ -16,11 +16,13 @@ using Number = float;
 using Number = double;
 #endif
 constexpr int kLanes = ISLET_LANES;
-typedef Number Vec __attribute__((vector_size(kLanes * sizeof(Number)), aligned(sizeof(Number)), may_alias));
+typedef Number Vec __attribute__((vector_size(kLanes * sizeof(Number))));
+// The same in memory that is aligned for single numbers alone.
+typedef Number VecAt __attribute__((vector_size(kLanes * sizeof(Number)), aligned(sizeof(Number)), may_alias));
 typedef decltype(Vec{} < Vec{}) Mask;
 
-inline Vec Load(const Number* p) { return *reinterpret_cast<const Vec*>(p); }
-inline void Store(Number* p, Vec v) { *reinterpret_cast<Vec*>(p) = v; }
+inline Vec Load(const Number* p) { return *reinterpret_cast<const VecAt*>(p); }
+inline void Store(Number* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
 inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
 inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
 

@@ -47,7 +47,7 @@ TEST(DartBodies, CentreOfMassOffTheOrigin) {
   joint->setAngularVelocity(Vector3(1, 2, 3));
   joint->setLinearVelocity(Vector3(1, 0, 5));
   const auto world = WorldOf(skeleton);
-  const auto momentum = [&]() -> Vector3 {
+  const auto momentum = [&node = node]() -> Vector3 {
     const Matrix3 rotation = node->getTransform().linear();
     return rotation * node->getInertia().getMoment() * rotation.transpose() * node->getAngularVelocity();
   };
