@@ -27,9 +27,9 @@ ISLET_INLINE void Store(double* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
 // tile that it is in, and so would the bits on where lines are split.
 ISLET_INLINE Vec MultiplyAdd(Vec a, double b, Vec c) {
 #if ISLET_LANES == 8
-  return (Vec)_mm512_fmadd_pd((__m512d)a, (__m512d)(Vec{} + b), (__m512d)c);
+  return (Vec)_mm512_fmadd_pd((__m512d)a, _mm512_set1_pd(b), (__m512d)c);
 #elif ISLET_LANES == 4
-  return (Vec)_mm256_fmadd_pd((__m256d)a, (__m256d)(Vec{} + b), (__m256d)c);
+  return (Vec)_mm256_fmadd_pd((__m256d)a, _mm256_set1_pd(b), (__m256d)c);
 #else
   return a * b + c;
 #endif
