@@ -12,7 +12,6 @@
 #include "qp/direct/one_contact.h"
 #include "qp/gauss_seidel/sweep_kernels.h"
 #include "qp/gauss_seidel/sweep_order.h"
-#include "qp/linear_algebra/precision.h"
 #include "qp/problem.h"
 
 namespace islet::qp {
@@ -22,6 +21,11 @@ enum class Pace {
   kMomentum,  // impulses go on for a while in the direction in which they moved: loads are carried several times faster
               // [Nes83]; a sweep that is led astray starts anew from rest
 };
+
+// Of the sweeps alone: what goes in and what is returned is double.
+enum class Precision { kDouble, kSingle };
+
+inline constexpr int kSingleBodies = 64;  // in smaller islands single precision saves nothing that shows
 
 class GaussSeidel {
  public:

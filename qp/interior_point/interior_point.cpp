@@ -33,11 +33,7 @@ constexpr int kMaxCorrectors = 3;                       // centrality correctors
 constexpr double kCorrectorReach = 0.3;                 // by how much a corrector tries to lengthen the step
 constexpr double kCorrectorGain = 0.1;                  // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
-// Early on, the factors of big islands are of single precision: the steps are as long, and what the directions leave of the
-// momentum balance is removed with the rest.
-constexpr double kSingleAbove = 1e-3;  // gap
-constexpr double kSingleError = 0.01;  // of what the momentum balance lacks: a worse direction is computed anew
-constexpr int kSpare = 2;              // numbers at the end of y, which whole vectors reach
+constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
 
 // bound: 1 / the longest step.
 double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / bound : limit; }
@@ -158,7 +154,6 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
                aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
   const double least_sigma = aim < tolerance ? kLeastSigma : 0;
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
-  bool single = scaled_.num_bodies() >= kSingleBodies && kkt_.CanBeSingle();
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
     const double gap = now.gap / energy_scale_, residual = std::max(now.primal, now.dual) / kResidualShare;
@@ -191,12 +186,8 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
       break;
     if (!UpdateScalings()) break;
-    single =
-        single && gap > kSingleAbove && AffineInSingle(kSingleError * std::max(now.dual, kResidualShare * tolerance));
-    if (!single) {
-      kkt_.Factorise(scaled_, blocks_, normal_blocks_);
-      ComputeDirection(1, false, &direction_);
-    }
+    kkt_.Factorise(scaled_, blocks_, normal_blocks_);
+    ComputeDirection(1, false, &direction_);
     const double mu = now.gap / degree_;
     refine_ = gap < kRefineBelow;
     refine_to_ = 0.1 * std::min(kResidualShare * tolerance, std::sqrt(aim));
@@ -225,13 +216,6 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   if (solved) return Status::kSolved;
   if (!std::isfinite(best_merit)) return Status::kFailed;
   return best.primal > 1e-3 ? Status::kInfeasible : Status::kInaccurate;
-}
-
-// The affine direction by factors of single precision; false if they are not good enough for this matrix.
-bool InteriorPoint::AffineInSingle(double largest_error) {
-  if (kkt_.Factorise(scaled_, blocks_, normal_blocks_, Precision::kSingle) > 0) return false;
-  ComputeDirection(1, false, &direction_);
-  return DirectionError(1, &direction_) <= largest_error;
 }
 
 // Lower bound on the kinetic energy of all velocities that satisfy the contacts, by weak duality: for z in the dual cone

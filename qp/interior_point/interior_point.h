@@ -64,7 +64,6 @@ class InteriorPoint {
   void Correct(Direction* direction);
   double DirectionError(double weight, Direction* direction);
   double MassNorm(const std::vector<double>& momentum) const;
-  bool AffineInSingle(double largest_error);
   void AimAt(double goal, double share);
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);

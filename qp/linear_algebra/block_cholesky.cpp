@@ -12,25 +12,19 @@ namespace {
 
 constexpr double kSharedFront = 50e3;    // [ns] from which a front of the top is split
 constexpr int kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
-constexpr int kLinesOfSolve = 96;        // lines of a piece, multiples of any kVector
+constexpr int kLinesOfSolve = 96;        // lines of a piece, multiples of kVector
 constexpr int kLinesOfUpdate = 48;
 constexpr int kLinesOfForward = 128;
 constexpr int kColumnsOfBackward = 24;
 constexpr int kPiecesOfAssembly = 8;
 constexpr int kNearCache = 3000;  // numbers
 
-template <typename Number>
-void CopyBlock(Number* to, const Number* from, int block) {
+void CopyBlock(double* to, const double* from, int block) {
   if (block == 6) {
-    std::memcpy(to, from, 6 * sizeof(Number));  // a fixed size is no call
+    std::memcpy(to, from, 6 * sizeof(double));  // a fixed size is no call
   } else {
-    std::memcpy(to, from, block * sizeof(Number));
+    std::memcpy(to, from, block * sizeof(double));
   }
-}
-
-template <typename From, typename To>
-void Convert(const From* from, int count, To* to) {
-  for (int i = 0; i < count; ++i) to[i] = static_cast<To>(from[i]);
 }
 
 // Claims the lowest bit that is not set. Which one it is depends on timing, and nothing may depend on it but addresses.
@@ -53,17 +47,14 @@ void ForkLines(int begin, int end, int step, const Piece& piece) {
 
 }  // namespace
 
-template <typename Number>
-void AlignedNumbers<Number>::Resize(size_t size) {
-  constexpr int kWhole = FrontOf<Number>::kVector;
-  if (numbers_.size() >= size + kWhole) return;
-  numbers_.assign(size + kWhole, 0.0);
-  const auto address = reinterpret_cast<std::uintptr_t>(numbers_.data()) / sizeof(Number);
-  offset_ = (kWhole - address % kWhole) % kWhole;
+void AlignedNumbers::Resize(size_t size) {
+  if (numbers_.size() >= size + kVector) return;
+  numbers_.assign(size + kVector, 0.0);
+  const auto address = reinterpret_cast<std::uintptr_t>(numbers_.data()) / sizeof(double);
+  offset_ = (kVector - address % kVector) % kVector;
 }
 
-template <typename Number>
-size_t BlockCholeskyOf<Number>::SpacePlan::Take(size_t size) {
+size_t BlockCholesky::SpacePlan::Take(size_t size) {
   size_t at = 0;
   auto place = taken_.begin();
   for (; place != taken_.end() && place->at < at + size; ++place) at = place->at + place->size;
@@ -72,27 +63,24 @@ size_t BlockCholeskyOf<Number>::SpacePlan::Take(size_t size) {
   return at;
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::SpacePlan::Free(size_t at) {
+void BlockCholesky::SpacePlan::Free(size_t at) {
   taken_.erase(std::find_if(taken_.begin(), taken_.end(), [at](const Interval& i) { return i.at == at; }));
 }
 
-template <typename Number>
-bool BlockCholeskyOf<Number>::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
+bool BlockCholesky::Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs) {
   if (num_nodes == num_nodes_ && block == block_ &&
       std::equal(pairs.begin(), pairs.end(), pairs_.begin(), pairs_.end()))
     return false;
   num_nodes_ = num_nodes;
   block_ = block;
   pairs_.assign(pairs.begin(), pairs.end());
-  kernels_ = &BestFrontKernelsOf<Number>().For(block);
+  kernels_ = &BestFrontKernels().For(block);
   analysis_.Analyse(num_nodes, pairs, &elimination_, block);
   PlaceFronts();
   return true;
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::PlaceFronts() {
+void BlockCholesky::PlaceFronts() {
   const Elimination& e = elimination_;
   const int count = e.num_supernodes();
   fronts_.clear();
@@ -139,13 +127,13 @@ void BlockCholeskyOf<Number>::PlaceFronts() {
   scratch_.Resize(scratch_size_ * (e.num_tasks() + 1));
   panels_size_ = panels;
   top_nodes_ = num_nodes_ - e.first[e.top()];
-  carry_size_ = static_cast<size_t>(Front::RoundUp(top_nodes_ * block_));
+  carry_size_ = static_cast<size_t>(RoundUp(top_nodes_ * block_));
   lines_.Resize(lines_size_ * (e.num_tasks() + 1));
   carries_.Resize(carry_size_ * e.num_tasks());
   signs_.resize(std::max(widest, static_cast<int>(signs_.size())));
   replaced_.resize(e.num_tasks());
   permuted_.resize(static_cast<size_t>(num_nodes_) * block_);
-  Number* panel = panels_.data();
+  double* panel = panels_.data();
   for (int s = 0; s < count; ++s) {
     Front& front = fronts_[s];
     front.fresh = e.child_start[s] == e.child_start[s + 1];
@@ -157,13 +145,11 @@ void BlockCholeskyOf<Number>::PlaceFronts() {
   }
 }
 
-template <typename Number>
-int BlockCholeskyOf<Number>::SupernodeOf(int a, int b) const {
+int BlockCholesky::SupernodeOf(int a, int b) const {
   return elimination_.supernode_of[std::min(elimination_.position[a], elimination_.position[b])];
 }
 
-template <typename Number>
-BlockPlaceOf<Number> BlockCholeskyOf<Number>::BlockAt(int a, int b) {
+BlockPlace BlockCholesky::BlockAt(int a, int b) {
   const Elimination& e = elimination_;
   const int pa = e.position[a], pb = e.position[b];
   const int column = std::min(pa, pb), row = std::max(pa, pb);
@@ -175,8 +161,7 @@ BlockPlaceOf<Number> BlockCholeskyOf<Number>::BlockAt(int a, int b) {
 
 // Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A few columns at a time, so that
 // they are still in the nearest cache.
-template <typename Number>
-void BlockCholeskyOf<Number>::AddChildren(int s, int from, int end) {
+void BlockCholesky::AddChildren(int s, int from, int end) {
   const Elimination& e = elimination_;
   const Front& front = fronts_[s];
   const int step = std::max(1, kNearCache / (front.panel_stride * block_));
@@ -187,9 +172,9 @@ void BlockCholeskyOf<Number>::AddChildren(int s, int from, int end) {
       if (!in_panel && front.fresh) break;
       const int stride = in_panel ? front.panel_stride : front.update_stride;
       const int column = node * block_ - (in_panel ? 0 : front.k);
-      const int line = Front::RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
-      Number* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
-      for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(Number) * (stride - line));
+      const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
+      double* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
+      for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(double) * (stride - line));
     }
     for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
       const int child = e.children[c];
@@ -202,16 +187,14 @@ void BlockCholeskyOf<Number>::AddChildren(int s, int from, int end) {
   }
 }
 
-template <typename Number>
-int BlockCholeskyOf<Number>::FactoriseFront(int s, parallel::PieceRef fill) {
+int BlockCholesky::FactoriseFront(int s, parallel::PieceRef fill) {
   AddChildren(s, 0, elimination_.columns(s) + elimination_.below(s));
   fill(s);
   return kernels_->factorise(fronts_[s]);
 }
 
 // The same by several threads. The lines and columns of a piece do not depend on their number.
-template <typename Number>
-int BlockCholeskyOf<Number>::FactoriseShared(int s, parallel::PieceRef fill) {
+int BlockCholesky::FactoriseShared(int s, parallel::PieceRef fill) {
   const Front& front = fronts_[s];
   const int nodes = elimination_.columns(s) + elimination_.below(s);
   parallel::Fork(kPiecesOfAssembly, [&](int piece) {
@@ -230,11 +213,10 @@ int BlockCholeskyOf<Number>::FactoriseShared(int s, parallel::PieceRef fill) {
   return replaced;
 }
 
-template <typename Number>
-int BlockCholeskyOf<Number>::Factorise(std::span<const double> signs, parallel::PieceRef fill) {
+int BlockCholesky::Factorise(std::span<const double> signs, parallel::PieceRef fill) {
   assert(static_cast<int>(signs.size()) == block_);
   const Elimination& e = elimination_;
-  for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = static_cast<Number>(signs[i % block_]);
+  for (size_t i = 0; i < signs_.size(); ++i) signs_[i] = signs[i % block_];
   std::atomic<std::uint64_t> taken{0};
   static_assert(kMostTasks <= 64);
   parallel::Fork(e.num_tasks(), [&](int task) {
@@ -258,25 +240,22 @@ int BlockCholeskyOf<Number>::Factorise(std::span<const double> signs, parallel::
 }
 
 // Where the numbers of a node in elimination order are: those of the top in `carry` while a task runs.
-template <typename Number>
-inline Number* BlockCholeskyOf<Number>::RowsAt(int node, Number* carry) {
+inline double* BlockCholesky::RowsAt(int node, double* carry) {
   const int top = num_nodes_ - top_nodes_;
   return carry != nullptr && node >= top ? carry + static_cast<size_t>(node - top) * block_
                                          : permuted_.data() + static_cast<size_t>(node) * block_;
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::Gather(int s, Number* lines, Number* carry) {
+void BlockCholesky::Gather(int s, double* lines, double* carry) {
   const Elimination& e = elimination_;
   const Front& front = fronts_[s];
-  std::memcpy(lines + front.lead, RowsAt(e.first[s], nullptr), sizeof(Number) * front.k);
-  Number* line = lines + front.lead + front.k;
+  std::memcpy(lines + front.lead, RowsAt(e.first[s], nullptr), sizeof(double) * front.k);
+  double* line = lines + front.lead + front.k;
   for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
     CopyBlock(line, RowsAt(e.rows[r], carry), block_);
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::Forward(int begin, int end, Number* lines, Number* carry) {
+void BlockCholesky::Forward(int begin, int end, double* lines, double* carry) {
   const Elimination& e = elimination_;
   for (int s = begin; s < end; ++s) {
     const Front& front = fronts_[s];
@@ -291,8 +270,8 @@ void BlockCholeskyOf<Number>::Forward(int begin, int end, Number* lines, Number*
       kernels_->forward(front, lines);
     }
     // The signs scale x1 after it was used for x2, as L S L^T x = b asks.
-    Number* own = RowsAt(e.first[s], nullptr);
-    const Number* line = lines + front.lead;
+    double* own = RowsAt(e.first[s], nullptr);
+    const double* line = lines + front.lead;
     for (int i = 0; i < front.k; ++i) own[i] = signs_[i] * line[i];
     line += front.k;
     for (int r = e.row_start[s]; r < e.row_start[s + 1]; ++r, line += block_)
@@ -300,8 +279,7 @@ void BlockCholeskyOf<Number>::Forward(int begin, int end, Number* lines, Number*
   }
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::Backward(int begin, int end, Number* lines, bool shared) {
+void BlockCholesky::Backward(int begin, int end, double* lines, bool shared) {
   const Elimination& e = elimination_;
   for (int s = end - 1; s >= begin; --s) {
     const Front& front = fronts_[s];
@@ -315,26 +293,25 @@ void BlockCholeskyOf<Number>::Backward(int begin, int end, Number* lines, bool s
     } else {
       kernels_->backward(front, lines);
     }
-    std::memcpy(RowsAt(e.first[s], nullptr), lines + front.lead, sizeof(Number) * front.k);
+    std::memcpy(RowsAt(e.first[s], nullptr), lines + front.lead, sizeof(double) * front.k);
   }
 }
 
-template <typename Number>
-void BlockCholeskyOf<Number>::Solve(double* x) {
+void BlockCholesky::Solve(double* x) {
   const Elimination& e = elimination_;
   const int tasks = e.num_tasks(), count = e.num_supernodes();
-  Number* lines = lines_.data() + lines_size_ * tasks;  // of the top
+  double* lines = lines_.data() + lines_size_ * tasks;  // of the top
   for (int k = 0; k < num_nodes_; ++k)
-    Convert(x + static_cast<size_t>(e.order[k]) * block_, block_, RowsAt(k, nullptr));
+    CopyBlock(RowsAt(k, nullptr), x + static_cast<size_t>(e.order[k]) * block_, block_);
   const auto carry_of = [&](int task) { return top_nodes_ > 0 ? carries_.data() + carry_size_ * task : nullptr; };
   parallel::Fork(tasks, [&](int task) {
-    Number* carry = carry_of(task);
-    if (carry != nullptr) std::memset(carry, 0, sizeof(Number) * carry_size_);
+    double* carry = carry_of(task);
+    if (carry != nullptr) std::memset(carry, 0, sizeof(double) * carry_size_);
     Forward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, carry);
   });
-  Number* top = RowsAt(num_nodes_ - top_nodes_, nullptr);
+  double* top = RowsAt(num_nodes_ - top_nodes_, nullptr);
   for (int task = 0; top_nodes_ > 0 && task < tasks; ++task) {
-    const Number* carry = carry_of(task);
+    const double* carry = carry_of(task);
     for (int i = 0; i < top_nodes_ * block_; ++i) top[i] += carry[i];
   }
   Forward(e.top(), count, lines, nullptr);
@@ -343,10 +320,7 @@ void BlockCholeskyOf<Number>::Solve(double* x) {
     Backward(e.task_start[task], e.task_start[task + 1], lines_.data() + lines_size_ * task, false);
   });
   for (int k = 0; k < num_nodes_; ++k)
-    Convert(RowsAt(k, nullptr), block_, x + static_cast<size_t>(e.order[k]) * block_);
+    CopyBlock(x + static_cast<size_t>(e.order[k]) * block_, RowsAt(k, nullptr), block_);
 }
-
-template class BlockCholeskyOf<double>;
-template class BlockCholeskyOf<float>;
 
 }  // namespace islet::qp

@@ -21,45 +21,31 @@
 namespace islet::qp {
 
 // Where the block of two nodes lives: column-major at data, `stride` numbers from column to column.
-template <typename Number>
-struct BlockPlaceOf {
-  Number* data;
+struct BlockPlace {
+  double* data;
   int stride;
   bool transposed;  // rows belong to the second node asked for; false: to the first
 };
 
 // Numbers from an address that a whole vector starts at. Keeps its memory, and what was in it.
-template <typename Number>
 class AlignedNumbers {
  public:
   void Resize(size_t size);
-  Number* data() { return numbers_.data() + offset_; }
+  double* data() { return numbers_.data() + offset_; }
 
  private:
-  std::vector<Number> numbers_;
+  std::vector<double> numbers_;
   size_t offset_ = 0;
 };
 
-// Number: of the factors, double or float; right sides are doubles. A float factorisation costs two thirds, and its solutions
-// have six digits less the logarithm of the condition number.
-template <typename Number>
-class BlockCholeskyOf {
+class BlockCholesky {
  public:
   // block: unknowns per node, 1, 3, 6 or 12. pairs: as EliminationAnalysis. Returns false if all stayed as it was.
   bool Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs);
 
-  // Takes over what the other has found out by Analyse.
-  template <typename Other>
-  void Follow(const BlockCholeskyOf<Other>& other) {
-    num_nodes_ = other.num_nodes_, block_ = other.block_;
-    pairs_ = other.pairs_, elimination_ = other.elimination_;
-    kernels_ = &BestFrontKernelsOf<Number>().For(block_);
-    PlaceFronts();
-  }
-
   // The block of nodes a, b (a == b: diagonal, lower triangle used). The pair must have been in `pairs`.
   // The place stays valid until the next Analyse.
-  BlockPlaceOf<Number> BlockAt(int a, int b);
+  BlockPlace BlockAt(int a, int b);
   // The supernode that block is assembled in.
   int SupernodeOf(int a, int b) const;
 
@@ -78,9 +64,6 @@ class BlockCholeskyOf {
   size_t FactorSize() const { return panels_size_; }  // numbers stored
 
  private:
-  template <typename Other>
-  friend class BlockCholeskyOf;
-  using Front = FrontOf<Number>;
   // Address space for the update matrices of fronts that are worked off in order: a front's own is needed while its
   // children's are still read, and each is free after its parent has been factorised. First fit, decided once.
   class SpacePlan {
@@ -104,10 +87,10 @@ class BlockCholeskyOf {
   void AddChildren(int s, int from, int end);
   int FactoriseFront(int s, parallel::PieceRef fill);
   int FactoriseShared(int s, parallel::PieceRef fill);
-  Number* RowsAt(int node, Number* carry);
-  void Gather(int s, Number* lines, Number* carry);
-  void Forward(int begin, int end, Number* lines, Number* carry);  // carry: null in the top
-  void Backward(int begin, int end, Number* lines, bool shared);
+  double* RowsAt(int node, double* carry);
+  void Gather(int s, double* lines, double* carry);
+  void Forward(int begin, int end, double* lines, double* carry);  // carry: null in the top
+  void Backward(int begin, int end, double* lines, bool shared);
 
   EliminationAnalysis analysis_;
   Elimination elimination_;
@@ -118,16 +101,13 @@ class BlockCholeskyOf {
   std::vector<Front> fronts_;  // per supernode
   std::vector<size_t>
       update_at_;  // per supernode: into updates_ if it leaves its task or is in the top, else into a region
-  AlignedNumbers<Number> panels_, updates_, regions_, scratch_, lines_, carries_;
+  AlignedNumbers panels_, updates_, regions_, scratch_, lines_, carries_;
   size_t panels_size_ = 0, region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
   int top_nodes_ = 0;
-  std::vector<Number> signs_;     // of the widest panel
+  std::vector<double> signs_;     // of the widest panel
   std::vector<int> replaced_;     // pivots, per task
-  std::vector<Number> permuted_;  // right side in elimination order
-  const FrontKernelsOf<Number>* kernels_ = nullptr;
+  std::vector<double> permuted_;  // right side in elimination order
+  const FrontKernels* kernels_ = nullptr;
 };
-
-using BlockPlace = BlockPlaceOf<double>;
-using BlockCholesky = BlockCholeskyOf<double>;
 
 }  // namespace islet::qp

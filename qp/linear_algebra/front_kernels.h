@@ -11,23 +11,19 @@
 //
 // Factorises A = L S L^T with S = diag(signs), signs +1 or -1 known beforehand: Cholesky if all are +1, and the stable
 // LDL^T of a symmetric quasi-definite matrix otherwise [Van95].
-// For numbers of double and of single precision; plain names are double's.
 //   threads: kernels on disjoint lines (or columns) of one front may run side by side; the bits do not depend on the split
 #pragma once
 
 namespace islet::qp {
 
+inline constexpr int kVector = 8;       // numbers in the widest vector: lines are split at multiples of it
 inline constexpr int kPanelBlock = 96;  // columns eliminated at once
+inline constexpr int RoundUp(int n) { return (n + kVector - 1) / kVector * kVector; }
+inline constexpr int RoundDown(int n) { return n / kVector * kVector; }
+inline constexpr int OddStride(int rows) { return (RoundUp(rows) / kVector | 1) * kVector; }
 
-template <typename Number>
-struct FrontOf {
-  static constexpr int kVector =
-      64 / sizeof(Number);  // numbers in the widest vector: lines are split at multiples of it
-  static constexpr int RoundUp(int n) { return (n + kVector - 1) / kVector * kVector; }
-  static constexpr int RoundDown(int n) { return n / kVector * kVector; }
-  static constexpr int OddStride(int rows) { return (RoundUp(rows) / kVector | 1) * kVector; }
-
-  FrontOf(int rows, int columns, int unknowns_per_node)
+struct Front {
+  Front(int rows, int columns, int unknowns_per_node)
       : n(rows),
         k(columns),
         block(unknowns_per_node),
@@ -50,11 +46,11 @@ struct FrontOf {
   int n, k, block;
   int lead, panel_stride, update_stride;
   bool fresh = false;             // the update matrix holds nothing yet and is overwritten
-  Number tiny = 0;                // least pivot
-  const Number* signs = nullptr;  // k numbers
-  Number* panel = nullptr;
-  Number* update = nullptr;  // unused if n == k
-  Number* scratch = nullptr;
+  double tiny = 0;                // least pivot
+  const double* signs = nullptr;  // k numbers
+  double* panel = nullptr;
+  double* update = nullptr;  // unused if n == k
+  double* scratch = nullptr;
 };
 
 // J_left^T D J_right of one contact, by the places of its rows and of D.
@@ -63,61 +59,46 @@ struct ContactProduct {
   int contact;      // into an array of 3 x 3 numbers each
 };
 
-template <typename Number>
-struct FrontKernelsOf {
+struct FrontKernels {
   // Eliminates the k columns of the panel and subtracts their outer product from the update matrix. Returns the number of
   // pivots that had to be replaced because their sign was wrong or they were not above `tiny` (0 in a healthy one).
-  int (*factorise)(const FrontOf<Number>& front);
+  int (*factorise)(const Front& front);
   // The same in parts, for j = 0, kPanelBlock, ... < k: eliminate, then solve_lines over SolveBegin(j) .. EndLine(), then
   // update_lines over UpdateBegin(j) .. EndLine(), the two latter in any split at multiples of kVector.
-  int (*eliminate)(const FrontOf<Number>& front, int j);
-  void (*solve_lines)(const FrontOf<Number>& front, int j, int from, int to);
-  void (*update_lines)(const FrontOf<Number>& front, int j, int from, int to);
+  int (*eliminate)(const Front& front, int j);
+  void (*solve_lines)(const Front& front, int j, int from, int to);
+  void (*update_lines)(const Front& front, int j, int from, int to);
 
   // Adds block columns begin .. end-1 of a child's update matrix (m blocks) to the parent's; child block i is its to[i].
-  void (*extend_add)(const FrontOf<Number>& parent, int m, const int* to, const Number* child, int begin, int end);
+  void (*extend_add)(const Front& parent, int m, const int* to, const double* child, int begin, int end);
 
   // x holds one number per line. With x1 the k upper ones: x1 <- L11^-1 x1, x2 <- x2 - L21 x1.
-  void (*forward)(const FrontOf<Number>& front, Number* x);
+  void (*forward)(const Front& front, double* x);
   // x1 <- L11^-T (x1 - L21^T x2).
-  void (*backward)(const FrontOf<Number>& front, Number* x);
+  void (*backward)(const Front& front, double* x);
   // In parts, for each panel block j (upwards, downwards): forward_block then forward_lines over SolveBegin(j) ..
   // EndLine(); backward_columns over its columns, then backward_block.
-  void (*forward_block)(const FrontOf<Number>& front, int j, Number* x);
-  void (*forward_lines)(const FrontOf<Number>& front, int j, int from, int to, Number* x);
-  void (*backward_columns)(const FrontOf<Number>& front, int j, int from, int to, Number* x);
-  void (*backward_block)(const FrontOf<Number>& front, int j, Number* x);
+  void (*forward_block)(const Front& front, int j, double* x);
+  void (*forward_lines)(const Front& front, int j, int from, int to, double* x);
+  void (*backward_columns)(const Front& front, int j, int from, int to, double* x);
+  void (*backward_block)(const Front& front, int j, double* x);
 
   // out (6x6, column-major) += sign * sum of the products; d: contacts' D, 9 numbers each, symmetric.
-  void (*add_products)(int count, const ContactProduct* products, const Number* rows, const Number* d, Number sign,
-                       Number* out, int stride);
+  void (*add_products)(int count, const ContactProduct* products, const double* rows, const double* d, double sign,
+                       double* out, int stride);
 };
 
 // The kernels of one vector width, by the number of columns that are handled together.
-template <typename Number>
-struct FrontKernelSetOf {
+struct FrontKernelSet {
   const char* name;
-  const FrontKernelsOf<Number>*one, *three, *six;
-  const FrontKernelsOf<Number>& For(int block) const { return block % 6 == 0 ? *six : block % 3 == 0 ? *three : *one; }
+  const FrontKernels *one, *three, *six;
+  const FrontKernels& For(int block) const { return block % 6 == 0 ? *six : block % 3 == 0 ? *three : *one; }
 };
 
 // The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
-template <typename Number>
-const FrontKernelSetOf<Number>& BestFrontKernelsOf();
+const FrontKernelSet& BestFrontKernels();
 
 // The set of that name, or null if this machine or build has none.
-template <typename Number>
-const FrontKernelSetOf<Number>* FindFrontKernelsOf(const char* name);
-template <>
-const FrontKernelSetOf<double>* FindFrontKernelsOf(const char* name);
-template <>
-const FrontKernelSetOf<float>* FindFrontKernelsOf(const char* name);
-
-using Front = FrontOf<double>;
-using FrontKernels = FrontKernelsOf<double>;
-using FrontKernelSet = FrontKernelSetOf<double>;
-inline constexpr int kVector = Front::kVector;
-inline const FrontKernelSet& BestFrontKernels() { return BestFrontKernelsOf<double>(); }
-inline const FrontKernelSet* FindFrontKernels(const char* name) { return FindFrontKernelsOf<double>(name); }
+const FrontKernelSet* FindFrontKernels(const char* name);
 
 }  // namespace islet::qp

@@ -1,6 +1,4 @@
 // Kernels for vectors of 8 doubles; see front_kernels_impl.h.
-#define ISLET_NUMBER double
-#define ISLET_BITS 512
 #define ISLET_LANES 8
 #define ISLET_TILE 3
 #define ISLET_KERNEL_SET kAvx512Kernels

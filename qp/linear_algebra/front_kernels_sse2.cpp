@@ -1,6 +1,4 @@
 // Kernels for vectors of 2 doubles; see front_kernels_impl.h.
-#define ISLET_NUMBER double
-#define ISLET_BITS 128
 #define ISLET_LANES 2
 #define ISLET_TILE 2
 #define ISLET_KERNEL_SET kSse2Kernels

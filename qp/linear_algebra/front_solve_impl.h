@@ -6,18 +6,16 @@
 namespace islet::qp {
 namespace {
 
-#if ISLET_BITS == 256
+#if ISLET_LANES == 4
 // All bits of the first lanes, none of the others.
 ISLET_INLINE __m256i FirstLanes(int count) {
-  if constexpr (sizeof(Number) == 8)
-    return _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_setr_epi64x(0, 1, 2, 3));
-  return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+  return _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_setr_epi64x(0, 1, 2, 3));
 }
 #endif
 
 // x -= columns j .. j+N-1 times value, for the lines [from, to).
 template <int N>
-ISLET_INLINE void SubtractColumns(const Number* columns, int stride, const Number* value, int from, int to, Number* x) {
+ISLET_INLINE void SubtractColumns(const double* columns, int stride, const double* value, int from, int to, double* x) {
   for (int line = from; line < to; line += kLanes) {
     Vec sum = Load(x + line);
     for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
@@ -27,22 +25,22 @@ ISLET_INLINE void SubtractColumns(const Number* columns, int stride, const Numbe
 
 // Solves the triangle of columns j .. j+N-1 in place; then the lines up to `end` of the vector that it ends in.
 template <int N>
-void ForwardBlock(const ThisFront& f, int j, Number* x) {
+void ForwardBlock(const Front& f, int j, double* x) {
   const int stop = j + f.BlockColumns(j), end = f.SolveBegin(j);
   for (int c = j; c < stop; c += N) {
-    const Number* l = f.panel + c * f.panel_stride;
-    Number* own = x + f.lead + c;
-    Number value[N];
+    const double* l = f.panel + c * f.panel_stride;
+    double* own = x + f.lead + c;
+    double value[N];
     for (int p = 0; p < N; ++p) value[p] = own[p];
     for (int p = 0; p < N; ++p) {
-      const Number* column = l + f.lead + c + p * f.panel_stride;
+      const double* column = l + f.lead + c + p * f.panel_stride;
       value[p] *= column[p];
       for (int q = p + 1; q < N; ++q) value[q] -= column[q] * value[p];
     }
     for (int p = 0; p < N; ++p) own[p] = value[p];
-    const int first = f.lead + c + N, line = ThisFront::RoundDown(first);
+    const int first = f.lead + c + N, line = RoundDown(first);
     if (line >= end) continue;
-#if ISLET_BITS == 256
+#if ISLET_LANES == 4
     // Whole vectors: what lies before the first line stays as it is, without a detour through memory.
     int whole = line;
     for (; whole < first; whole += kLanes) {
@@ -53,7 +51,7 @@ void ForwardBlock(const ThisFront& f, int j, Number* x) {
     }
     SubtractColumns<N>(l, f.panel_stride, value, whole, end, x);
 #else
-    Number kept[ThisFront::kVector];  // whole vectors: what is overwritten before the first line is put back
+    double kept[kVector];  // whole vectors: what is overwritten before the first line is put back
     for (int q = 0; q < first - line; ++q) kept[q] = x[line + q];
     SubtractColumns<N>(l, f.panel_stride, value, line, end, x);
     for (int q = 0; q < first - line; ++q) x[line + q] = kept[q];
@@ -62,22 +60,18 @@ void ForwardBlock(const ThisFront& f, int j, Number* x) {
 }
 
 template <int N>
-void ForwardLines(const ThisFront& f, int j, int from, int to, Number* x) {
+void ForwardLines(const Front& f, int j, int from, int to, double* x) {
   const int stop = j + f.BlockColumns(j);
   for (int c = j; c < stop; c += N)
     SubtractColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
 }
 
 // Lanes from .. to-1 of what is at p, zeros elsewhere; p may hold anything there.
-ISLET_INLINE Vec LoadSome(const Number* p, int from, int to) {
-#if ISLET_BITS == 512
-  const unsigned lanes = (1u << to) - (1u << from);
-  if constexpr (sizeof(Number) == 8) return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>(lanes), p);
-  return (Vec)_mm512_maskz_loadu_ps(static_cast<__mmask16>(lanes), p);
-#elif ISLET_BITS == 256
-  const __m256i mask = _mm256_and_si256(FirstLanes(to), ~FirstLanes(from));
-  if constexpr (sizeof(Number) == 8) return (Vec)_mm256_maskload_pd((const double*)p, mask);
-  return (Vec)_mm256_maskload_ps((const float*)p, mask);
+ISLET_INLINE Vec LoadSome(const double* p, int from, int to) {
+#if ISLET_LANES == 8
+  return (Vec)_mm512_maskz_loadu_pd(static_cast<__mmask8>((1u << to) - (1u << from)), p);
+#elif ISLET_LANES == 4
+  return (Vec)_mm256_maskload_pd(p, _mm256_and_si256(FirstLanes(to), ~FirstLanes(from)));
 #else
   Vec v = {};
   for (int i = from; i < to; ++i) v[i] = p[i];
@@ -87,7 +81,7 @@ ISLET_INLINE Vec LoadSome(const Number* p, int from, int to) {
 
 // sum[p] = sum of column p times x over the lines [from, end).
 template <int N>
-ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x, int from, int end, Number* sum) {
+ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
   Vec sums[8] = {};
   const auto add_some = [&](int line, int first, int last) {
     const Vec v = LoadSome(x + line, first, last);
@@ -117,16 +111,6 @@ ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x,
                   ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
   for (int p = 0; p < N; ++p) sum[p] = all[p];
 #undef ISLET_SHUFFLE
-#elif ISLET_LANES == 16
-#define ISLET_SHUFFLE(a, ...) __builtin_shufflevector(a, a, __VA_ARGS__)
-  for (int p = 0; p < N; ++p) {
-    Vec v = sums[p];
-    v += ISLET_SHUFFLE(v, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
-    v += ISLET_SHUFFLE(v, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11);
-    v += ISLET_SHUFFLE(v, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13);
-    sum[p] = v[0] + v[1];
-  }
-#undef ISLET_SHUFFLE
 #elif ISLET_LANES == 4
 #define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
   for (int i = 0; i < N; i += 4) {
@@ -147,28 +131,28 @@ ISLET_INLINE void DotColumns(const Number* columns, int stride, const Number* x,
 
 // x[c] -= (column c below the panel block at j) x.
 template <int N>
-void BackwardColumns(const ThisFront& f, int j, int from, int to, Number* x) {
+void BackwardColumns(const Front& f, int j, int from, int to, double* x) {
   const int first = f.lead + j + f.BlockColumns(j), end = f.lead + f.n;
   if (first == end) return;
   for (int c = from; c < to; c += N) {
-    Number sum[N];
+    double sum[N];
     DotColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
     for (int p = 0; p < N; ++p) x[f.lead + c + p] -= sum[p];
   }
 }
 
 template <int N>
-void BackwardBlock(const ThisFront& f, int j, Number* x) {
+void BackwardBlock(const Front& f, int j, double* x) {
   const int stop = j + f.BlockColumns(j);
   for (int c = stop - N; c >= j; c -= N) {
-    const Number* l = f.panel + f.lead + c * f.panel_stride;
-    Number* own = x + f.lead;
-    Number sum[N] = {};
+    const double* l = f.panel + f.lead + c * f.panel_stride;
+    double* own = x + f.lead;
+    double sum[N] = {};
     if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
-    Number value[N];
+    double value[N];
     for (int p = 0; p < N; ++p) value[p] = own[c + p] - sum[p];
     for (int p = N - 1; p >= 0; --p) {  // the one found last is taken off last: only it is waited for
-      const Number* column = l + p * f.panel_stride;
+      const double* column = l + p * f.panel_stride;
       for (int q = N - 1; q > p; --q) value[p] -= column[c + q] * value[q];
       value[p] *= column[c + p];
     }
@@ -177,7 +161,7 @@ void BackwardBlock(const ThisFront& f, int j, Number* x) {
 }
 
 template <int N>
-void ForwardFront(const ThisFront& f, Number* x) {
+void ForwardFront(const Front& f, double* x) {
   for (int j = 0; j < f.k; j += kPanelBlock) {
     ForwardBlock<N>(f, j, x);
     ForwardLines<N>(f, j, f.SolveBegin(j), f.EndLine(), x);
@@ -185,7 +169,7 @@ void ForwardFront(const ThisFront& f, Number* x) {
 }
 
 template <int N>
-void BackwardFront(const ThisFront& f, Number* x) {
+void BackwardFront(const Front& f, double* x) {
   for (int j = (f.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
     BackwardColumns<N>(f, j, j, j + f.BlockColumns(j), x);
     BackwardBlock<N>(f, j, x);

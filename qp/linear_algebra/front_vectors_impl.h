@@ -1,7 +1,7 @@
 // Vectors of ISLET_LANES doubles, and tiles of them in registers. Part of front_kernels_impl.h.
 #pragma once
 
-#if ISLET_BITS > 128
+#if ISLET_LANES > 2
 #include <immintrin.h>
 #endif
 
@@ -10,32 +10,26 @@
 namespace islet::qp {
 namespace {
 
-typedef ISLET_NUMBER Number;
-using ThisFront = FrontOf<Number>;
-
 constexpr int kLanes = ISLET_LANES;
-static_assert(ISLET_LANES * sizeof(Number) * 8 == ISLET_BITS);
 constexpr int kTile = ISLET_TILE;
-typedef Number Vec __attribute__((vector_size(ISLET_LANES * sizeof(Number)), may_alias));
+typedef double Vec __attribute__((vector_size(ISLET_LANES * sizeof(double)), may_alias));
 
 // In memory, at any double. Only behind pointers: as the type of a template's argument it would lose its alignment.
-typedef Number VecAt __attribute__((vector_size(ISLET_LANES * sizeof(Number)), aligned(sizeof(Number)), may_alias));
-typedef Number PairAt __attribute__((vector_size(2 * sizeof(Number)), aligned(sizeof(Number)), may_alias));
+typedef double VecAt __attribute__((vector_size(ISLET_LANES * sizeof(double)), aligned(sizeof(double)), may_alias));
+typedef double PairAt __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
 
 #define ISLET_INLINE inline __attribute__((always_inline))
 
-ISLET_INLINE Vec Load(const Number* p) { return *reinterpret_cast<const VecAt*>(p); }
-ISLET_INLINE void Store(Number* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
+ISLET_INLINE Vec Load(const double* p) { return *reinterpret_cast<const VecAt*>(p); }
+ISLET_INLINE void Store(double* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
 
 // a b + c with one rounding where the machine has that: left to the compiler, whether it fuses depends on the size of the
 // tile that it is in, and so would the bits on where lines are split.
-ISLET_INLINE Vec MultiplyAdd(Vec a, Number b, Vec c) {
-#if ISLET_BITS == 512
-  if constexpr (sizeof(Number) == 8) return (Vec)_mm512_fmadd_pd((__m512d)a, (__m512d)(Vec{} + b), (__m512d)c);
-  return (Vec)_mm512_fmadd_ps((__m512)a, (__m512)(Vec{} + b), (__m512)c);
-#elif ISLET_BITS == 256
-  if constexpr (sizeof(Number) == 8) return (Vec)_mm256_fmadd_pd((__m256d)a, (__m256d)(Vec{} + b), (__m256d)c);
-  return (Vec)_mm256_fmadd_ps((__m256)a, (__m256)(Vec{} + b), (__m256)c);
+ISLET_INLINE Vec MultiplyAdd(Vec a, double b, Vec c) {
+#if ISLET_LANES == 8
+  return (Vec)_mm512_fmadd_pd((__m512d)a, _mm512_set1_pd(b), (__m512d)c);
+#elif ISLET_LANES == 4
+  return (Vec)_mm256_fmadd_pd((__m256d)a, _mm256_set1_pd(b), (__m256d)c);
 #else
   return a * b + c;
 #endif
@@ -43,17 +37,17 @@ ISLET_INLINE Vec MultiplyAdd(Vec a, Number b, Vec c) {
 
 // C = C + A B for T vectors of rows and N columns: C from `in` to `out`, A column-major, B k x N row by row.
 template <int T, int N>
-ISLET_INLINE void LoadTile(const Number* c, int stride, Vec (&sum)[T][N]) {
+ISLET_INLINE void LoadTile(const double* c, int stride, Vec (&sum)[T][N]) {
   for (int j = 0; j < N; ++j)
     for (int t = 0; t < T; ++t) sum[t][j] = Load(c + j * stride + t * kLanes);
 }
 template <int T, int N>
-ISLET_INLINE void StoreTile(const Vec (&sum)[T][N], Number* c, int stride) {
+ISLET_INLINE void StoreTile(const Vec (&sum)[T][N], double* c, int stride) {
   for (int j = 0; j < N; ++j)
     for (int t = 0; t < T; ++t) Store(c + j * stride + t * kLanes, sum[t][j]);
 }
 template <int T, int N>
-ISLET_INLINE void AddMultiple(int k, const Number* a, int lda, const Number* b, Vec (&sum)[T][N]) {
+ISLET_INLINE void AddMultiple(int k, const double* a, int lda, const double* b, Vec (&sum)[T][N]) {
   for (int p = 0; p < k; ++p, a += lda, b += N) {
     Vec column[T];
     for (int t = 0; t < T; ++t) column[t] = Load(a + t * kLanes);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cassert>
 #include <numeric>
-#include <type_traits>
 
 namespace islet::qp {
 namespace {
@@ -11,16 +10,14 @@ namespace {
 static_assert(sizeof(Matrix3) == 9 * sizeof(double));
 
 // The 6x6 part of a place that belongs to field f of its rows and field g of its columns.
-template <typename Number>
-Number* FieldAt(const BlockPlaceOf<Number>& place, int row_field, int column_field) {
+double* FieldAt(const BlockPlace& place, int row_field, int column_field) {
   return place.data + 6 * row_field + 6 * column_field * static_cast<ptrdiff_t>(place.stride);
 }
 
-template <typename Number>
-void AddMass(double mass, const Matrix3& inertia, double sign, Number* at, int stride) {
+void AddMass(double mass, const Matrix3& inertia, double sign, double* at, int stride) {
   for (int i = 0; i < 3; ++i) {
-    at[i + i * stride] += static_cast<Number>(sign * mass);
-    for (int j = 0; j < 3; ++j) at[3 + i + (3 + j) * stride] += static_cast<Number>(sign * inertia(i, j));
+    at[i + i * stride] += sign * mass;
+    for (int j = 0; j < 3; ++j) at[3 + i + (3 + j) * stride] += sign * inertia(i, j);
   }
 }
 
@@ -61,10 +58,10 @@ void KktSystem::PlaceBlocks(int nb) {
   const auto nodes = [&](int item) { return item < nb ? std::array{item, item} : pairs_[item - nb]; };
   sorted_too_.resize(items);
   std::iota(sorted_too_.begin(), sorted_too_.end(), 0);
-  const int supernodes = full_.cholesky.elimination().num_supernodes();
+  const int supernodes = cholesky_.elimination().num_supernodes();
   SortByKey(
-      sorted_too_, supernodes, [&](int item) { return full_.cholesky.SupernodeOf(nodes(item)[0], nodes(item)[1]); },
-      &count_, &sorted_);
+      sorted_too_, supernodes, [&](int item) { return cholesky_.SupernodeOf(nodes(item)[0], nodes(item)[1]); }, &count_,
+      &sorted_);
   block_start_.assign(1, 0);
   for (int s = 0; s < supernodes; ++s) block_start_.push_back(count_[s]);  // counts have moved on by one
   block_of_body_.resize(nb);
@@ -72,21 +69,8 @@ void KktSystem::PlaceBlocks(int nb) {
   blocks_.clear();
   for (int item : sorted_) {
     (item < nb ? block_of_body_[item] : block_of_pair_[item - nb]) = static_cast<int>(blocks_.size());
-    blocks_.push_back({item < nb ? item : -1, false, 0, 0, 0});
+    blocks_.push_back({cholesky_.BlockAt(nodes(item)[0], nodes(item)[1]), item < nb ? item : -1, 0, 0, 0});
   }
-  PlaceIn(&full_);
-  for (size_t b = 0; b < blocks_.size(); ++b) blocks_[b].transposed = full_.places[b].transposed;
-}
-
-template <typename Number>
-void KktSystem::PlaceIn(Matrix<Number>* matrix) {
-  matrix->places.resize(blocks_.size());
-  for (size_t i = 0; i < block_of_body_.size(); ++i) {
-    const int node = static_cast<int>(i);
-    matrix->places[block_of_body_[i]] = matrix->cholesky.BlockAt(node, node);
-  }
-  for (size_t p = 0; p < pairs_.size(); ++p)
-    matrix->places[block_of_pair_[p]] = matrix->cholesky.BlockAt(pairs_[p][0], pairs_[p][1]);
 }
 
 void KktSystem::ListProducts(const Problem& problem) {
@@ -102,7 +86,7 @@ void KktSystem::ListProducts(const Problem& problem) {
       const bool a_first = pairs_[pair_of_[c]][0] == contact.body_a;
       const int first = a_first ? 2 * c : 2 * c + 1, second = 4 * c + 1 - first;
       // Asked for as (low, high): transposed if the rows belong to the higher one.
-      const bool transposed = blocks_[block].transposed;
+      const bool transposed = blocks_[block].place.transposed;
       add(block, transposed ? ContactProduct{second, first, c} : ContactProduct{first, second, c});
     }
   };
@@ -125,14 +109,14 @@ void KktSystem::Pack(const Problem& problem) {
     block.mass = static_cast<int>(masses_.size());
     masses_.push_back({problem.bodies[block.body].mass, problem.bodies[block.body].inertia});
   }
-  full_.rows.resize(2 * 3 * kVector * problem.contacts.size());
+  rows_.resize(2 * 3 * kVector * problem.contacts.size());
   sorted_.assign(2 * problem.contacts.size(), -1);  // place of side a (2c), b (2c + 1) in rows_
   int sides = 0;
   const auto place = [&](int side) {
     if (sorted_[side] >= 0) return sorted_[side];
     const ContactTerm& contact = problem.contacts[side / 2];
     const Jacobian& jacobian = side % 2 == 0 ? contact.jacobian_a : contact.jacobian_b;
-    double* to = full_.rows.data() + static_cast<size_t>(sides) * 3 * kVector;
+    double* to = rows_.data() + static_cast<size_t>(sides) * 3 * kVector;
     for (int r = 0; r < 3; ++r, to += kVector) {
       for (int i = 0; i < 6; ++i) to[i] = jacobian(r, i);
       to[6] = to[7] = 0;
@@ -148,55 +132,28 @@ void KktSystem::Pack(const Problem& problem) {
 void KktSystem::Prepare(const Problem& problem, int num_fields) {
   num_fields_ = num_fields;
   FindPairs(problem);
-  if (full_.cholesky.Analyse(problem.num_bodies(), 6 * num_fields, pairs_)) {
-    PlaceBlocks(problem.num_bodies());
-    single_placed_ = false;
-  }
-  single_packed_ = false;
+  if (cholesky_.Analyse(problem.num_bodies(), 6 * num_fields, pairs_)) PlaceBlocks(problem.num_bodies());
   ListProducts(problem);
   Pack(problem);
 }
 
-// What the full one has, with its numbers rounded.
-void KktSystem::PrepareSingle() {
-  if (!single_placed_) {
-    single_.cholesky.Follow(full_.cholesky);
-    PlaceIn(&single_);
-  }
-  if (!single_packed_) {
-    constexpr size_t kWide = FrontOf<float>::kVector;
-    const size_t rows = full_.rows.size() / kVector;
-    single_.rows.assign(rows * kWide, 0.0f);
-    for (size_t r = 0; r < rows; ++r)
-      for (size_t i = 0; i < 6; ++i) single_.rows[r * kWide + i] = static_cast<float>(full_.rows[r * kVector + i]);
-  }
-  single_placed_ = single_packed_ = true;
-}
-
-template <typename Number>
-void KktSystem::AddBlock(Matrix<Number>& matrix, int b, const Number* d) {
-  const Block& block = blocks_[b];
-  const BlockPlaceOf<Number>& place = matrix.places[b];
-  const int cone_field = num_fields_ - 1, stride = place.stride;
+void KktSystem::AddBlock(const Block& block, const double* d) {
+  const int cone_field = num_fields_ - 1, stride = block.place.stride;
   if (block.body >= 0) {
     const auto& [mass, inertia] = masses_[block.mass];
-    AddMass(mass, inertia, 1, FieldAt(place, 0, 0), stride);
-    if (num_fields_ == 2) AddMass(mass, inertia, -1, FieldAt(place, 1, 0), stride);
+    AddMass(mass, inertia, 1, FieldAt(block.place, 0, 0), stride);
+    if (num_fields_ == 2) AddMass(mass, inertia, -1, FieldAt(block.place, 1, 0), stride);
   }
   const int count = block.products_end - block.products_begin;
   const ContactProduct* products = products_.data() + block.products_begin;
-  matrix.kernels->add_products(count, products, matrix.rows.data(), d, num_fields_ == 1 ? 1 : -1,
-                               FieldAt(place, cone_field, cone_field), stride);
-  if constexpr (std::is_same_v<Number, double>) {
-    if (num_fields_ == 1) return;
-    matrix.kernels->add_products(count, products, matrix.rows.data(), normal_blocks_[0].data(), 1, FieldAt(place, 0, 0),
-                                 stride);
-  }
+  kernels_->add_products(count, products, rows_.data(), d, num_fields_ == 1 ? 1 : -1,
+                         FieldAt(block.place, cone_field, cone_field), stride);
+  if (num_fields_ == 1) return;
+  kernels_->add_products(count, products, rows_.data(), normal_blocks_[0].data(), 1, FieldAt(block.place, 0, 0),
+                         stride);
 }
 
-int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e,
-                         Precision precision) {
-  by_single_ = precision == Precision::kSingle && CanBeSingle();
+int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e) {
   assert(pair_of_.size() == problem.contacts.size());
   static_cast<void>(problem);
   if (num_fields_ == 2) {
@@ -205,25 +162,11 @@ int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, 
   }
   const double* blocks = d.empty() ? nullptr : d[0].data();
   static constexpr double kSigns[12] = {1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1};
-  const std::span<const double> signs(kSigns, static_cast<size_t>(6 * num_fields_));
-  const auto factorise = [&](auto& matrix, const auto* values) {
-    return matrix.cholesky.Factorise(signs, [&](int s) {
-      for (int b = block_start_[s]; b < block_start_[s + 1]; ++b) AddBlock(matrix, b, values);
-    });
-  };
-  if (!by_single_) return factorise(full_, blocks);
-  PrepareSingle();
-  single_d_.resize(9 * d.size());
-  for (size_t i = 0; i < single_d_.size(); ++i) single_d_[i] = static_cast<float>(blocks[i]);
-  return factorise(single_, single_d_.data());
+  return cholesky_.Factorise({kSigns, static_cast<size_t>(6 * num_fields_)}, [&](int s) {
+    for (int b = block_start_[s]; b < block_start_[s + 1]; ++b) AddBlock(blocks_[b], blocks);
+  });
 }
 
-void KktSystem::Solve(double* x) {
-  if (by_single_) {
-    single_.cholesky.Solve(x);
-  } else {
-    full_.cholesky.Solve(x);
-  }
-}
+void KktSystem::Solve(double* x) { cholesky_.Solve(x); }
 
 }  // namespace islet::qp

@@ -31,37 +31,33 @@ MatrixXd RandomQuasiDefinite(Random* random, const VectorXd& signs) {
 }
 
 // One front whose scratch parts hold NaN: nothing may leak out of them.
-template <typename Number>
-struct TestFrontOf {
-  using Lines1 = Eigen::Matrix<Number, Eigen::Dynamic, 1>;
-  static constexpr int kStep = qp::FrontOf<Number>::kVector;
-  TestFrontOf(const MatrixXd& a, int columns, int block) : front(static_cast<int>(a.rows()), columns, block) {
+struct TestFront {
+  TestFront(const MatrixXd& a, int columns, int block) : front(static_cast<int>(a.rows()), columns, block) {
     const int n = front.n, k = front.k, m = n - k;
-    panel.assign(front.PanelSize(), static_cast<Number>(kNaN));
-    update.assign(front.UpdateSize(), static_cast<Number>(kNaN));
-    scratch.assign(front.ScratchSize(), static_cast<Number>(kNaN));
+    panel.assign(front.PanelSize(), kNaN);
+    update.assign(front.UpdateSize(), kNaN);
+    scratch.assign(front.ScratchSize(), kNaN);
     front.panel = panel.data(), front.update = update.data(), front.scratch = scratch.data();
     for (int j = 0; j < k; ++j)
-      for (int i = j; i < n; ++i) panel[front.lead + i + j * front.panel_stride] = static_cast<Number>(a(i, j));
+      for (int i = j; i < n; ++i) panel[front.lead + i + j * front.panel_stride] = a(i, j);
     for (int j = 0; j < m; ++j)
-      for (int i = j; i < m; ++i) update[i + j * front.update_stride] = static_cast<Number>(a(k + i, k + j));
+      for (int i = j; i < m; ++i) update[i + j * front.update_stride] = a(k + i, k + j);
   }
-  TestFrontOf(const TestFrontOf&) = delete;
-  int Factorise(const qp::FrontKernelsOf<Number>& kernels, const VectorXd& signs, Number tiny = 0) {
-    SetSigns(signs);
-    front.tiny = tiny;
+  TestFront(const TestFront&) = delete;
+  int Factorise(const qp::FrontKernels& kernels, const VectorXd& signs, double tiny = 0) {
+    front.signs = signs.data(), front.tiny = tiny;
     return kernels.factorise(front);
   }
   // Line by line from the end, as badly split as can be.
-  int FactoriseInParts(const qp::FrontKernelsOf<Number>& kernels, const VectorXd& signs) {
-    SetSigns(signs);
+  int FactoriseInParts(const qp::FrontKernels& kernels, const VectorXd& signs) {
+    front.signs = signs.data();
     int replaced = 0;
     for (int j = 0; j < front.k; j += qp::kPanelBlock) {
       replaced += kernels.eliminate(front, j);
-      for (int end = front.EndLine(); end > front.SolveBegin(j); end -= kStep)
-        kernels.solve_lines(front, j, end - kStep, end);
-      for (int end = front.EndLine(); end > front.UpdateBegin(j); end -= kStep)
-        kernels.update_lines(front, j, end - kStep, end);
+      for (int end = front.EndLine(); end > front.SolveBegin(j); end -= qp::kVector)
+        kernels.solve_lines(front, j, end - qp::kVector, end);
+      for (int end = front.EndLine(); end > front.UpdateBegin(j); end -= qp::kVector)
+        kernels.update_lines(front, j, end - qp::kVector, end);
     }
     return replaced;
   }
@@ -81,21 +77,15 @@ struct TestFrontOf {
     return u;
   }
   // One number per line, NaN where there is no row.
-  Lines1 Lines(const VectorXd& x) const {
-    Lines1 lines = Lines1::Constant(front.EndLine(), static_cast<Number>(kNaN));
-    lines.segment(front.lead, front.n) = x.cast<Number>();
+  VectorXd Lines(const VectorXd& x) const {
+    VectorXd lines = VectorXd::Constant(front.EndLine(), kNaN);
+    lines.segment(front.lead, front.n) = x;
     return lines;
   }
-  VectorXd Rows(const Lines1& lines) const { return lines.segment(front.lead, front.n).template cast<double>(); }
-  void SetSigns(const VectorXd& signs) {
-    own_signs.clear();
-    for (const double sign : signs) own_signs.push_back(static_cast<Number>(sign));
-    front.signs = own_signs.data();
-  }
-  qp::FrontOf<Number> front;
-  std::vector<Number> panel, update, scratch, own_signs;
+  VectorXd Rows(const VectorXd& lines) const { return lines.segment(front.lead, front.n); }
+  qp::Front front;
+  std::vector<double> panel, update, scratch;
 };
-using TestFront = TestFrontOf<double>;
 
 // L (n x k) with A = L S L^T + [0 0; 0 U], and U, the plain way.
 void PlainCholesky(MatrixXd a, int k, const VectorXd& signs, MatrixXd* lower, MatrixXd* update) {
@@ -265,7 +255,7 @@ TEST_P(FrontKernels, ExtendAdd) {
     };
     const MatrixXd a = symmetric(n), added = symmetric(m * block);
     TestFront parent(a, columns * block, block), by_column(a, columns * block, block);
-    const int stride = qp::Front::OddStride(m * block);
+    const int stride = qp::OddStride(m * block);
     std::vector<double> child(stride * m * block, kNaN);
     for (int j = 0; j < m * block; ++j)
       for (int i = j; i < m * block; ++i) child[i + j * stride] = added(i, j);
@@ -311,46 +301,6 @@ TEST_P(FrontKernels, AddProducts) {
   set_->six->add_products(contacts, products.data(), rows.data(), d.data(), -1, out.data(), 7);
   EXPECT_LT((out.topLeftCorner<6, 6>() - expected).norm(), 1e-13);
   EXPECT_TRUE(std::isnan(out(6, 0)) && std::isnan(out(0, 6)));
-}
-
-// Single precision: the same code for other numbers, so sizes with every remainder modulo its vectors will do.
-TEST_P(FrontKernels, SinglePrecision) {
-  const auto* set = qp::FindFrontKernelsOf<float>(GetParam());
-  ASSERT_NE(set, nullptr);
-  const auto check = [&](int n, int k, int block) {
-    SCOPED_TRACE(::testing::Message() << "n " << n << " k " << k << " block " << block);
-    const qp::FrontKernelsOf<float>& kernels = set->For(block);
-    const VectorXd signs = RandomSigns(n, true);
-    const MatrixXd a = RandomQuasiDefinite(&random_, signs);
-    TestFrontOf<float> whole(a, k, block), parts(a, k, block);
-    MatrixXd lower, update;
-    PlainCholesky(a, k, signs, &lower, &update);
-    ASSERT_EQ(whole.Factorise(kernels, signs), 0);
-    ASSERT_EQ(parts.FactoriseInParts(kernels, signs), 0);
-    ASSERT_LT((whole.Lower() - lower).cwiseAbs().maxCoeff(), 1e-5 * n);
-    ASSERT_TRUE((whole.Lower().array() == parts.Lower().array()).all());
-    if (n > k) {
-      ASSERT_LT((whole.Update() - update).cwiseAbs().maxCoeff(), 1e-5 * n);
-      ASSERT_TRUE((whole.Update().array() == parts.Update().array()).all());
-    }
-    const auto top = lower.topRows(k).triangularView<Eigen::Lower>();
-    const VectorXd b = VectorXd::NullaryExpr(n, [&] { return random_.Uniform(-1, 1); });
-    VectorXd expected = b;
-    expected.head(k) = top.solve(b.head(k)).eval();
-    expected.tail(n - k) -= lower.bottomRows(n - k) * expected.head(k);
-    auto x = whole.Lines(b);
-    kernels.forward(whole.front, x.data());
-    ASSERT_LT((whole.Rows(x) - expected).norm(), 1e-5 * n);
-    expected = b;
-    expected.head(k) = top.transpose().solve(b.head(k) - lower.bottomRows(n - k).transpose() * b.tail(n - k)).eval();
-    x = whole.Lines(b);
-    kernels.backward(whole.front, x.data());
-    ASSERT_LT((whole.Rows(x) - expected).norm(), 1e-5 * n);
-  };
-  for (const int block : {1, 3, 6, 12})
-    for (int n = block; n <= (block == 1 ? 40 : 72); n += block)
-      for (int k = block; k <= n; k += 2 * block) check(n, k, block);
-  check(204, 108, 6);
 }
 
 INSTANTIATE_TEST_SUITE_P(Sets, FrontKernels, ::testing::Values("sse2", "avx2", "avx512"),

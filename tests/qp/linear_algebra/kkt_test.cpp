@@ -60,24 +60,6 @@ void CheckAgainstDense(const Problem& problem, int fields, Random* random, qp::K
   const double residual = (s * y - b).norm() / (s.norm() * y.norm());
   EXPECT_EQ(replaced, 0);
   EXPECT_LT(residual, 1e-11);
-  // In single precision, and once more in double.
-  for (const auto precision : {qp::Precision::kSingle, qp::Precision::kDouble}) {
-    const bool single = precision == qp::Precision::kSingle;
-    if (single && !kkt->CanBeSingle()) continue;
-    EXPECT_EQ(kkt->Factorise(problem, d, e, precision), 0);
-    std::vector<double> z(b.size());
-    for (int i = 0; i < b.size(); ++i) z[slot(i)] = b[i];
-    kkt->Solve(z.data());
-    if (!single) {
-      EXPECT_EQ(z, x);
-    }
-    for (int i = 0; i < b.size(); ++i) y[i] = z[slot(i)];
-    const double left = (s * y - b).norm() / (s.norm() * y.norm());
-    EXPECT_LT(left, 1e-5);
-    if (single) {
-      EXPECT_GT(left, 1e-10);
-    }
-  }
 }
 
 TEST(Kkt, OneFieldAgreesWithDense) {
