@@ -26,6 +26,10 @@ TEST(LiveCommand, IsRead) {
   EXPECT_EQ(ball.vector, Vector3(0, 10, 0));
   EXPECT_EQ(ball.radius, 0.25);
   EXPECT_EQ(ball.density, 2);
+  EXPECT_EQ(
+      ParseCommand(R"({"do": "throw", "from": [0, 0, 0], "velocity": [0, 0, 0], "radius": 0.05, "density": 4091.7})")
+          .density,
+      4091.7);
   const LiveCommand drag = ParseCommand(R"({"do": "drag", "body": 7, "at": [0, 0, 0.5], "to": [4, 5, 6]})");
   EXPECT_EQ(drag.kind, Kind::kDrag);
   EXPECT_EQ(drag.body, 7);
@@ -52,6 +56,9 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 0, "density": 1})", "radius must be in"},
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": -1, "density": 1})", "got -1"},
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": null})", "density must"},
+      {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": 1e7})",
+       "[0.001, 1000000.0]"},
+      {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": 0})", "density must be in"},
       {R"({"do": "drag", "body": -1, "at": [0, 0, 0], "to": [0, 0, 0]})", "body must be a whole"},
       {R"({"do": "drag", "body": 1.5, "at": [0, 0, 0], "to": [0, 0, 0]})", "got 1.5"},
       {R"({"do": "drag", "body": 99999999999999999999, "at": [0, 0, 0], "to": [0, 0, 0]})", "body must"},

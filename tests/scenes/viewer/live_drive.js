@@ -52,6 +52,18 @@ driver.drive(async () => {
   v.live.ask({do: 'throw', from: [...v.shown.frame.positions.subarray(3 * top, 3 * top + 3)], velocity: [0, 0, 0], radius: 0.1, density: 1});
   await until('what is refused is told', () => /does not fit/.test($('live-note').textContent));
 
+  // A ball of what is too heavy or too small for the run is one that it takes.
+  const {live} = v, {ask, bodyMass, bodyRadius} = live;
+  let asked = null;
+  live.ask = (message) => (asked = message);
+  live.bodyMass = 1e12;
+  live.throwBall(null);
+  check('the heaviest ball', asked.density === 1e6 && asked.density === source.state.ball.density[1], asked);
+  Object.assign(live, {bodyMass, bodyRadius: 1e-9});
+  live.throwBall(null);
+  check('the smallest ball', asked.radius === source.state.ball.radius[0], asked);
+  Object.assign(live, {ask, bodyRadius});
+
   // The camera sees where all has got to.
   const seen = v.stage.extent.clone();
   $('camera').click();
