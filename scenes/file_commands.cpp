@@ -14,6 +14,7 @@
 #include "scenes/file/scene_reader.h"
 #include "scenes/file/scene_writer.h"
 #include "scenes/output_file.h"
+#include "scenes/printable.h"
 #include "scenes/run_options.h"
 
 namespace islet {
@@ -38,8 +39,8 @@ std::string CheckedLine(const std::string& file) {
   const MadeScene made = MakeScene(description, settings, description.seed);
   const Drives drives(description, made);
   const Probes probes(description, made);
-  return fmt::format("{}: good: {}, {} bodies, {} of them dynamic\n", file,
-                     description.title.empty() ? "no title" : description.title, made.world.bodies().size(),
+  return fmt::format("{}: good: {}, {} bodies, {} of them dynamic\n", Printable(file),
+                     description.title.empty() ? "no title" : Printable(description.title), made.world.bodies().size(),
                      made.info.bodies);
 }
 
@@ -52,7 +53,10 @@ void AddExportOptions(CLI::App* command, ExportOptions* options) {
   AddSceneParameters(command, &options->parameters);
   command->add_option("--out", options->out, "where to write it (default: the standard output)")
       ->group("Output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check([](const std::string& name) {
+        return name == "-" ? "without it the file goes to the standard output; got -" : "";
+      });
   command->footer(
       "The file runs to the same state hash as the scene. The format is told in scenes/README.md.\n\n"
       "Examples:\n"
@@ -97,7 +101,7 @@ bool CheckSceneFiles(const CheckFilesOptions& options) {
     try {
       Print(stdout, CheckedLine(file));
     } catch (const std::exception& error) {
-      Print(stderr, fmt::format("islet: {}\n", error.what()));
+      Print(stderr, fmt::format("islet: {}\n", Printable(error.what())));
       good = false;
     }
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "scenes/effort_option.h"
+#include "scenes/printable.h"
 #include "scenes/run_options.h"
 
 namespace islet {
@@ -266,7 +267,7 @@ std::string RunReport::Summary() const {
                       last_.kinetic_energy);
   if (info_.passed_z) text += fmt::format(", {} passed", passed_);
   if (info_.bounds) text += fmt::format(", {} escaped", escaped_);
-  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, expected_);
+  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, Printable(expected_));
   return text;
 }
 

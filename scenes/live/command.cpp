@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "scenes/printable.h"
+
 namespace islet {
 namespace {
 
@@ -19,7 +21,7 @@ constexpr double kMostFriction = 1e6;
 constexpr size_t kShown = 60;  // characters of a message that an error quotes
 
 [[noreturn]] void Reject(const std::string& field, const std::string& value, const std::string& rule) {
-  throw std::invalid_argument("message: " + field + " " + rule + "; got " + value.substr(0, kShown));
+  throw std::invalid_argument(Printable("message: " + field + " " + rule + "; got " + value.substr(0, kShown)));
 }
 
 std::string Text(const Json& value) { return value.dump(-1, ' ', true, Json::error_handler_t::replace); }

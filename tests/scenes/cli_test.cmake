@@ -117,7 +117,14 @@ expect_rejected("--export-frames" "two" run stack --export-fclib out --export-fr
 expect_rejected("--html" "nowhere/p.html" run stack --html nowhere/p.html --report r.json)
 expect_rejected("same file" "r.json" run stack --report r.json --html ./r.json)
 expect_rejected("--out" "nowhere/p.html" view stack --frames 1 --out nowhere/p.html)
-expect_rejected("--out" "is a directory" view stack --out ${SCRATCH})
+expect_rejected("--out" "is a directory" run stack --html ${SCRATCH})
+expect_rejected("--out" "must end in .html; got x.txt" view stack --frames 1 --out x.txt)
+expect_rejected("--picture" "must end in .svg or .png; got x.jpg" run stack --frames 1 --picture x.jpg)
+expect_rejected("--picture" "must end in .svg or .png; got -" run stack --frames 1 --picture -)
+foreach(option --frames-csv --trace --record --html --export-fclib)
+  expect_rejected("${option}" "only --report takes the standard output; got -" run stack --frames 1 ${option} -)
+endforeach()
+expect_rejected("--out" "without it the file goes to the standard output; got -" export stack --out -)
 expect_rejected("not expected" "--report" view stack --report r.json)
 expect_rejected("scene" "no .stak." view stak)
 expect_rejected("scene" "required" view)
@@ -270,6 +277,21 @@ if(EXISTS /dev/full)  # the run goes on without its page
   islet(status stdout stderr replay whole.film)
   check_match("its recording" stdout "complete, stopped by frames")
   file(REMOVE ${SCRATCH}/whole.film)
+
+  # Any output that fails costs no other, nor the summary; each is told.
+  file(CREATE_LINK /dev/full ${SCRATCH}/full.svg SYMBOLIC)
+  islet(status stdout stderr run stack --count 3 --frames 5 --report /dev/full --frames-csv f1.csv --trace /dev/full
+    --picture full.svg --html f1.html --record f1.film --group-bodies 0 --export-fclib f1)
+  check_equal("exit status of outputs that do not fit" "${status}" 1)
+  check_match("the summary of such a run" stdout "state hash.*f1.html: [0-9.]+ MB")
+  check_match("messages of it" stderr
+    "islet: cannot write full.svg: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\n$")
+  file(STRINGS ${SCRATCH}/f1.csv rows)
+  list(LENGTH rows num_rows)
+  check_equal("lines of its table" "${num_rows}" 6)
+  islet(status stdout stderr replay f1.film)
+  check_match("its recording" stdout "complete, stopped by frames")
+  file(REMOVE_RECURSE ${SCRATCH}/full.svg ${SCRATCH}/f1.csv ${SCRATCH}/f1.html ${SCRATCH}/f1.film ${SCRATCH}/f1)
 endif()
 file(WRITE ${SCRATCH}/cut.film "islet")
 islet(status stdout stderr view cut.film --out other.html)
@@ -296,6 +318,16 @@ islet(status stdout stderr run csstack --frames 2 --picture start.PNG --picture-
 check_equal("exit status of a PNG (${stderr})" "${status}" 0)
 file(READ ${SCRATCH}/start.PNG picture LIMIT 8 HEX)
 check_equal("first bytes of a PNG" "${picture}" "89504e470d0a1a0a")
+
+# A moment that never came is told; the end of the run is one that did.
+foreach(when "--picture-frame;9" "--picture-time;5")
+  islet(status stdout stderr run csstack --frames 2 --picture late.svg ${when})
+  list(JOIN when " " told)
+  check_equal("exit status of ${told}" "${status}" 0)
+  check_match("message of ${told}" stderr "the run ended with frame 2, before ${told}; late.svg shows its end")
+endforeach()
+islet(status stdout stderr run csstack --frames 2 --picture late.svg --picture-frame 2)
+check_equal("message of a picture of the last frame" "${stderr}" "")
 
 # With "-" the standard output is the JSON object alone.
 islet(status stdout stderr run officetoy --frames 3 --report -)

@@ -95,6 +95,27 @@ expect("expected" in run("run", lid, "--frames", 1).stdout, "what is expected")
 expect(hash_of(root / "scenes/samples/dice.json") != hash_of(root / "scenes/samples/dice.json", "--seed", 2), "--seed")
 
 
+# What moves by a velocity of its own is no rest, also where all else has come to it.
+floor = '{"shape": {"type": "half_space"}, "kind": "fixed"}'
+mover = '{"shape": {"type": "box", "size": [1, 1, 1]}, "kind": "kinematic", "position": [5, 0, 9], "%s": [0, 0, %g]}'
+cube = '{"shape": {"type": "box", "size": [1, 1, 1]}, "density": 1, "position": [0, 0, 0.5]}'
+for key, speed, freeze, stopped_by in [("velocity", 1, "certified", "time limit"), ("velocity", 1, "off", "time limit"),
+                                       ("angular_velocity", 1, "certified", "time limit"), ("velocity", 0, "certified", "rest")]:
+    (scratch / "mover.json").write_text('{"version": 1, "time": {"end": 3}, "bodies": [%s, %s, %s]}' % (floor, cube, mover % (key, speed)))
+    report = json.loads(run("run", "mover.json", "--freeze", freeze, "--report", "-").stdout)
+    expect(report["stopped_by"] == stopped_by, f"{key} {speed}, {freeze}: stopped by {report['stopped_by']}")
+
+# No text of a file steers the terminal: neither by a control character nor by what is written as one.
+steers = "\\u001b]0;owned\\u0007\\u009b31m"
+(scratch / "steers.json").write_text(f'{{"version": 1, "title": "A{steers}B", "expected": "{steers}", "bodies": [{cube}]}}')
+(scratch / "steers_bad.json").write_text('{"version": 1, "bodies": [{"shape": "\x9b31m\u202f"}]}')
+for arguments in [("check", "steers.json"), ("run", "steers.json", "--frames", 1), ("check", "steers_bad.json"), ("run", "steers_bad.json")]:
+    done = run(*arguments)
+    said = done.stdout + done.stderr
+    expect(said and not any(ord(c) < 32 and c != "\n" or 127 <= ord(c) < 160 for c in said), f"{arguments}: {said!r}")
+expect("A?]0;owned??31mB, 1 " in run("check", "steers.json").stdout, f"the title: {run('check', 'steers.json').stdout!r}")
+
+
 # Files meant to do harm.
 def refused(name, text, says):
     path = scratch / "hostile.json"

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "scenes/printable.h"
+
 namespace islet {
 namespace {
 
@@ -69,6 +71,8 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
       {std::string(kLongestCommand + 1, ' '), "length must be at most 4096"},
       {std::string(kLongestCommand, '['), "text must be a JSON object"},
       {"{\"do\": \"\xff\xfe\"}", "text"},
+      {std::string(59, ' ') + "\xc3\xa4", "text"},  // cut within a character
+      {R"({"do": "run", "\u001b[2J": 1})", "?[2J"},
   };
   for (const auto& [text, part] : bad) {
     try {
@@ -77,6 +81,7 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
     } catch (const std::invalid_argument& error) {
       EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
       EXPECT_LT(std::string(error.what()).size(), 200u);
+      EXPECT_EQ(Printable(error.what()), error.what());  // also where it quotes what is no UTF-8
     }
   }
 }
