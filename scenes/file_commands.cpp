@@ -15,7 +15,9 @@
 #include "scenes/file/scene_writer.h"
 #include "scenes/output_file.h"
 #include "scenes/printable.h"
+#include "scenes/ready_scene.h"
 #include "scenes/run_options.h"
+#include "scenes/run_report.h"
 
 namespace islet {
 namespace {
@@ -39,9 +41,9 @@ std::string CheckedLine(const std::string& file) {
   const MadeScene made = MakeScene(description, settings, description.seed);
   const Drives drives(description, made);
   const Probes probes(description, made);
-  return fmt::format("{}: good: {}, {} bodies, {} of them dynamic\n", Printable(file),
-                     description.title.empty() ? "no title" : Printable(description.title), made.world.bodies().size(),
-                     made.info.bodies);
+  return fmt::format("{}: good: {}, {}, {} of them dynamic\n", Printable(file),
+                     description.title.empty() ? "no title" : Printable(description.title),
+                     CountedBodies(static_cast<int>(made.world.bodies().size())), made.info.bodies);
 }
 
 }  // namespace
@@ -65,6 +67,8 @@ void AddExportOptions(CLI::App* command, ExportOptions* options) {
 }
 
 void ExportScene(const ExportOptions& options) {
+  if (IsSceneFile(options.scene))
+    throw std::invalid_argument("scene: built-in ones are exported, files are not; got " + options.scene);
   const Scene& scene = RequireScene(options.scene);
   CheckSceneParameters(options.parameters);
   if (!options.out.empty()) CheckWritable("--out", options.out);

@@ -77,9 +77,8 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, solve and verify in order: "
-      "what is\n"
-      "done is written and reported. The second one ends them at once.");
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and\n"
+      "verify in order: what is done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
@@ -141,7 +140,9 @@ int Run(int argc, char** argv) {
     const std::string problem = argc > 1 && app.get_subcommands().empty()
                                     ? fmt::format("the commands are {}; got {}", CommandNames(app), argv[1])
                                     : error.what();
-    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help` and `islet run --help`.\n", problem));
+    const std::vector<CLI::App*> meant = app.get_subcommands();
+    const std::string of_command = meant.empty() ? "" : fmt::format(" and `islet {} --help`", meant[0]->get_name());
+    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help`{}.\n", problem, of_command));
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);

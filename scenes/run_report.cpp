@@ -88,6 +88,8 @@ Json CertificateJson(const Certificate& c) {
 
 }  // namespace
 
+std::string CountedBodies(int count) { return fmt::format("{} {}", count, count == 1 ? "body" : "bodies"); }
+
 void RunReport::Series::Add(double value) {
   sum += value;
   max = std::max(max, value);
@@ -246,8 +248,9 @@ std::string RunReport::Summary() const {
     return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved,
                        q.failed, q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
-  std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", name_,
-                                 info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
+  std::string text =
+      fmt::format("{}: {}, {} frames of {:.4g} s, {} threads, stopped by {}\n", name_, CountedBodies(info_.bodies),
+                  step_seconds_.size(), dt_, settings_.threads, stopped_by_);
   text += fmt::format("  time          {:.2f} s for {:.2f} s; {:.2f} ms a frame, median {:.2f}, slowest {:.2f}\n",
                       wall_seconds_, sim_seconds_, 1e3 * sum / frames, 1e3 * Quantile(step_seconds_, 0.5),
                       1e3 * Quantile(step_seconds_, 1));

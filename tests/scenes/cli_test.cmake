@@ -117,7 +117,7 @@ expect_rejected("--export-frames" "two" run stack --export-fclib out --export-fr
 expect_rejected("--html" "nowhere/p.html" run stack --html nowhere/p.html --report r.json)
 expect_rejected("same file" "r.json" run stack --report r.json --html ./r.json)
 expect_rejected("--out" "nowhere/p.html" view stack --frames 1 --out nowhere/p.html)
-expect_rejected("--out" "is a directory" run stack --html ${SCRATCH})
+expect_rejected("--html" "is a directory" run stack --html ${SCRATCH})
 expect_rejected("--out" "must end in .html; got x.txt" view stack --frames 1 --out x.txt)
 expect_rejected("--picture" "must end in .svg or .png; got x.jpg" run stack --frames 1 --picture x.jpg)
 expect_rejected("--picture" "must end in .svg or .png; got -" run stack --frames 1 --picture -)
@@ -152,6 +152,14 @@ expect_rejected("--effort" "best" verify --effort best)
 expect_rejected("--tolerance" "nan" verify --tolerance nan)
 expect_rejected("--threads" "-1" verify --threads -1)
 expect_rejected("--report" "nowhere/r.json" verify --report nowhere/r.json)
+
+# What is wrong is told with where the command's help is.
+foreach(command view solve check run replay)
+  islet(status stdout stderr ${command} --nonsense)
+  check_match("hint after a bad ${command}" stderr "See `islet --help` and `islet ${command} --help`\\.\n$")
+endforeach()
+islet(status stdout stderr nonsense)
+check_match("hint after no command" stderr "See `islet --help`\\.\n$")
 
 # An older report survives a run that was refused.
 file(WRITE ${SCRATCH}/old.json "old")
@@ -231,6 +239,8 @@ check_match("what is said of --tier" stderr "--tier swept.*--effort")
 file(STRINGS ${SCRATCH}/f.csv rows)
 list(LENGTH rows num_rows)
 check_equal("lines of the table" "${num_rows}" 6)
+check_match("the last columns" rows ",natural_map_max,coulomb_map_max,problems_missed,problems_failed,energy_created,momentum_unexplained,\
+angular_momentum_unexplained,displacement_without_velocity,sides_changed,overlapping,step_failed;1,")
 list(GET rows 0 header)
 check_match("columns" header "^frame,contacts,active_contacts,islands,largest_island_contacts,\
 collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max.*,column,.*,escalations,seconds_in_vain,.*,column_escalations,.*,motion_escalations,")

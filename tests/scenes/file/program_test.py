@@ -63,6 +63,7 @@ rejected = [
     (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
     (["run", "stack.json", "--report", "./stack.json"], "the scene file itself: ./stack.json"),
     (["check", "absent.json"], "absent.json: cannot be read"),
+    (["export", "stack.json"], "built-in ones are exported, files are not; got stack.json"),
 ]
 before = sorted(os.listdir(scratch))
 for arguments, says in rejected:
@@ -180,6 +181,16 @@ for now in (None, text.replace("[0, 0, 3]", "[0, 0, 4]"), ""):
         scene.write_text(now)
     done = subprocess.run([islet, "replay", film, "--check"], capture_output=True, text=True)
     expect(done.returncode == 0 and "all 6 frames are the same" in done.stdout, f"check a scene file's recording: {done}")
+
+# What is above the scene file's folder is not opened, whatever name leads there; what is below it is.
+(scratch / "deep").mkdir()
+(scratch / "out.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+shutil.copy(scratch / "out.obj", scratch / "deep/..in.obj")
+for file, good in ("../out.obj", False), ("./../out.obj", False), ("..in.obj", True), ("./..in.obj", True):
+    (scratch / "deep/mesh.json").write_text(head + f'{{"shape": {{"type": "mesh", "file": "{file}"}}, "mass": 1}}]}}')
+    done = run("check", "deep/mesh.json")
+    expect((done.returncode == 0) == good and ("stays in it; got" in done.stderr) != good, f"a mesh {file}: {done}")
+    expect(not good or "no title, 1 body, 1 of them" in done.stdout, f"one body: {done.stdout}")
 
 # From a pipe that never ends.
 done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True, timeout=60)
