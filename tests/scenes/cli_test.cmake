@@ -290,12 +290,13 @@ if(EXISTS /dev/full)  # the run goes on without its page
 
   # Any output that fails costs no other, nor the summary; each is told.
   file(CREATE_LINK /dev/full ${SCRATCH}/full.svg SYMBOLIC)
+  file(MAKE_DIRECTORY ${SCRATCH}/f1/frame_000001_round_1_island_00000_static.hdf5)  # in the way of a problem
   islet(status stdout stderr run stack --count 3 --frames 5 --report /dev/full --frames-csv f1.csv --trace /dev/full
     --picture full.svg --html f1.html --record f1.film --group-bodies 0 --export-fclib f1)
   check_equal("exit status of outputs that do not fit" "${status}" 1)
   check_match("the summary of such a run" stdout "state hash.*f1.html: [0-9.]+ MB")
   check_match("messages of it" stderr
-    "islet: cannot write full.svg: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\n$")
+    "islet: [^\n]*frame_000001_round_1_island[^\n]*\nislet: cannot write full.svg: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\n$")
   file(STRINGS ${SCRATCH}/f1.csv rows)
   list(LENGTH rows num_rows)
   check_equal("lines of its table" "${num_rows}" 6)
