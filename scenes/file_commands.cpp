@@ -14,7 +14,10 @@
 #include "scenes/file/scene_reader.h"
 #include "scenes/file/scene_writer.h"
 #include "scenes/output_file.h"
+#include "scenes/printable.h"
+#include "scenes/ready_scene.h"
 #include "scenes/run_options.h"
+#include "scenes/run_report.h"
 
 namespace islet {
 namespace {
@@ -38,9 +41,9 @@ std::string CheckedLine(const std::string& file) {
   const MadeScene made = MakeScene(description, settings, description.seed);
   const Drives drives(description, made);
   const Probes probes(description, made);
-  return fmt::format("{}: good: {}, {} bodies, {} of them dynamic\n", file,
-                     description.title.empty() ? "no title" : description.title, made.world.bodies().size(),
-                     made.info.bodies);
+  return fmt::format("{}: good: {}, {}, {} of them dynamic\n", Printable(file),
+                     description.title.empty() ? "no title" : Printable(description.title),
+                     CountedBodies(static_cast<int>(made.world.bodies().size())), made.info.bodies);
 }
 
 }  // namespace
@@ -52,7 +55,10 @@ void AddExportOptions(CLI::App* command, ExportOptions* options) {
   AddSceneParameters(command, &options->parameters);
   command->add_option("--out", options->out, "where to write it (default: the standard output)")
       ->group("Output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check([](const std::string& name) {
+        return name == "-" ? "without it the file goes to the standard output; got -" : "";
+      });
   command->footer(
       "The file runs to the same state hash as the scene. The format is told in scenes/README.md.\n\n"
       "Examples:\n"
@@ -61,6 +67,8 @@ void AddExportOptions(CLI::App* command, ExportOptions* options) {
 }
 
 void ExportScene(const ExportOptions& options) {
+  if (IsSceneFile(options.scene))
+    throw std::invalid_argument("scene: built-in ones are exported, files are not; got " + options.scene);
   const Scene& scene = RequireScene(options.scene);
   CheckSceneParameters(options.parameters);
   if (!options.out.empty()) CheckWritable("--out", options.out);
@@ -97,7 +105,7 @@ bool CheckSceneFiles(const CheckFilesOptions& options) {
     try {
       Print(stdout, CheckedLine(file));
     } catch (const std::exception& error) {
-      Print(stderr, fmt::format("islet: {}\n", error.what()));
+      Print(stderr, fmt::format("islet: {}\n", Printable(error.what())));
       good = false;
     }
   }

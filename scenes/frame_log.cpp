@@ -12,7 +12,9 @@ FrameLog::FrameLog()
           "iterations,awake,kinetic_energy,penetration_max,woken,frozen,step_seconds") {
   AddNames("", qp::kNumProblemRungs);
   AddNames("motion_", qp::kNumRungs);
-  text_ += '\n';
+  text_ +=
+      ",natural_map_max,coulomb_map_max,problems_missed,problems_failed,energy_created,momentum_unexplained,"
+      "angular_momentum_unexplained,displacement_without_velocity,sides_changed,overlapping,step_failed\n";
 }
 
 void FrameLog::AddNames(const char* prefix, int rungs) {
@@ -29,7 +31,12 @@ void FrameLog::Add(const StepReport& r, double step_seconds) {
                  r.penetration_max, r.woken, r.frozen, step_seconds);
   AddRungs(r.ladder, qp::kNumProblemRungs);
   AddRungs(r.motion_ladder, qp::kNumRungs);
-  text_ += '\n';
+  const Ledger& l = r.ledger;
+  fmt::format_to(std::back_inserter(text_), ",{:.6g},{:.6g},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{},{}\n",
+                 r.certificate.natural_map_max, r.certificate.coulomb_map_max,
+                 r.collision_qp.missed + r.static_qp.missed, r.collision_qp.failed + r.static_qp.failed,
+                 l.energy_created.value, l.momentum_unexplained.value, l.angular_momentum_unexplained.value,
+                 l.displacement_without_velocity.value, l.sides_changed, r.overlapping, r.Failed() ? 1 : 0);
 }
 
 void FrameLog::AddRungs(const LadderReport& ladder, int rungs) {

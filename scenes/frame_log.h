@@ -3,7 +3,11 @@
 // Columns: frame (from 1), contacts, active_contacts, islands, largest_island_contacts, collision_qp_seconds [s],
 // static_qp_seconds [s], iterations (interior point, both problems), awake, kinetic_energy [J], penetration_max [m],
 // woken, frozen, step_seconds [s]; problems by rung of the ladder, escalations: how often rungs were tried in vain,
-// seconds_in_vain: how long, and which; motion_...: the same of motion and detection, and what those were spared.
+// seconds_in_vain: how long, and which; motion_...: the same of motion and detection, and what those were spared;
+// natural_map_max, coulomb_map_max [m/s] at the worst contact: of the model that was solved, and of exact Coulomb friction;
+// problems_missed, problems_failed: that ended above the tolerance, and that have no answer; of the ledger (engine/step_report.h):
+// energy_created, momentum_unexplained, angular_momentum_unexplained, displacement_without_velocity [m], sides_changed;
+// overlapping: pairs of bodies; step_failed: 1 if the step did what physics does not allow, or did not do all of it.
 #pragma once
 
 #include <string>

@@ -33,6 +33,7 @@
 #include "scenes/interrupt.h"
 #include "scenes/manual.h"
 #include "scenes/output_file.h"
+#include "scenes/printable.h"
 #include "scenes/replay.h"
 #include "scenes/run.h"
 #include "scenes/scene.h"
@@ -76,8 +77,8 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, solve and verify in order: what is\n"
-      "done is written and reported. The second one ends them at once.");
+      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and\n"
+      "verify in order: what is done is written and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
@@ -139,7 +140,9 @@ int Run(int argc, char** argv) {
     const std::string problem = argc > 1 && app.get_subcommands().empty()
                                     ? fmt::format("the commands are {}; got {}", CommandNames(app), argv[1])
                                     : error.what();
-    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help` and `islet run --help`.\n", problem));
+    const std::vector<CLI::App*> meant = app.get_subcommands();
+    const std::string of_command = meant.empty() ? "" : fmt::format(" and `islet {} --help`", meant[0]->get_name());
+    islet::Print(stderr, fmt::format("islet: {}\nSee `islet --help`{}.\n", problem, of_command));
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
@@ -163,6 +166,13 @@ int Run(int argc, char** argv) {
   return good ? 0 : 1;
 }
 
+// Line by line. What it quotes is not ours.
+void Tell(const std::exception& error) {
+  std::istringstream lines(error.what());
+  for (std::string line; std::getline(lines, line);)
+    islet::Print(stderr, fmt::format("islet: {}\n", islet::Printable(line)));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -172,10 +182,10 @@ int main(int argc, char** argv) {
     islet::FinishStandardOutput();
     return status;
   } catch (const std::invalid_argument& error) {
-    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
+    Tell(error);
     return 2;
   } catch (const std::exception& error) {
-    islet::Print(stderr, fmt::format("islet: {}\n", error.what()));
+    Tell(error);
     return 1;
   }
 }

@@ -12,21 +12,12 @@
 #include "scenes/film/film_file.h"
 #include "scenes/film/film_gltf.h"
 #include "scenes/output_file.h"
+#include "scenes/printable.h"
 #include "scenes/ready_scene.h"
 #include "scenes/run.h"
 
 namespace islet {
 namespace {
-
-// A recording's texts are not ours: no control character in them may steer a terminal, also none of two bytes (C2 80 to C2 9F).
-std::string Printable(std::string text) {
-  for (size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : 0);
-    if (byte < 32 || byte == 127 || (byte == 0xc2 && next >= 0x80 && next < 0xa0)) text[i] = '?';
-  }
-  return text;
-}
 
 std::string Bytes(double bytes) {
   return bytes < 1e6 ? fmt::format("{:.3g} kB", bytes / 1e3) : fmt::format("{:.4g} MB", bytes / 1e6);
@@ -64,7 +55,8 @@ bool EndsByItself(const std::string& stopped_by) {
   return stopped_by == "frames" || stopped_by == "seconds" || stopped_by == "rest" || stopped_by == "time limit";
 }
 
-void Check(const ReplayOptions& options) {
+// Whether it came to the end: an interrupt may come before.
+bool Check(const ReplayOptions& options) {
   const std::string& path = options.file;
   FilmReader reader(path);
   const FilmHead& head = reader.head();
@@ -111,6 +103,12 @@ void Check(const ReplayOptions& options) {
     return more || EndsByItself(reader.stopped_by());
   });
   if (!difference.empty()) throw std::runtime_error(path + ": " + difference);
+  if (stopped_by == "interrupt") {
+    Print(stdout,
+          fmt::format("{}: interrupted: the first {} frames are the same, bit for bit; the others were not compared\n",
+                      path, frames));
+    return false;
+  }
   if (more)
     throw std::runtime_error(
         fmt::format("{}: this run ends with frame {} by {}, the recording goes on", path, frames - 1, stopped_by));
@@ -119,6 +117,7 @@ void Check(const ReplayOptions& options) {
                                          Printable(reader.stopped_by()), stopped_by));
   Print(stdout, fmt::format("{}: all {} frames are the same, bit for bit{}\n", path, frames,
                             reader.stopped_by().empty() ? "; it is cut off behind them" : ""));
+  return true;
 }
 
 void Convert(const ReplayOptions& options) {
@@ -161,7 +160,7 @@ void Replay(const ReplayOptions& options) {
   }
   if (options.threads && !options.check)
     throw std::invalid_argument(fmt::format("--threads {} needs --check", *options.threads));
-  if (options.check) Check(options);
+  if (options.check && !Check(options)) return;
   if (convert) Convert(options);
   if (!options.check && !convert) Tell(options.file);
 }

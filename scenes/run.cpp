@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -33,12 +32,17 @@ constexpr double kRestSeconds = 0.5;  // [s]
 
 double WallTime() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-// Tells when nothing moves any more.
+// Tells when nothing moves any more. What moves by a velocity of its own never comes to rest.
 class RestWatch {
  public:
   explicit RestWatch(const Settings& settings) : freezing_(settings.freezing != Freezing::kOff) {}
 
   bool AtRest(const World& world, const StepReport& report, double dt) {
+    for (const Body& body : world.bodies()) {
+      if (body.kind == BodyKind::kKinematic && !body.removed &&
+          !(body.linear_velocity_W.isZero(0) && body.angular_velocity_W.isZero(0)))
+        return false;
+    }
     if (freezing_) return report.awake == 0;
     double most = 0;  // [J/kg]
     for (const Body& body : world.bodies()) {
@@ -53,11 +57,26 @@ class RestWatch {
   double calm_seconds_ = 0;
 };
 
-bool IsPng(const std::string& file) {
-  std::string end = file.substr(file.size() - std::min<size_t>(file.size(), 4));
-  std::transform(end.begin(), end.end(), end.begin(), [](unsigned char c) { return std::tolower(c); });
-  return end == ".png";
-}
+// One output that fails does not cost the others: what went wrong is kept, and told when all is done.
+class Failures {
+ public:
+  template <typename Write>
+  void Try(const Write& write) {
+    try {
+      write();
+    } catch (const std::exception& error) {
+      lines_.append(lines_.empty() ? "" : "\n").append(error.what());
+    }
+  }
+
+  // errors: std::runtime_error with a line for each
+  void Tell() const {
+    if (!lines_.empty()) throw std::runtime_error(lines_);
+  }
+
+ private:
+  std::string lines_;
+};
 
 int FrameLimit(const RunOptions& options, const ReadyScene& scene) {
   if (options.frames) return *options.frames;
@@ -89,8 +108,11 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   Progress progress(frame_limit, dt, until_rest);
   const double picture_time = options.picture_time.value_or(std::numeric_limits<double>::infinity());
   std::string drawing;
+  bool drawn = false;
+  Failures failures;
   const auto draw = [&](const World& seen) {
-    return IsPng(options.picture) ? Png(picture.Draw(seen)) : Svg(picture.Draw(seen));
+    drawn = true;
+    failures.Try([&] { drawing = IsPng(options.picture) ? Png(picture.Draw(seen)) : Svg(picture.Draw(seen)); });
   };
   const auto is_time_to_draw = [&](int frames_done) {
     if (options.picture_frame) return frames_done >= *options.picture_frame;
@@ -98,6 +120,7 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   };
 
   std::optional<FclibExport> problems;
+  bool exported = true;  // all so far
   if (!options.export_fclib.empty()) {
     const Settings& s = world.settings();
     problems.emplace(options.export_fclib, options.export_frames,
@@ -119,15 +142,18 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   if (scene.probes) scene.probes->Add(world, 0, dt);
   const double start = WallTime();
+  int frames_done = 0;
   for (int frame = 1; frame <= frame_limit; ++frame) {
     if (Interrupt::Asked()) {
       progress.End();
       stopped_by = "interrupt";
       break;
     }
-    if (drawing.empty() && !options.picture.empty() && is_time_to_draw(frame - 1)) drawing = draw(world);
+    if (!drawn && !options.picture.empty() && is_time_to_draw(frame - 1)) draw(world);
     if (problems && problems->Wants(frame)) {
-      world.SetProblemObserver([&](const ProblemRecord& record) { problems->Write(frame, record); });
+      world.SetProblemObserver([&](const ProblemRecord& record) {
+        if (exported) failures.Try([&] { exported = false, problems->Write(frame, record), exported = true; });
+      });
     }
     if (scene.drive) scene.drive((frame - 1) * dt, &world);
     const double step_start = WallTime();
@@ -135,6 +161,7 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
     const double step_seconds = WallTime() - step_start;
     if (!options.trace.empty()) trace.AddFrame(frame, step_start, step_start + step_seconds);
     world.SetProblemObserver({});
+    frames_done = frame;
 
     run_report.AddFrame(report, step_seconds, world);
     if (!options.frames_csv.empty()) frame_log.Add(report, step_seconds);
@@ -154,21 +181,29 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   if (watch) return stopped_by;
   run_report.Finish(world, WallTime() - start, stopped_by);
 
-  if (!options.picture.empty()) WriteWhole(options.picture, drawing.empty() ? draw(world) : drawing);
-  if (!options.trace.empty()) WriteWhole(options.trace, trace.Json());
-  if (!options.frames_csv.empty()) WriteWhole(options.frames_csv, frame_log.text());
-  if (scene.probes) WriteWhole(options.probes, scene.probes->text());
-  if (!options.report.empty() && !options.ReportOnStdout()) WriteWhole(options.report, run_report.Json());
-  Print(options.ReportOnStdout() ? stderr : stdout, run_report.Summary());
-  if (options.ReportOnStdout()) Print(stdout, run_report.Json());
-  std::exception_ptr no_page;  // one output that fails does not cost the others
-  try {
-    if (page) Print(options.ReportOnStdout() ? stderr : stdout, page->Finish(stopped_by));
-  } catch (const std::exception&) {
-    no_page = std::current_exception();
+  std::FILE* const people = options.ReportOnStdout() ? stderr : stdout;
+  const auto write = [&](const std::string& file, const auto& text) {
+    if (!file.empty()) failures.Try([&] { WriteWhole(file, text()); });
+  };
+  if (!options.picture.empty() && !drawn) {
+    if (!is_time_to_draw(frames_done) && (options.picture_frame || options.picture_time))
+      Print(stderr,
+            fmt::format("islet: the run ended with frame {}, before --picture-{}; {} shows its end\n", frames_done,
+                        options.picture_frame ? fmt::format("frame {}", *options.picture_frame)
+                                              : fmt::format("time {}", *options.picture_time),
+                        options.picture));
+    draw(world);
   }
-  if (recorder) recorder->Finish(stopped_by);
-  if (no_page) std::rethrow_exception(no_page);
+  if (!drawing.empty()) write(options.picture, [&] { return drawing; });
+  write(options.trace, [&] { return trace.Json(); });
+  write(options.frames_csv, [&] { return frame_log.text(); });
+  if (scene.probes) write(options.probes, [&] { return scene.probes->text(); });
+  if (!options.ReportOnStdout()) write(options.report, [&] { return run_report.Json(); });
+  Print(people, run_report.Summary());
+  if (options.ReportOnStdout()) Print(stdout, run_report.Json());
+  if (page) failures.Try([&] { Print(people, page->Finish(stopped_by)); });
+  if (recorder) failures.Try([&] { recorder->Finish(stopped_by); });
+  failures.Tell();
   return stopped_by;
 }
 

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -84,7 +85,23 @@ std::string WholeNumber(const std::string& text) {
 }
 
 // An empty name is a variable that was not set, not a wish for no file.
-std::string FileName(const std::string& text) { return text.empty() ? "must be the name of a file; got \"\"" : ""; }
+std::string FileOrDash(const std::string& text) { return text.empty() ? "must be the name of a file; got \"\"" : ""; }
+
+std::string FileName(const std::string& text) {
+  return text == "-" ? "must be the name of a file, only --report takes the standard output; got -" : FileOrDash(text);
+}
+
+bool EndsIn(std::string_view name, std::string_view ending) {
+  return name.size() >= ending.size() && std::equal(ending.rbegin(), ending.rend(), name.rbegin(), [](char a, char b) {
+           return a == std::tolower(static_cast<unsigned char>(b));
+         });
+}
+
+std::string PictureName(const std::string& text) {
+  return EndsIn(text, ".svg") || EndsIn(text, ".png") ? "" : "must end in .svg or .png; got " + text;
+}
+
+std::string PageName(const std::string& text) { return EndsIn(text, ".html") ? "" : "must end in .html; got " + text; }
 
 void CheckNumbers(const RunOptions& o) {
   CheckSceneParameters(o.parameters);
@@ -203,6 +220,8 @@ void AddSceneParameters(CLI::App* command, SceneParameters* parameters) {
   add("--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
 }
 
+bool IsPng(const std::string& picture) { return EndsIn(picture, ".png"); }
+
 const char* NameOf(Model model) { return Name(model, kModels); }
 const char* NameOf(Cone cone) { return Name(cone, kCones); }
 const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
@@ -215,14 +234,15 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
     return command->add_option(name, target, help)->group(group)->type_name(type);
   };
   add(kOutput, "--report", o.report, "FILE|-", "write a JSON report; -: to the standard output, all else to stderr")
-      ->check(FileName);
+      ->check(FileOrDash);
   add(kOutput, "--frames-csv", o.frames_csv, "FILE", "write one row per frame")->check(FileName);
   add(kOutput, "--probes", o.probes, "FILE", "scene file: write what its probes ask for, one row per frame")
       ->check(FileName);
   add(kOutput, "--trace", o.trace, "FILE.json",
       "write where the time went, each island's solve on its core, for ui.perfetto.dev")
       ->check(FileName);
-  add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")->check(FileName);
+  add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")
+      ->check(PictureName);
   CLI::Option* const picture_time =
       AddTime(command, kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
   add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
@@ -283,7 +303,7 @@ void AddViewOptions(CLI::App* command, RunOptions* options) {
   CLI::Option* const out = command->add_option("--out", options->html, "the page to write (default: SCENE.html)")
                                ->group(kOutput)
                                ->type_name("FILE.html")
-                               ->check(FileName);
+                               ->check(PageName);
   CLI::Option* const live =
       command->add_flag("--live", options->live, "write nothing: serve the page to this machine while the scene runs")
           ->group(kOutput)

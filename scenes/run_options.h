@@ -56,6 +56,8 @@ struct RunOptions {
   bool ReportOnStdout() const { return report == "-"; }
 };
 
+bool IsPng(const std::string& picture);  // else it is SVG
+
 void AddRunOptions(CLI::App* command, RunOptions* options);
 
 // Of `islet view`: those that choose scene, time and method, and where the page goes or that it is live.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "scenes/effort_option.h"
+#include "scenes/printable.h"
 #include "scenes/run_options.h"
 
 namespace islet {
@@ -86,6 +87,8 @@ Json CertificateJson(const Certificate& c) {
 }
 
 }  // namespace
+
+std::string CountedBodies(int count) { return fmt::format("{} {}", count, count == 1 ? "body" : "bodies"); }
 
 void RunReport::Series::Add(double value) {
   sum += value;
@@ -245,8 +248,9 @@ std::string RunReport::Summary() const {
     return fmt::format("{} solved, {} failed, {} missed the tolerance ({:.2g} %), worst map {:.1e} v_ref", q.solved,
                        q.failed, q.missed, 1e2 * q.missed / std::max(1, q.solved), q.worst_map);
   };
-  std::string text = fmt::format("{}: {} bodies, {} frames of {:.4g} s, {} threads, stopped by {}\n", name_,
-                                 info_.bodies, step_seconds_.size(), dt_, settings_.threads, stopped_by_);
+  std::string text =
+      fmt::format("{}: {}, {} frames of {:.4g} s, {} threads, stopped by {}\n", name_, CountedBodies(info_.bodies),
+                  step_seconds_.size(), dt_, settings_.threads, stopped_by_);
   text += fmt::format("  time          {:.2f} s for {:.2f} s; {:.2f} ms a frame, median {:.2f}, slowest {:.2f}\n",
                       wall_seconds_, sim_seconds_, 1e3 * sum / frames, 1e3 * Quantile(step_seconds_, 0.5),
                       1e3 * Quantile(step_seconds_, 1));
@@ -266,7 +270,7 @@ std::string RunReport::Summary() const {
                       last_.kinetic_energy);
   if (info_.passed_z) text += fmt::format(", {} passed", passed_);
   if (info_.bounds) text += fmt::format(", {} escaped", escaped_);
-  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, expected_);
+  text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, Printable(expected_));
   return text;
 }
 

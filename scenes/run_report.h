@@ -26,6 +26,8 @@
 
 namespace islet {
 
+std::string CountedBodies(int count);  // "1 body", "2 bodies"
+
 class RunReport {
  public:
   // name and expected: as in ReadyScene.

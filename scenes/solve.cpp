@@ -16,6 +16,7 @@
 #include "scenes/apart.h"
 #include "scenes/interrupt.h"
 #include "scenes/output_file.h"
+#include "scenes/printable.h"
 #include "scenes/seconds_option.h"
 #include "scenes/solve_judge.h"
 #include "scenes/solve_problem.h"
@@ -262,7 +263,7 @@ bool SolveFiles(const SolveOptions& options) {
     const std::optional<Entry> entry = SolveApart(options.files[k], options, &progress);
     line.Clear();
     if (!entry) break;
-    if (!entry->error.empty()) Print(stderr, "islet: " + entry->error + "\n");
+    if (!entry->error.empty()) Print(stderr, "islet: " + Printable(entry->error) + "\n");
     const bool shown = Print(table, entry->row);
     list.push_back(entry->json);
     solved += entry->status == "solved";

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "scenes/interrupt.h"
+#include "scenes/live/command.h"
 #include "scenes/live/live_run.h"
 #include "scenes/live/live_server.h"
 #include "scenes/output_file.h"
@@ -74,8 +75,12 @@ class LiveView {
   void ShowState() {
     const Vector3& g = run_.world().settings().gravity;
     const std::string friction = run_.friction() ? fmt::format("{}", *run_.friction()) : "null";
-    server_.Show(LiveEvent::kState, fmt::format(R"({{"running": {}, "gravity": [{}, {}, {}], "friction": {}}})",
-                                                run_.running(), g.x(), g.y(), g.z(), friction));
+    server_.Show(
+        LiveEvent::kState,
+        fmt::format(
+            R"({{"running": {}, "gravity": [{}, {}, {}], "friction": {}, "changed": {}, "ball": {{"radius": [{}, {}], "density": [{}, {}]}}}})",
+            run_.running(), g.x(), g.y(), g.z(), friction, run_.changed(), kSmallestBall, kLargestBall, kLightestBall,
+            kHeaviestBall));
     told_gravity_W_ = g;
     changed_ = false;
   }

@@ -105,7 +105,8 @@ double Field::Positive(double most) const {
 std::int64_t Field::Whole(std::int64_t low, std::int64_t high) const {
   const double value = kind() == JsonKind::kNumber ? at().number : 0.5;
   if (!(value == std::floor(value) && value >= static_cast<double>(low) && value <= static_cast<double>(high)))
-    Fail("must be a whole number from " + std::to_string(low) + " to " + std::to_string(high));
+    Fail(low == high ? "must be " + std::to_string(low)
+                     : "must be a whole number from " + std::to_string(low) + " to " + std::to_string(high));
   return static_cast<std::int64_t>(value);
 }
 

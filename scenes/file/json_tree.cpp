@@ -6,6 +6,8 @@
 #include <set>
 #include <vector>
 
+#include "scenes/printable.h"
+
 namespace islet {
 namespace {
 
@@ -237,9 +239,7 @@ std::string JsonQuoted(const std::string& text) {
 
 std::string Shown(std::string_view text) {
   constexpr size_t kMost = 60;
-  std::string shown(text.substr(0, kMost));
-  for (char& c : shown)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  const std::string shown = Printable(std::string(text.substr(0, kMost)));
   return text.size() > kMost ? shown + "..." : shown;
 }
 

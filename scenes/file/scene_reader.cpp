@@ -44,7 +44,10 @@ Vector3 Sizes(const Field& field, double share) {
 Region ReadRegion(const Field& field) {
   const Fields region(field, {"lower", "upper"});
   const Region read{region.Need("lower").Vector(), region.Need("upper").Vector()};
-  if ((read.lower.array() > read.upper.array()).any()) field.Refuse("\"lower\" must be below \"upper\" in x, y and z");
+  for (int k = 0; k < 3; ++k)
+    if (read.lower[k] > read.upper[k])
+      field.Refuse("\"lower\" must be below \"upper\" in x, y and z; got " + ShortNumber(read.lower[k]) + " and " +
+                   ShortNumber(read.upper[k]) + " in " + "xyz"[k]);
   return read;
 }
 
@@ -277,7 +280,8 @@ class SceneReader {
 
   std::vector<Vector3> MeshPoints(const Field& field, double scale) const {
     const std::string name = field.Text(1000);
-    if (name.empty() || name[0] == '/') field.Fail("must be a path that begins at the folder of the scene file");
+    if (name.empty() || name[0] == '/' || ("/" + name).find("/../") != std::string::npos)
+      field.Fail("must be a path that begins at the folder of the scene file and stays in it");
     try {
       std::vector<Vector3> points = ReadMeshPoints(scene_.document->folder() + name);
       for (Vector3& point : points) point *= scale;

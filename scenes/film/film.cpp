@@ -55,6 +55,7 @@ FilmNumbers NumbersOf(const World& world, const StepReport& report, double step_
   n.sides_changed = report.ledger.sides_changed;
   n.overlapping = report.overlapping;
   n.missed = report.collision_qp.missed + report.static_qp.missed;
+  n.unsolved = report.collision_qp.failed + report.static_qp.failed;
   n.failed = report.Failed();
   return n;
 }

@@ -51,6 +51,8 @@ struct FilmNumbers {
   double penetration = 0;   // [m]
   double energy_created = 0, momentum_unexplained = 0, angular_momentum_unexplained = 0;  // of the ledger
   int sides_changed = 0, overlapping = 0, missed = 0;
+  int unsolved =
+      0;  // problems without an answer, QpSummary::failed; -1: not told, of a recording that is older than this number
   bool failed = false;  // StepReport::Failed()
 };
 

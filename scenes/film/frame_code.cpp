@@ -18,6 +18,7 @@ static_assert(std::endian::native == std::endian::little);
 using Word = std::uint32_t;
 
 constexpr int kPoseWords = 7, kBodyWords = 9, kContactWords = 11;
+constexpr int kMostUnsolved = (1 << 30) - 2;  // that a frame can tell
 constexpr size_t kFixedBytes = 3 * 4 + 8 + 8 + 8 * 4 + 15 * 8;
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& rule) {
@@ -99,6 +100,8 @@ void Check(const FilmFrame& frame, const FilmFrame* before, size_t bodies) {
     if (value < 0) Refuse(what, "must not be negative, got " + std::to_string(value));
   };
   VisitNumbers(frame.numbers, integer, RequireFinite);
+  if (frame.numbers.unsolved < -1 || frame.numbers.unsolved > kMostUnsolved)
+    Refuse("unsolved", "is out of range, got " + std::to_string(frame.numbers.unsolved));
   for (const std::array<float, 7>& pose : frame.poses) {
     for (const float value : pose) RequireFinite("a pose", value);
     if (pose[3] == 0 && pose[4] == 0 && pose[5] == 0 && pose[6] == 0) Refuse("a rotation", "is zero");
@@ -188,7 +191,7 @@ std::string EncodeFrame(const FilmFrame& frame, const FilmFrame* before, size_t 
   writer.Put(frame.state_hash);
   VisitNumbers(
       frame.numbers, [&](const char*, int value) { writer.Put(value); }, [](const char*, double) {});
-  writer.Put(static_cast<int>(frame.numbers.failed));
+  writer.Put(2 * (frame.numbers.unsolved + 1) + static_cast<int>(frame.numbers.failed));
   VisitNumbers(
       frame.numbers, [](const char*, int) {}, [&](const char*, double value) { writer.Put(value); });
 
@@ -233,8 +236,9 @@ FilmFrame DecodeFrame(std::string_view bytes, const FilmFrame* before, size_t bo
   VisitNumbers(
       frame.numbers, [&](const char*, int& value) { value = reader.Get<int>(); }, [](const char*, double&) {});
   const int failed = reader.Get<int>();
-  if (failed != 0 && failed != 1) Refuse("failed", "must be 0 or 1, got " + std::to_string(failed));
-  frame.numbers.failed = failed == 1;
+  if (failed < 0) Refuse("failed", "must not be negative, got " + std::to_string(failed));
+  frame.numbers.failed = failed % 2 == 1;
+  frame.numbers.unsolved = failed / 2 - 1;
   VisitNumbers(
       frame.numbers, [](const char*, int&) {}, [&](const char*, double& value) { value = reader.Get<double>(); });
 

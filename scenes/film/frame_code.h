@@ -4,6 +4,7 @@
 //           contacts, islands, awake, frozen, sides_changed, overlapping, missed, failed (i32); step_seconds, detect, islands, pq,
 //           collision_qp, static_qp, freeze, move, kinetic, potential, coulomb_map, penetration, energy_created, momentum_unexplained,
 //           angular_momentum_unexplained (f64); then columns
+//           failed: 0 or 1, and twice one more than the problems without an answer; without those two, 0 or 1, they are not told
 //   column  one 32-bit word of each body or contact: first all lowest bytes, at last all highest ones
 //   bodies  x, y, z, rotation x, y, z, w, island, accuracy: the bits, exclusive-or those of the frame before (of the first: 0); frozen (0
 //           or 1): no column but a byte each

@@ -8,20 +8,20 @@
 #include <string>
 #include <utility>
 
+#include "scenes/printable.h"
+
 namespace islet {
 namespace {
 
 using Json = nlohmann::json;
 
 constexpr double kFarthest = 1e6;     // [m], [m/s]
-constexpr double kSmallest = 1e-3;    // [m]
-constexpr double kLargest = 1e3;      // [m], [kg/m^3] from its inverse
 constexpr double kMostGravity = 1e3;  // [m/s^2]
 constexpr double kMostFriction = 1e6;
 constexpr size_t kShown = 60;  // characters of a message that an error quotes
 
 [[noreturn]] void Reject(const std::string& field, const std::string& value, const std::string& rule) {
-  throw std::invalid_argument("message: " + field + " " + rule + "; got " + value.substr(0, kShown));
+  throw std::invalid_argument(Printable("message: " + field + " " + rule + "; got " + value.substr(0, kShown)));
 }
 
 std::string Text(const Json& value) { return value.dump(-1, ' ', true, Json::error_handler_t::replace); }
@@ -89,8 +89,8 @@ LiveCommand ParseCommand(std::string_view text) {
     command.kind = Kind::kThrow;
     command.from = Vector(message, "from", kFarthest);
     command.vector = Vector(message, "velocity", kFarthest);
-    command.radius = Number(message, "radius", kSmallest, kLargest);
-    command.density = Number(message, "density", 1 / kLargest, kLargest);
+    command.radius = Number(message, "radius", kSmallestBall, kLargestBall);
+    command.density = Number(message, "density", kLightestBall, kHeaviestBall);
   } else if (name == "drag") {
     AllowOnly(message, {"body", "at", "to"});
     command.kind = Kind::kDrag;

@@ -7,7 +7,7 @@
 //   {"do": "gravity", "value": [x, y, z]}  [m/s^2]        {"do": "friction", "value": mu}  of all bodies
 //
 //   errors: std::invalid_argument that names the field and the value; a message is read whole before any of it is done
-//   limits: kLongestCommand characters, numbers within what a scene can hold
+//   limits: kLongestCommand characters, numbers within what a scene can hold; what a ball may be is told to the page, which keeps to it
 #pragma once
 
 #include <cstddef>
@@ -18,6 +18,10 @@
 namespace islet {
 
 inline constexpr size_t kLongestCommand = 4096;
+
+// Of a ball that is thrown. The densest matter has 2.3e4 kg/m^3; a small ball that weighs as much as some bodies of it has more.
+inline constexpr double kSmallestBall = 1e-3, kLargestBall = 1e3;   // [m] radius
+inline constexpr double kLightestBall = 1e-3, kHeaviestBall = 1e6;  // [kg/m^3]
 
 struct LiveCommand {
   enum class Kind { kRun, kPause, kStep, kThrow, kDrag, kRelease, kGravity, kFriction };

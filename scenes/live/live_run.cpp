@@ -56,6 +56,8 @@ void LiveRun::Do(const LiveCommand& command) {
       friction_ = command.value;
       break;
   }
+  changed_ |= command.kind == Kind::kThrow || command.kind == Kind::kDrag || command.kind == Kind::kGravity ||
+              command.kind == Kind::kFriction;
 }
 
 void LiveRun::Throw(const LiveCommand& command) {

@@ -29,6 +29,8 @@ class LiveRun {
   int steps() const { return steps_; }
   // How often bodies were added, which changes what a page has to know.
   int generation() const { return generation_; }
+  // Whether gravity, friction, a throw or a drag has made it another run than the scene's own.
+  bool changed() const { return changed_; }
   // Of all bodies, where it was asked for: before that each has the scene's.
   std::optional<double> friction() const { return friction_; }
 
@@ -46,7 +48,7 @@ class LiveRun {
   double dt_;
   Drive drive_;
   StepReport report_;
-  bool running_ = false, step_ = false;
+  bool running_ = false, step_ = false, changed_ = false;
   int steps_ = 0, generation_ = 0, thrown_ = 0;
   std::optional<Drag> drag_;
   std::optional<Shape> ball_;  // the last that was thrown: those of one size share a shape

@@ -37,6 +37,7 @@ constexpr std::array kNumberNames{"number",
                                   "sides_changed",
                                   "overlapping",
                                   "missed",
+                                  "unsolved",
                                   "failed",
                                   "hash_high",
                                   "hash_low"};
@@ -115,6 +116,7 @@ void AppendNumbers(const FilmFrame& frame, std::vector<double>* numbers) {
                                                     double(n.sides_changed),
                                                     double(n.overlapping),
                                                     double(n.missed),
+                                                    double(n.unsolved),
                                                     double(n.failed),
                                                     double(frame.state_hash >> 32),
                                                     double(frame.state_hash & 0xffffffff)};

@@ -117,7 +117,14 @@ expect_rejected("--export-frames" "two" run stack --export-fclib out --export-fr
 expect_rejected("--html" "nowhere/p.html" run stack --html nowhere/p.html --report r.json)
 expect_rejected("same file" "r.json" run stack --report r.json --html ./r.json)
 expect_rejected("--out" "nowhere/p.html" view stack --frames 1 --out nowhere/p.html)
-expect_rejected("--out" "is a directory" view stack --out ${SCRATCH})
+expect_rejected("--html" "is a directory" run stack --html ${SCRATCH})
+expect_rejected("--out" "must end in .html; got x.txt" view stack --frames 1 --out x.txt)
+expect_rejected("--picture" "must end in .svg or .png; got x.jpg" run stack --frames 1 --picture x.jpg)
+expect_rejected("--picture" "must end in .svg or .png; got -" run stack --frames 1 --picture -)
+foreach(option --frames-csv --trace --record --html --export-fclib)
+  expect_rejected("${option}" "only --report takes the standard output; got -" run stack --frames 1 ${option} -)
+endforeach()
+expect_rejected("--out" "without it the file goes to the standard output; got -" export stack --out -)
 expect_rejected("not expected" "--report" view stack --report r.json)
 expect_rejected("scene" "no .stak." view stak)
 expect_rejected("scene" "required" view)
@@ -145,6 +152,14 @@ expect_rejected("--effort" "best" verify --effort best)
 expect_rejected("--tolerance" "nan" verify --tolerance nan)
 expect_rejected("--threads" "-1" verify --threads -1)
 expect_rejected("--report" "nowhere/r.json" verify --report nowhere/r.json)
+
+# What is wrong is told with where the command's help is.
+foreach(command view solve check run replay)
+  islet(status stdout stderr ${command} --nonsense)
+  check_match("hint after a bad ${command}" stderr "See `islet --help` and `islet ${command} --help`\\.\n$")
+endforeach()
+islet(status stdout stderr nonsense)
+check_match("hint after no command" stderr "See `islet --help`\\.\n$")
 
 # An older report survives a run that was refused.
 file(WRITE ${SCRATCH}/old.json "old")
@@ -224,6 +239,8 @@ check_match("what is said of --tier" stderr "--tier swept.*--effort")
 file(STRINGS ${SCRATCH}/f.csv rows)
 list(LENGTH rows num_rows)
 check_equal("lines of the table" "${num_rows}" 6)
+check_match("the last columns" rows ",natural_map_max,coulomb_map_max,problems_missed,problems_failed,energy_created,momentum_unexplained,\
+angular_momentum_unexplained,displacement_without_velocity,sides_changed,overlapping,step_failed;1,")
 list(GET rows 0 header)
 check_match("columns" header "^frame,contacts,active_contacts,islands,largest_island_contacts,\
 collision_qp_seconds,static_qp_seconds,iterations,awake,kinetic_energy,penetration_max.*,column,.*,escalations,seconds_in_vain,.*,column_escalations,.*,motion_escalations,")
@@ -270,6 +287,22 @@ if(EXISTS /dev/full)  # the run goes on without its page
   islet(status stdout stderr replay whole.film)
   check_match("its recording" stdout "complete, stopped by frames")
   file(REMOVE ${SCRATCH}/whole.film)
+
+  # Any output that fails costs no other, nor the summary; each is told.
+  file(CREATE_LINK /dev/full ${SCRATCH}/full.svg SYMBOLIC)
+  file(MAKE_DIRECTORY ${SCRATCH}/f1/frame_000001_round_1_island_00000_static.hdf5)  # in the way of a problem
+  islet(status stdout stderr run stack --count 3 --frames 5 --report /dev/full --frames-csv f1.csv --trace /dev/full
+    --picture full.svg --html f1.html --record f1.film --group-bodies 0 --export-fclib f1)
+  check_equal("exit status of outputs that do not fit" "${status}" 1)
+  check_match("the summary of such a run" stdout "state hash.*f1.html: [0-9.]+ MB")
+  check_match("messages of it" stderr
+    "islet: [^\n]*frame_000001_round_1_island[^\n]*\nislet: cannot write full.svg: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\nislet: cannot write /dev/full: No space[^\n]*\n$")
+  file(STRINGS ${SCRATCH}/f1.csv rows)
+  list(LENGTH rows num_rows)
+  check_equal("lines of its table" "${num_rows}" 6)
+  islet(status stdout stderr replay f1.film)
+  check_match("its recording" stdout "complete, stopped by frames")
+  file(REMOVE_RECURSE ${SCRATCH}/full.svg ${SCRATCH}/f1.csv ${SCRATCH}/f1.html ${SCRATCH}/f1.film ${SCRATCH}/f1)
 endif()
 file(WRITE ${SCRATCH}/cut.film "islet")
 islet(status stdout stderr view cut.film --out other.html)
@@ -296,6 +329,16 @@ islet(status stdout stderr run csstack --frames 2 --picture start.PNG --picture-
 check_equal("exit status of a PNG (${stderr})" "${status}" 0)
 file(READ ${SCRATCH}/start.PNG picture LIMIT 8 HEX)
 check_equal("first bytes of a PNG" "${picture}" "89504e470d0a1a0a")
+
+# A moment that never came is told; the end of the run is one that did.
+foreach(when "--picture-frame;9" "--picture-time;5")
+  islet(status stdout stderr run csstack --frames 2 --picture late.svg ${when})
+  list(JOIN when " " told)
+  check_equal("exit status of ${told}" "${status}" 0)
+  check_match("message of ${told}" stderr "the run ended with frame 2, before ${told}; late.svg shows its end")
+endforeach()
+islet(status stdout stderr run csstack --frames 2 --picture late.svg --picture-frame 2)
+check_equal("message of a picture of the last frame" "${stderr}" "")
 
 # With "-" the standard output is the JSON object alone.
 islet(status stdout stderr run officetoy --frames 3 --report -)

@@ -102,10 +102,11 @@ class LostOutput(unittest.TestCase):
         self.assertIn("70 frames", done.stdout)
 
     def test_files_that_do_not_fit(self):
-        for option in "--report", "--frames-csv", "--picture":
-            done = self.finish(["run", "stack", "--count", "2", "--frames", "3", option, "/dev/full"], subprocess.PIPE)
+        os.symlink("/dev/full", os.path.join(self.folder.name, "full.png"))
+        for option, file in ("--report", "/dev/full"), ("--frames-csv", "/dev/full"), ("--picture", "full.png"):
+            done = self.finish(["run", "stack", "--count", "2", "--frames", "3", option, file], subprocess.PIPE)
             self.assertEqual(done.returncode, 1)
-            self.assertIn("cannot write /dev/full: No space left on device", done.stderr)
+            self.assertIn(f"cannot write {file}: No space left on device", done.stderr)
 
 
 class Interrupts(unittest.TestCase):
@@ -166,6 +167,21 @@ class Interrupts(unittest.TestCase):
         self.assertIsNone(program.poll())
         program.terminate()
         self.assertIn("stopped by interrupt", program.communicate(timeout=30)[0])
+
+    def test_replay_says_how_far_it_compared(self):
+        film = self.path("long.film")
+        program = start(LONG + ["--record", film])
+        for _ in range(5):
+            self.after_a_line(program, program.stderr)
+        program.terminate()
+        program.communicate(timeout=30)
+        program = start(["replay", film, "--check", "--out", self.path("long.glb")])
+        self.after_a_line(program, program.stderr)
+        program.send_signal(signal.SIGINT)
+        out, err = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 130, err)
+        self.assertRegex(out, r"^.*long\.film: interrupted: the first \d+ frames are the same, bit for bit")
+        self.assertEqual(os.listdir(self.folder.name), ["long.film"])
 
     def test_verify_reports_what_is_done(self):
         program = start(["verify", "T1", "T2", "T3", "T14", "T20", "--report", self.path("v.json")])

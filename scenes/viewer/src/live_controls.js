@@ -8,6 +8,8 @@ const EARTH = 9.81;    // [m/s^2]
 const CLICK = 4;       // [px] a pointer that moves less was not meant to drag
 const BALL_WEIGHT = 3;  // typical bodies
 
+const within = (x, [low, high]) => Math.min(Math.max(x, low), high);
+
 export class LiveControls {
   // bodyRadius: [m] and bodyMass: [kg] of a typical body, size: [m] of the scene.
   constructor(viewer, {bodyRadius, bodyMass, size}) {
@@ -56,14 +58,14 @@ export class LiveControls {
 
   // At what is at a place of the window, [px]; without one, at the middle of the view. It leaves from the eye, or from behind the walls
   // that the view looks through, at a speed at which it crosses the scene in a third of the time in which something falls through it, and
-  // so high that it arrives.
+  // so high that it arrives. It is a ball that the run takes.
   throwBall(place) {
     const {stage, bodies, walls} = this.viewer, box = stage.canvas.getBoundingClientRect();
     const raycaster = stage.ray(...(place ?? [box.left + box.width / 2, box.top + box.height / 2])), {ray} = raycaster;
-    const radius = 0.7 * this.bodyRadius, goal = bodies.pick(raycaster)?.distance ?? ray.origin.distanceTo(stage.controls.target);
+    const {ball} = this.source.state, radius = within(0.7 * this.bodyRadius, ball.radius), goal = bodies.pick(raycaster)?.distance ?? ray.origin.distanceTo(stage.controls.target);
     const start = walls.behind(ray, goal, radius), speed = 3 * Math.sqrt(EARTH * this.size), seconds = Math.max(goal - start, 0) / speed;
     const velocity = ray.direction.clone().multiplyScalar(speed).addScaledVector(new Vector3(...this.source.state.gravity), -seconds / 2);
-    const density = (BALL_WEIGHT * this.bodyMass) / ((4 / 3) * Math.PI * radius ** 3);
+    const density = within((BALL_WEIGHT * this.bodyMass) / ((4 / 3) * Math.PI * radius ** 3), ball.density);
     this.ask({do: 'throw', from: ray.at(start, new Vector3()).toArray(), velocity: velocity.toArray(), radius, density});
   }
 

@@ -106,6 +106,7 @@ class Viewer {
     source.onState = () => {
       this.live.tellState();
       this.tellState();
+      if ($('again').hidden !== source.state.changed) this.fillReport();
     };
     source.onThin = (to) => {
       this.player.thinned(to);
@@ -250,6 +251,10 @@ class Viewer {
 
   fillReport() {
     const {film} = this, worst = worstFrame(film);
+    // A run that somebody changed is none that a command makes again.
+    const changed = Boolean(film.source.state?.changed);
+    $('again').hidden = changed;
+    $('not-again').hidden = !changed;
     $('report-table').replaceChildren(reportTable(film, (frame) => this.player.step(frame - this.player.frame)));
     $('report-worst').replaceChildren(make('button', {class: 'link', onclick: () => this.openWorst()}, `Frame ${film.number('number', worst.frame)}`), `: ${worst.why}.`);
   }

@@ -19,8 +19,9 @@ export function worstFrame(film) {
 
 const sum = (values) => values.reduce((a, b) => a + b, 0);
 
+// Of a live run a page may have received fewer frames than there were steps, and have forgotten some: what it sums up is of those it has.
 export function reportTable(film, go) {
-  const {numbers, head} = film, last = film.frames - 1;
+  const {numbers, head} = film, last = film.frames - 1, {live, state} = film.source;
   const at = (frame) => make('button', {class: 'link', title: 'Show this frame', onclick: () => go(frame)}, String(numbers.get('number')[frame]));
   const row = (name, value, ...where) => make('tr', {}, make('th', {scope: 'row'}, name), make('td', {}, value), make('td', {}, ...where));
   const worst = (name, key, format) => {
@@ -29,17 +30,20 @@ export function reportTable(film, go) {
   };
   const seconds = numbers.get('step_seconds'), steps = Math.max(last, 1);
   const failed = sum(numbers.get('failed')), first = numbers.get('failed').indexOf(1);
+  const unsolved = numbers.get('unsolved');
   const hash = ['hash_high', 'hash_low'].map((key) => numbers.get(key)[last].toString(16).padStart(8, '0')).join('');
   return make('table', {class: 'numbers report'}, make('tr', {}, make('td', {colspan: 2}), make('th', {}, 'frame')),
     row('Simulated', `${number(numbers.get('time')[last], 4)} s`), ...(head.stopped_by ? [row('Stopped by', head.stopped_by)] : []),
-    row('Steps', count(last)), row('Failed steps', count(failed), ...(failed ? [at(first)] : [])),
+    ...(live ? [row('Steps', count(numbers.get('number')[last])), row('Of these in this page, and counted below', count(last))] : [row('Steps', count(last))]),
+    row('Failed steps', count(failed), ...(failed ? [at(first)] : [])),
     row('Problems that missed the aim', count(sum(numbers.get('missed')))),
+    ...(unsolved.every((n) => n >= 0) ? [row('Problems that failed', count(sum(unsolved)), ...(sum(unsolved) ? [at(unsolved.findIndex((n) => n > 0))] : []))] : []),
     worst('Accuracy, of v_ref', 'accuracy', number), worst('Coulomb map', 'coulomb_map', (x) => `${number(x)} m/s`),
     worst('Deepest overlap', 'penetration', metres), worst('Energy created', 'energy_created', number),
     worst('Momentum unexplained', 'momentum_unexplained', number), worst('Most contacts', 'contacts', count),
     row('Time a frame, mean', `${number((1e3 * sum(seconds)) / steps)} ms`), worst('Time a frame, most', 'step_seconds', (x) => `${number(1e3 * x)} ms`),
     row('Kinetic energy, end', `${number(numbers.get('kinetic')[last])} J`), row('Awake, frozen', `${count(numbers.get('awake')[last])}, ${count(numbers.get('frozen')[last])}`),
-    make('tr', {}, make('th', {scope: 'row'}, 'State hash'), make('td', {colspan: 2}, make('code', {}, hash))));
+    ...(state?.changed ? [] : [make('tr', {}, make('th', {scope: 'row'}, 'State hash'), make('td', {colspan: 2}, make('code', {}, hash)))]));
 }
 
 // The island with the worst accuracy in a frame: its name, its bodies.

@@ -63,6 +63,7 @@ rejected = [
     (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
     (["run", "stack.json", "--report", "./stack.json"], "the scene file itself: ./stack.json"),
     (["check", "absent.json"], "absent.json: cannot be read"),
+    (["export", "stack.json"], "built-in ones are exported, files are not; got stack.json"),
 ]
 before = sorted(os.listdir(scratch))
 for arguments, says in rejected:
@@ -93,6 +94,27 @@ expect(len(rows) == 12 and rows[0].startswith("frame,time,lid.position.x,"), f"p
 expect(all(row.count(",") == rows[0].count(",") for row in rows), "as many columns in each row")
 expect("expected" in run("run", lid, "--frames", 1).stdout, "what is expected")
 expect(hash_of(root / "scenes/samples/dice.json") != hash_of(root / "scenes/samples/dice.json", "--seed", 2), "--seed")
+
+
+# What moves by a velocity of its own is no rest, also where all else has come to it.
+floor = '{"shape": {"type": "half_space"}, "kind": "fixed"}'
+mover = '{"shape": {"type": "box", "size": [1, 1, 1]}, "kind": "kinematic", "position": [5, 0, 9], "%s": [0, 0, %g]}'
+cube = '{"shape": {"type": "box", "size": [1, 1, 1]}, "density": 1, "position": [0, 0, 0.5]}'
+for key, speed, freeze, stopped_by in [("velocity", 1, "certified", "time limit"), ("velocity", 1, "off", "time limit"),
+                                       ("angular_velocity", 1, "certified", "time limit"), ("velocity", 0, "certified", "rest")]:
+    (scratch / "mover.json").write_text('{"version": 1, "time": {"end": 3}, "bodies": [%s, %s, %s]}' % (floor, cube, mover % (key, speed)))
+    report = json.loads(run("run", "mover.json", "--freeze", freeze, "--report", "-").stdout)
+    expect(report["stopped_by"] == stopped_by, f"{key} {speed}, {freeze}: stopped by {report['stopped_by']}")
+
+# No text of a file steers the terminal: neither by a control character nor by what is written as one.
+steers = "\\u001b]0;owned\\u0007\\u009b31m"
+(scratch / "steers.json").write_text(f'{{"version": 1, "title": "A{steers}B", "expected": "{steers}", "bodies": [{cube}]}}')
+(scratch / "steers_bad.json").write_text('{"version": 1, "bodies": [{"shape": "\x9b31m\u202f"}]}')
+for arguments in [("check", "steers.json"), ("run", "steers.json", "--frames", 1), ("check", "steers_bad.json"), ("run", "steers_bad.json")]:
+    done = run(*arguments)
+    said = done.stdout + done.stderr
+    expect(said and not any(ord(c) < 32 and c != "\n" or 127 <= ord(c) < 160 for c in said), f"{arguments}: {said!r}")
+expect("A?]0;owned??31mB, 1 " in run("check", "steers.json").stdout, f"the title: {run('check', 'steers.json').stdout!r}")
 
 
 # Files meant to do harm.
@@ -159,6 +181,16 @@ for now in (None, text.replace("[0, 0, 3]", "[0, 0, 4]"), ""):
         scene.write_text(now)
     done = subprocess.run([islet, "replay", film, "--check"], capture_output=True, text=True)
     expect(done.returncode == 0 and "all 6 frames are the same" in done.stdout, f"check a scene file's recording: {done}")
+
+# What is above the scene file's folder is not opened, whatever name leads there; what is below it is.
+(scratch / "deep").mkdir()
+(scratch / "out.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+shutil.copy(scratch / "out.obj", scratch / "deep/..in.obj")
+for file, good in ("../out.obj", False), ("./../out.obj", False), ("..in.obj", True), ("./..in.obj", True):
+    (scratch / "deep/mesh.json").write_text(head + f'{{"shape": {{"type": "mesh", "file": "{file}"}}, "mass": 1}}]}}')
+    done = run("check", "deep/mesh.json")
+    expect((done.returncode == 0) == good and ("stays in it; got" in done.stderr) != good, f"a mesh {file}: {done}")
+    expect(not good or "no title, 1 body, 1 of them" in done.stdout, f"one body: {done.stdout}")
 
 # From a pipe that never ends.
 done = subprocess.run(["sh", "-c", f"yes '[' | '{islet}' check /dev/stdin"], capture_output=True, text=True, timeout=60)

@@ -81,6 +81,7 @@ TEST(FilmFile, KeepsExtremeNumbers) {
   frame.state_hash = ~std::uint64_t{0};
   frame.numbers.kinetic = std::numeric_limits<double>::denorm_min();
   frame.numbers.contacts = std::numeric_limits<int>::max();
+  frame.numbers.unsolved = (1 << 30) - 2;
   frame.numbers.failed = true;
   // In no order, one pair more often than in the frame before, one both ways, one with itself.
   frame.contacts = {{1, 0, {1, 2, 3}, {-0.0f, 0, 1}, {4, 5, 6}}, {0, 1, {7, 8, 9}, {1, 0, 0}, {1, 1, 1}},
@@ -89,6 +90,24 @@ TEST(FilmFile, KeepsExtremeNumbers) {
   film.frames[2].contacts.clear();
   Write(film, scratch.path());
   ExpectSame(film, ReadFilm(scratch.path()));
+}
+
+// Older recordings have 0 or 1 where now the problems without an answer stand, too.
+TEST(FilmFile, WhatAnOlderRecordingDoesNotTellIsUnknown) {
+  FilmFrame frame = Small().frames[0];
+  for (const bool failed : {false, true}) {
+    frame.numbers.failed = failed;
+    frame.numbers.unsolved = 42;
+    const FilmFrame read = DecodeFrame(EncodeFrame(frame, nullptr, 2), nullptr, 2);
+    EXPECT_EQ(read.numbers.unsolved, 42);
+    EXPECT_EQ(read.numbers.failed, failed);
+    std::string old = EncodeFrame(frame, nullptr, 2);
+    old.replace(56, 4, {failed ? '\1' : '\0', '\0', '\0', '\0'});
+    const FilmFrame unknown = DecodeFrame(old, nullptr, 2);
+    EXPECT_EQ(unknown.numbers.unsolved, -1);
+    EXPECT_EQ(unknown.numbers.failed, failed);
+    EXPECT_EQ(EncodeFrame(unknown, nullptr, 2), old);
+  }
 }
 
 TEST(FilmFile, ManyBodiesAlikeTakeFewBytes) {
@@ -275,7 +294,7 @@ TEST(FilmFile, FramesThatAreWrongAreRefusedWithTheirPlace) {
   refused(with(12, nan), "time is not a number");
   refused(with(12, std::string(8, '\0')), "time must grow");
   refused(with(28, ones), "contacts must not be negative, got -1");
-  refused(with(56, std::string(1, '\2')), "failed must be 0 or 1");
+  refused(with(59, std::string(1, '\x80')), "failed must not be negative");
   refused(with(60, nan), "step_seconds is not a number");
   const size_t columns = 180;  // x of body 0 and 1, byte by byte
   refused(with(columns + 4, std::string("\x80\0\x7f\0", 4)), "a pose is infinite");

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "scenes/printable.h"
+
 namespace islet {
 namespace {
 
@@ -26,6 +28,10 @@ TEST(LiveCommand, IsRead) {
   EXPECT_EQ(ball.vector, Vector3(0, 10, 0));
   EXPECT_EQ(ball.radius, 0.25);
   EXPECT_EQ(ball.density, 2);
+  EXPECT_EQ(
+      ParseCommand(R"({"do": "throw", "from": [0, 0, 0], "velocity": [0, 0, 0], "radius": 0.05, "density": 4091.7})")
+          .density,
+      4091.7);
   const LiveCommand drag = ParseCommand(R"({"do": "drag", "body": 7, "at": [0, 0, 0.5], "to": [4, 5, 6]})");
   EXPECT_EQ(drag.kind, Kind::kDrag);
   EXPECT_EQ(drag.body, 7);
@@ -52,6 +58,9 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 0, "density": 1})", "radius must be in"},
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": -1, "density": 1})", "got -1"},
       {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": null})", "density must"},
+      {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": 1e7})",
+       "[0.001, 1000000.0]"},
+      {R"({"do": "throw", "from": [1, 2, 3], "velocity": [0, 0, 0], "radius": 1, "density": 0})", "density must be in"},
       {R"({"do": "drag", "body": -1, "at": [0, 0, 0], "to": [0, 0, 0]})", "body must be a whole"},
       {R"({"do": "drag", "body": 1.5, "at": [0, 0, 0], "to": [0, 0, 0]})", "got 1.5"},
       {R"({"do": "drag", "body": 99999999999999999999, "at": [0, 0, 0], "to": [0, 0, 0]})", "body must"},
@@ -62,6 +71,8 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
       {std::string(kLongestCommand + 1, ' '), "length must be at most 4096"},
       {std::string(kLongestCommand, '['), "text must be a JSON object"},
       {"{\"do\": \"\xff\xfe\"}", "text"},
+      {std::string(59, ' ') + "\xc3\xa4", "text"},  // cut within a character
+      {R"({"do": "run", "\u001b[2J": 1})", "?[2J"},
   };
   for (const auto& [text, part] : bad) {
     try {
@@ -70,6 +81,7 @@ TEST(LiveCommand, WhatIsWrongIsNamed) {
     } catch (const std::invalid_argument& error) {
       EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
       EXPECT_LT(std::string(error.what()).size(), 200u);
+      EXPECT_EQ(Printable(error.what()), error.what());  // also where it quotes what is no UTF-8
     }
   }
 }

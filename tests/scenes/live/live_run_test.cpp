@@ -34,6 +34,27 @@ LiveCommand Plain(LiveCommand::Kind kind) {
   return command;
 }
 
+TEST(LiveRun, TellsWhetherSomebodyChangedIt) {
+  using Kind = LiveCommand::Kind;
+  for (const Kind kind : {Kind::kRun, Kind::kPause, Kind::kStep, Kind::kRelease}) {
+    LiveRun run = CubeOnAFloor();
+    run.Do(Plain(kind));
+    run.Advance();
+    EXPECT_FALSE(run.changed());
+  }
+  for (const Kind kind : {Kind::kGravity, Kind::kFriction, Kind::kThrow, Kind::kDrag}) {
+    LiveRun run = CubeOnAFloor();
+    LiveCommand command = Plain(kind);
+    command.from = {0, 0, 20};
+    command.body = 1;
+    run.Do(command);
+    EXPECT_TRUE(run.changed());
+  }
+  LiveRun run = CubeOnAFloor();
+  EXPECT_THROW(run.Do(Drag(7, {0, 0, 0}, {0, 0, 0})), std::invalid_argument);
+  EXPECT_FALSE(run.changed());
+}
+
 TEST(LiveRun, BeginsAtRestAndStepsOnRequest) {
   LiveRun run = CubeOnAFloor();
   EXPECT_FALSE(run.Advance());

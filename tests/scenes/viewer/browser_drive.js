@@ -143,5 +143,8 @@ driver.drive(async () => {
   if ($('report').hidden) press('r');
   check('report', !$('report').hidden && $('report-button').getAttribute('aria-expanded') === 'true');
   found.report = $('report').textContent;
+  check('the command is to be seen', !$('again').hidden && $('not-again').hidden);
+  const unsolved = v.film.numbers.get('unsolved'), told = unsolved.every((n) => n >= 0);
+  check('problems that failed', told ? found.report.includes(`Problems that failed${unsolved.reduce((a, b) => a + b, 0)}`) : !/that failed/.test(found.report), found.report);
   check('command', $('command').textContent.startsWith('islet run '), $('command').textContent);
 });

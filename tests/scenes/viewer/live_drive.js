@@ -32,11 +32,18 @@ driver.drive(async () => {
   await pause(300);
   check('no step comes after it', newest() === stopped, [stopped, newest()]);
 
+  press('r');
+  check('a run that nobody changed can be made again', !$('again').hidden && $('not-again').hidden && /State hash/.test($('report').textContent), $('report').textContent);
+  check('steps', new RegExp(`Steps${newest()}Of these in this page, and counted below${film.frames - 1}`).test($('report').textContent), $('report').textContent);
+  check('problems that failed', /Problems that failed0/.test($('report').textContent), $('report').textContent);
+
   // A ball: there at once, then it flies.
   const before = bodies(), drawn = v.bodies.drawn;
   $('throw').click();
   await until('one body more', () => bodies() === before + 1 && v.bodies.drawn === drawn + 1 && v.shown.frame.frozen.length === before + 1);
   const ball = [...v.shown.frame.positions.subarray(3 * before, 3 * before + 3)];
+  await until('a run that was changed has no command', () => $('again').hidden && !$('not-again').hidden && !/State hash/.test($('report').textContent));
+  press('r');
   check('it is behind the wall, before the stack', v.walls.parts.length === 2 && ball[1] > -3.75 && ball[1] < -1 && ball[2] > 0, ball);
   check('no step was made for it', newest() === stopped, newest());
   v.pick(before);
@@ -51,6 +58,18 @@ driver.drive(async () => {
   v.pick(-1);
   v.live.ask({do: 'throw', from: [...v.shown.frame.positions.subarray(3 * top, 3 * top + 3)], velocity: [0, 0, 0], radius: 0.1, density: 1});
   await until('what is refused is told', () => /does not fit/.test($('live-note').textContent));
+
+  // A ball of what is too heavy or too small for the run is one that it takes.
+  const {live} = v, {ask, bodyMass, bodyRadius} = live;
+  let asked = null;
+  live.ask = (message) => (asked = message);
+  live.bodyMass = 1e12;
+  live.throwBall(null);
+  check('the heaviest ball', asked.density === 1e6 && asked.density === source.state.ball.density[1], asked);
+  Object.assign(live, {bodyMass, bodyRadius: 1e-9});
+  live.throwBall(null);
+  check('the smallest ball', asked.radius === source.state.ball.radius[0], asked);
+  Object.assign(live, {ask, bodyRadius});
 
   // The camera sees where all has got to.
   const seen = v.stage.extent.clone();
@@ -120,7 +139,7 @@ driver.drive(async () => {
   press('End');
   await until('it follows after that', () => v.player.following && shown() === newest());
   press('r');
-  check('the report', /Steps.*State hash/.test($('report').textContent), $('report').textContent);
+  check('the report', /Steps.*Awake, frozen/.test($('report').textContent) && !/State hash/.test($('report').textContent), $('report').textContent);
 
   // A stream that breaks off is taken up again.
   await fetch('drop', {method: 'POST'});

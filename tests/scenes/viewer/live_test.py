@@ -29,7 +29,7 @@ with open(scene, 'w', encoding='utf-8') as file:
     json.dump({'version': 1, 'time': {'dt': 1 / 60}, 'bodies': [
         {'name': 'floor', 'shape': {'type': 'half_space'}, 'kind': 'fixed'},
         {'name': 'wall', 'shape': {'type': 'box', 'size': [9, 0.5, 9]}, 'kind': 'fixed', 'position': [0, -4, 4.5]},
-        {'name': 'cube', 'shape': {'type': 'box', 'size': [1, 1, 1]}, 'density': 1, 'position': [0, 0, 0.7], 'stack': {'count': 4, 'step': [0, 0, 1.2]}},
+        {'name': 'cube', 'shape': {'type': 'box', 'size': [1, 1, 1]}, 'density': 2700, 'position': [0, 0, 0.7], 'stack': {'count': 4, 'step': [0, 0, 1.2]}},
     ]}, file)
 program = subprocess.Popen([ISLET, 'view', scene, '--threads', '1', '--live'],
                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

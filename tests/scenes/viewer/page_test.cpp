@@ -121,7 +121,8 @@ TEST(Page, HoldsTheFilmWithinTheErrorsThatItTells) {
 }
 
 TEST(Page, TheNumbersOfTheCurvesAreExact) {
-  const TestFilm film = RunFilm(40);
+  TestFilm film = RunFilm(40);
+  film.frames[7].numbers.unsolved = 42;
   const std::string page = PageOf(film), bytes = page_reader::Block(page, "numbers");
   const nlohmann::json head = page_reader::Head(page);
   const auto number = [&](const std::string& name, size_t frame) {
@@ -139,6 +140,7 @@ TEST(Page, TheNumbersOfTheCurvesAreExact) {
     EXPECT_EQ(number("static_qp", f), n.stages.static_qp);
     EXPECT_EQ(number("energy_created", f), n.energy_created);
     EXPECT_EQ(number("awake", f), n.awake);
+    EXPECT_EQ(number("unsolved", f), n.unsolved);
     EXPECT_EQ(number("hash_high", f) * 4294967296.0 + 0, double(film.frames[f].state_hash >> 32) * 4294967296.0);
     EXPECT_EQ(number("hash_low", f), double(film.frames[f].state_hash & 0xffffffff));
   }
