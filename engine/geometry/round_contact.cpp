@@ -464,15 +464,4 @@ void CollideRound(const Shape& a, const Placement& pose_a, const Shape& b, const
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].point_W += pose_a.position_W;
 }
 
-double RoundGapAtLeast(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                       Vector3* normal) {
-  static thread_local Solid of_a, of_b;
-  const Vector3 between = pose_b.position_W - pose_a.position_W;
-  of_a.Load(a, Vector3::Zero(), pose_a.rotation_WB);
-  of_b.Load(b, between, pose_b.rotation_WB);
-  const Nearest rough = Search(of_a, of_b).FindRoughly(between);
-  *normal = rough.normal;
-  return rough.gap;
-}
-
 }  // namespace islet

@@ -19,9 +19,4 @@ void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, cons
 void CollideRound(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
                   std::vector<Contact>* contacts);
 
-// [m] that the same bodies are apart at least, and the direction from a to b that says so: what a look from afar needs, at a small part
-// of the cost. Negative infinity if no direction was tried.
-double RoundGapAtLeast(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                       Vector3* normal);
-
 }  // namespace islet

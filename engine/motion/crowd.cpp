@@ -694,8 +694,8 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   // What closing walls squeeze may have no way out: it is sent back no faster than it came. Who would gain by it is not sent back.
-  const double back = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm() : INFINITY;
-  const double most = gained_[a] || gained_[b] ? 0 : back;
+  const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
+                              : (gained_[a] || gained_[b] ? 0 : INFINITY);
   probe_.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
                 &probe_);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/geometry/round_contact.h"
-
 namespace islet::motion {
 namespace {
 
@@ -28,16 +26,8 @@ double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) 
 
 }  // namespace
 
-// Where the bodies are surely farther apart than `near`, what they are apart at least.
-double Meeting::GapAt(const MeetingQuery& query, double t, double reach, double near, Vector3* normal) {
+double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal) {
   ++looks_;
-  if ((query.a->HasAxis() || query.b->HasAxis()) && query.a->kind() != ShapeKind::kHalfSpace &&
-      query.b->kind() != ShapeKind::kHalfSpace) {
-    const double least =
-        RoundGapAtLeast(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), normal);
-    if (least > reach) return kFar;
-    if (least > near) return least;
-  }
   contacts_.clear();
   CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
   double least = kFar;
@@ -53,7 +43,7 @@ double Meeting::First(const MeetingQuery& query) {
   double t = 0, reach = kFar, floor = query.gap - query.deep;
   Vector3 normal = Vector3::UnitZ();
   for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
-    const double gap = GapAt(query, t, reach, query.gap + query.deep, &normal);
+    const double gap = GapAt(query, t, reach, &normal);
     if (gap >= kFar) return h;
     // What overlaps as it begins may part, and has not met again before it is as deep once more, or comes back.
     if (gap >= query.gap) floor = query.gap - query.deep;
@@ -71,7 +61,7 @@ double Meeting::First(const MeetingQuery& query) {
 
 double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   Vector3 normal;
-  return GapAt(query, 0, reach, kFar, &normal);
+  return GapAt(query, 0, reach, &normal);
 }
 
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {
@@ -107,10 +97,10 @@ double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, 
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);
     const double next = k < kLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
-    if (GapAt(query, next, kFar, floor, &normal) < floor) {
+    if (GapAt(query, next, kFar, &normal) < floor) {
       double low = t, high = next;
       for (int i = 0; i < kHalvings; ++i) {
-        const double middle = 0.5 * (low + high), gap = GapAt(query, middle, kFar, floor, &normal);
+        const double middle = 0.5 * (low + high), gap = GapAt(query, middle, kFar, &normal);
         (gap < floor ? high : low) = middle;
         if (gap < floor && gap > floor - query.deep) break;
       }

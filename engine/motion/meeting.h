@@ -41,7 +41,7 @@ class Meeting {
   std::int64_t looks() const { return looks_; }
 
  private:
-  double GapAt(const MeetingQuery& query, double t, double reach, double near, Vector3* normal);
+  double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
   double AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;

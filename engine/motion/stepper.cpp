@@ -14,7 +14,7 @@ constexpr double kFar = 1e300;  // [m] gap of a pair that is out of reach
 constexpr double kNear = 5e-5;  // of a size: overlap by which what rests on each other has met anew
 constexpr double kOverlap =
     5e-6;  // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
-constexpr double kPushOut = 0.2;   // of an overlap: what a step takes back, where friction and blows pay for it
+constexpr double kPushOut = 0.2;   // of an overlap: what a piece takes back, where friction and blows pay for it
 constexpr double kDeep = 2.5e-4;   // of a size: an overlap that is never left
 constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
 constexpr int kPasses = 8;         // of the carrying problem in a piece
@@ -662,7 +662,7 @@ double Stepper::GapBefore(int pair) const {
 
 // Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
 double Stepper::PushOut(int pair) const {
-  return pays_[pair] && GapBefore(pair) < -kOverlap * Size(group_->pairs[pair]) ? kPushOut * piece_ / dt_ : 0;
+  return pays_[pair] && GapBefore(pair) < -kOverlap * Size(group_->pairs[pair]) ? kPushOut : 0;
 }
 
 // [m] <= 0: gap at which the pair meets. Where it bounces, an overlap too small to be met is none, or bounces would sink, one by one.
@@ -1159,13 +1159,13 @@ void Stepper::FindWork() {
                           SurfaceSlip(held_[c]));
 }
 
-// Which pairs took more in the step, by friction and where they sank, than a step would give them for their overlap.
+// Which pairs took more in the step, by friction and where they sank, than a piece of this length would give them for their overlap.
 // What one took another may have given: all that did something to each other in the step must have taken as much together.
-void Stepper::SeeWhoPays() {
+void Stepper::SeeWhoPays(double h) {
   costs_.assign(group_->pairs.size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {
     const int pair = held_of_[c].pair;
-    costs_[pair] -= held_[c].normal_W.dot(impulse_W_[c]) * kPushOut * GapBefore(pair) / dt_;
+    costs_[pair] -= held_[c].normal_W.dot(impulse_W_[c]) * kPushOut * GapBefore(pair) / h;
   }
   edges_.clear();
   problem_of_.clear();
@@ -1275,7 +1275,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     PlaceWallsAt(t, group->bodies, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
     double h = ChooseLength(std::min(dt - t, most));
     if (dt - t - h < 0.2 * h) h = std::min(dt - t, 1.2 * h);
-    piece_ = h;
     freed_.assign(group->pairs.size(), kStays);
     double moment = h;
     bool foresaw = false;
@@ -1302,7 +1301,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       most = kInstant * h;
       continue;
     }
-    if (cut) h = piece_ = Shorten(h, moment);
+    if (cut) h = Shorten(h, moment);
     DetectEnd();
     double missed = Missed();
     const bool moves = foresaw && !cut ? Strays() : LeversMove(h) || NormalsMove();
@@ -1320,7 +1319,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
         DetectEnd();
         if (!cut && HitsEarlier() && (moment = FindMeeting(h)) < h) {
           cut = true;
-          h = piece_ = Shorten(h, moment);
+          h = Shorten(h, moment);
           DetectEnd();
         }
         const double before = std::exchange(missed, Missed());
@@ -1363,7 +1362,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     cuts_ += cut;
     jammed = jammed || (instant && !loses_);  // nothing was stopped: a false alarm, not to be given again
     stopped = std::exchange(instant, false);
-    SeeWhoPays();
+    SeeWhoPays(h);
     grazing_ = cut && out_->blows == blows && HasMet(cut_pair_) ? cut_pair_ : -1;
     most = level == 0 ? dt : stopped ? h / kInstant : 2 * h;
     level = std::max(0, level - 1);

@@ -171,7 +171,7 @@ class Stepper {
   double EnergyOf(int i, const State& state) const;
   void KeepAccounts(double h);
   void FindWork();
-  void SeeWhoPays();
+  void SeeWhoPays(double h);
   bool Pushed() const;
   void Commit(double t, double h);
   void PartProblem();
@@ -185,7 +185,6 @@ class Stepper {
 
   // Of the step.
   double dt_ = 0;             // [s]
-  double piece_ = 0;          // [s] length of the piece at hand
   double pull_ = 0;           // [m/s^2] fastest that gravity and forces make a body
   double floor_ = 0;          // [m/s] least v_ref
   int blow_budget_ = 0;       // blows in this step at which they have to be faster
