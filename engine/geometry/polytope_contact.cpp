@@ -125,17 +125,17 @@ void EdgesApart(const Turned& polytope, const Vector3& point, double least, std:
 }
 
 // Of the axes of two edges that are better than the best face's: others would not be taken.
-bool BestEdges(const Turned& a, const Turned& b, double reach, double size, const Vector3& travel_W, const Axis& face,
-               std::vector<int>* edges_a, std::vector<int>* edges_b, Axis* best) {
+bool BestEdges(Scratch* scratch, double reach, double size, const Vector3& travel_W, const Axis& face, Axis* best) {
+  const Turned &a = scratch->a, &b = scratch->b;
   const double least = std::min(reach, face.score.Needed(EdgeSlack(size), size));
-  EdgesApart(a, b.vertices[Deepest(b, face.normal)], least, edges_a);
-  EdgesApart(b, a.vertices[Deepest(a, -face.normal)], least, edges_b);
-  for (const int ea : *edges_a) {
+  EdgesApart(a, b.vertices[Deepest(b, face.normal)], least, &scratch->edges_a);
+  EdgesApart(b, a.vertices[Deepest(a, -face.normal)], least, &scratch->edges_b);
+  for (const int ea : scratch->edges_a) {
     const auto& ends_a = a.source->edges[ea];
     const auto& faces_a = a.source->edge_faces[ea];
     const Vector3& from_a = a.vertices[ends_a[0]];
     const Vector3 along_a = a.vertices[ends_a[1]] - from_a;
-    for (const int eb : *edges_b) {
+    for (const int eb : scratch->edges_b) {
       const auto& ends_b = b.source->edges[eb];
       const auto& faces_b = b.source->edge_faces[eb];
       const Vector3& from_b = b.vertices[ends_b[0]];
@@ -183,8 +183,7 @@ bool AppendEdgeContact(const Turned& a, const Turned& b, const Vector3& origin_W
 
 // Of the faces at the corner that lies deepest against the reference face, the one that looks most against it.
 int IncidentFace(const Turned& other, const Vector3& outward, const Vector3& on_plane, double slack) {
-  double least = std::numeric_limits<double>::infinity();
-  for (const Vector3& v : other.vertices) least = std::min(least, outward.dot(v - on_plane));
+  const double least = outward.dot(other.vertices[Deepest(other, outward)] - on_plane);
   int best = -1;
   double best_cosine = 2;
   for (int f = 0; f < other.num_faces(); ++f) {
@@ -234,9 +233,7 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   const double size = std::min(a.size(), b.size());
   Axis face, edges;
   if (!BestFace(scratch.a, scratch.b, reach, size, travel_ba_W, &face)) return;
-  if (!BestEdges(scratch.a, scratch.b, reach, size, travel_ba_W, face, &scratch.edges_a, &scratch.edges_b, &edges)) {
-    return;
-  }
+  if (!BestEdges(&scratch, reach, size, travel_ba_W, face, &edges)) return;
   if (edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size))) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {

@@ -99,23 +99,13 @@ class Search {
  public:
   Search(const Solid& a, const Solid& b) : a_(a), b_(b), size_(std::min(a.shape->size(), b.shape->size())) {}
 
-  // Of the directions that cost little: the faces' normals, and the line of the centres, along which nothing need touch.
-  Nearest FindRoughly(const Vector3& between) {
+  // Beyond `reach` [m] it stops at the first direction that says so; `between` is one: from centre to centre.
+  Nearest Find(double reach, const Vector3& between) {
     for (const Vector3& n : a_.faces) TryFace(n, true);
     for (const Vector3& n : b_.faces) TryFace(-n, false);
-    Nearest rough = best_;
-    const double apart = between.norm();
-    if (apart <= kTie * size_) return rough;
-    const Vector3 n = between / apart;
-    const double gap = -b_.Extent(-n) - a_.Extent(n);
-    if (gap > rough.gap) rough.normal = n, rough.gap = gap;
-    return rough;
-  }
-
-  // Beyond `reach` [m] it stops at the first direction that says so.
-  Nearest Find(double reach, const Vector3& between) {
-    const Nearest rough = FindRoughly(between);
-    if (rough.gap > reach) return rough;
+    if (best_.gap > reach) return best_;
+    if (between.squaredNorm() > 0)
+      if (const double gap = GapAlong(between.normalized()); gap > reach) return {.gap = gap};
     TryAll();
     if (best_.gap == -INFINITY) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
     return best_;
@@ -143,6 +133,7 @@ class Search {
     }
   }
 
+  double GapAlong(const Vector3& n) const { return -b_.Extent(-n) - a_.Extent(n); }
   bool Better(double gap) const { return gap > best_.gap + kTie * size_; }
 
   // A face of one meets what of the other is nearest along its normal.
@@ -156,7 +147,7 @@ class Search {
   // Points on the surfaces that are farthest along n, as those of two bodies are where they are nearest.
   // `real`: they are points of the bodies, not of what goes on beyond them.
   void TryPlace(const Vector3& n, const Vector3& on_a, const Vector3& on_b, bool real) {
-    const double gap = -b_.Extent(-n) - a_.Extent(n);
+    const double gap = GapAlong(n);
     if (!Better(gap) || std::abs(n.dot(on_b - on_a) - gap) > kTie * size_) return;
     best_ = {n, on_a, on_b, gap};
     nearest_ = real && gap > kTie * size_ && (on_b - on_a - gap * n).norm() <= kTie * size_;
@@ -208,8 +199,8 @@ class Search {
   const Solid &a_, &b_;
   double size_;
   Nearest best_;
-  bool nearest_ =
-      false;  // these points are as far apart as the bodies are along the normal: no direction separates more
+  // These points are as far apart as the bodies are along the normal: no direction separates more.
+  bool nearest_ = false;
 };
 
 // What of a body lies flat along the normal: nothing, the two ends of a long side, or the corners of a face.

@@ -100,6 +100,15 @@ double LeastGap(const std::vector<Contact>& contacts) {
   return least;
 }
 
+// No line of centres says how far apart these are.
+TEST(RoundContact, OneMiddleOverlapsBeyondAnyReach) {
+  const Shape coin = Shape::Cylinder(0.3, 0.05);
+  std::vector<Contact> contacts;
+  CollideShapes(coin, {{1, 2, 3}, Matrix3::Identity()}, coin, {{1, 2, 3}, Matrix3::Identity()}, -1e-3, &contacts);
+  ASSERT_FALSE(contacts.empty());
+  EXPECT_NEAR(LeastGap(contacts), -0.1, 1e-12);
+}
+
 TEST(RoundContact, GapIsTheLargestSeparation) {
   Random random(3);
   const std::vector<Shape> shapes = Shapes();
