@@ -13,6 +13,9 @@
 
 namespace islet {
 
+// Whether it touches every body that does so, too.
+inline bool IsPlain(const Body& body) { return !body.sensor && body.layers != 0 && ~body.collides_with == 0; }
+
 inline bool LayersAgree(const Body& a, const Body& b) {
   return (a.layers & b.collides_with) != 0 && (b.layers & a.collides_with) != 0;
 }
@@ -33,6 +36,7 @@ class PairsApart {
   void Forget(int body) {
     std::erase_if(pairs_, [&](const auto& pair) { return pair.first == body || pair.second == body; });
   }
+  bool empty() const { return pairs_.empty(); }
   std::vector<std::pair<int, int>>& pairs() { return pairs_; }
 
  private:
@@ -45,6 +49,8 @@ class ContactFilter {
   void SetCallback(CollisionCallback callback) { callback_ = std::move(callback); }
   bool has_callback() const { return static_cast<bool>(callback_); }
 
+  // Whether it allows all pairs of plain bodies, unasked.
+  bool AllowsPlain() const { return !callback_ && apart_->empty(); }
   // bodies: as they were when the step began, for all who ask within it.
   bool Allows(std::span<const Body> bodies, int a, int b) const {
     const Body &x = bodies[a], &y = bodies[b];

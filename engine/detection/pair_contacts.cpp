@@ -59,15 +59,18 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, co
     const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
     const int first = static_cast<int>(contacts.size());
     const bool known = pair.kept && !a.changed && !b.changed;
-    pair.kept = Wanted(a, b, include_frozen) && (!rule || rule->Allows(pair.a, pair.b));
+    const auto allowed = [&] {
+      return !rule || rule->Allows(pair.a, pair.b);
+    };  // asked where there is something to allow
+    pair.kept = Wanted(a, b, include_frozen);
     if (pair.kept && known) {
       ++kept.pairs;
-      kept.contacts += pair.count;
-      if (pair.count > 0) {
+      if (pair.count > 0 && (pair.kept = allowed())) {
+        kept.contacts += pair.count;
         const auto begin = before_[pair.chunk].begin() + pair.first;
         contacts.insert(contacts.end(), begin, begin + pair.count);
       }
-    } else if (pair.kept && (a.half_space || b.half_space || a.box.Meets(b.box))) {
+    } else if (pair.kept && (a.half_space || b.half_space || a.box.Meets(b.box)) && (pair.kept = allowed())) {
       CollidePair(bodies, &pair, &contacts);
     }
     pair.chunk = chunk;

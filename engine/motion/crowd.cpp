@@ -555,11 +555,6 @@ bool Crowd::Gains() {
   return gains;
 }
 
-// A rotation that has the body where this one has it, reached without a turn about its own axis.
-Quaternion Crowd::SeenAs(int i, const Quaternion& rotation_WB) const {
-  return VisibleRotation(shapes_[i], begin_[i].pose.rotation_WB, rotation_WB);
-}
-
 // A point of a body in its frame, and back; what turns in itself has none of its own.
 Vector3 Crowd::Inside(int i, const Pose& pose, const Vector3& point) const {
   const Vector3 r = point - pose.position_W;

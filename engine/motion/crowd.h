@@ -24,6 +24,7 @@
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
+#include "engine/motion/visible_turn.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
 #include "engine/response/suite_frame.h"
@@ -133,7 +134,10 @@ class Crowd {
   bool TurnsInItself(int i) const {
     return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace;
   }
-  Quaternion SeenAs(int i, const Quaternion& rotation_WB) const;
+  // A rotation that has the body where this one has it, reached without a turn about its own axis.
+  Quaternion SeenAs(int i, const Quaternion& rotation_WB) const {
+    return VisibleRotation(shapes_[i], begin_[i].pose.rotation_WB, rotation_WB);
+  }
   Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
   Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
   double GapAlong(const Contact& contact, const Held& held) const;

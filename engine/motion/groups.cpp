@@ -45,10 +45,12 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   planes_.clear();
   pairs_.clear();
   Vector3 sum = Vector3::Zero(), squares = Vector3::Zero();
+  bool asks = !filter.AllowsPlain();
   for (size_t i = 0; i < n; ++i) {
     const Body& body = bodies[i];
     cut_[i] = !CanMove(body);
     if (body.removed) continue;
+    asks = asks || !IsPlain(body);
     if (shapes[i].kind() == ShapeKind::kHalfSpace) {
       planes_.push_back(static_cast<int>(i));
       continue;
@@ -72,7 +74,7 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     squares += middle.cwiseAbs2();
   }
   const auto add = [&](int i, int k) {
-    if ((CanMove(bodies[i]) || CanMove(bodies[k])) && filter.Allows(bodies, i, k))
+    if ((CanMove(bodies[i]) || CanMove(bodies[k])) && (!asks || filter.Allows(bodies, i, k)))
       pairs_.emplace_back(std::min(i, k), std::max(i, k));
   };
   for (const int p : planes_) {
