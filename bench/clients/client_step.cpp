@@ -29,6 +29,7 @@ Quaternion Turned(const Vector3& turn_W, const Quaternion& rotation_WB) {
 
 void ClientStep::Begin(double dt, const Vector3& gravity_W) {
   dt_ = dt;
+  gravity_W_ = gravity_W;
   suite_.SetGravity(gravity_W);
   bodies.clear();
   contacts.clear();
@@ -41,12 +42,44 @@ double ClientStep::Slop(const Contact& c) const {
   return turn > kTurn ? kSlop * Size(c, bodies) : 0;
 }
 
+bool ClientStep::WallsMove() const {
+  return std::ranges::any_of(bodies, [](const Body& b) {
+    return b.kind == BodyKind::kKinematic && !(b.linear_velocity_W.isZero(0) && b.angular_velocity_W.isZero(0));
+  });
+}
+
+// Kinetic, and in the fields of gravity and of the step's forces, from where the host has them.
+double ClientStep::Energy() const {
+  double energy = 0;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body &b = bodies[i], &from = given_[i];
+    if (b.kind != BodyKind::kDynamic) continue;
+    const Eigen::AngleAxisd turn(b.rotation_WB * from.rotation_WB.conjugate());
+    energy += 0.5 * b.mass * b.linear_velocity_W.squaredNorm() + 0.5 * b.angular_velocity_W.dot(b.AngularMomentumW()) -
+              (b.mass * gravity_W_ + b.force_W).dot(b.position_W - from.position_W) -
+              turn.angle() * b.torque_W.dot(turn.axis());
+  }
+  return energy;
+}
+
+// Whoever lost nothing in the step before, as what rests, pays for nothing now.
 void ClientStep::UndoOverlaps() {
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  given_ = bodies;
+  touching_ = contacts;
+  none_.assign(bodies.size(), {});
+  if (lost_ <= 0 && !WallsMove()) return Place(none_);
   scratch_ = contacts;
   for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + Slop(c);
   suite_.Project(bodies, scratch_);
-  const std::span<const Twist> w = suite_.displacements();
+  Place(suite_.displacements());
+}
+
+// Bodies and contacts where the step begins: as the host has them, displaced.
+void ClientStep::Place(std::span<const Twist> w) {
+  bodies = given_;
+  contacts = touching_;
+  const double before = Energy();
   const auto moved = [&](int body, const Vector3& point) -> Vector3 {
     return w[body].linear_W + w[body].angular_W.cross(point - bodies[body].position_W);
   };
@@ -61,6 +94,7 @@ void ClientStep::UndoOverlaps() {
     bodies[i].position_W += w[i].linear_W;
     bodies[i].rotation_WB = Turned(w[i].angular_W, bodies[i].rotation_WB);
   }
+  undoing_ = Energy() - before;
   start_ = bodies;
   far_ = 1e6;
   for (const Body& b : bodies)
@@ -96,17 +130,25 @@ bool ClientStep::AddFound(Contact c) {
 }
 
 void ClientStep::Resolve() {
-  if (first_)
-    memory_ = suite_.CopyMemory();
-  else
-    suite_.SetMemory(*memory_);
+  if (first_) memory_ = suite_.CopyMemory();
   first_ = false;
+  ResolveOnce();
+  if (undoing_ <= std::max(lost_, 0.0) || WallsMove()) return;
+  Place(none_);
+  ResolveOnce();
+}
+
+// From the start of the step.
+void ClientStep::ResolveOnce() {
+  suite_.SetMemory(*memory_);
   bodies = start_;
   contacts.insert(contacts.end(), found_.begin(), found_.end());
   found_.clear();
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
+  const double before = Energy();
   suite_.Resolve(dt_, bodies, contacts, &report_);
   Move();
+  lost_ = before - Energy();
 }
 
 void ClientStep::Move() {
