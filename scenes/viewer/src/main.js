@@ -233,8 +233,13 @@ class Viewer {
 
   fillPage() {
     const {film} = this, {head} = film;
-    document.title = `${head.scene} – islet`;
-    $('scene').textContent = head.scene;
+    // The scene's own title; without one the name, or that of its file.
+    const title = head.title || head.scene.replace(/^.*\//, ''), path = title === head.scene ? '' : head.scene;
+    document.title = `${title} – islet`;
+    $('scene').textContent = title;
+    $('scene').title = $('path').textContent = path;
+    $('about').textContent = head.about;
+    $('about-scene').hidden = !head.about && !path;
     this.tellSummary();
     $('command').textContent = head.command;
     $('scrub').max = film.frames - 1;
@@ -313,7 +318,7 @@ class Viewer {
     document.addEventListener('click', (event) => event.detail > 0 && event.target.closest?.('button, input')?.blur());
     window.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe($('stage'));
-    new ResizeObserver(() => this.resize()).observe($('curves'));
+    for (const curve of this.curves) new ResizeObserver(() => this.redraw(curve)).observe(curve.box);
     onTheme(() => this.applyTheme());
   }
 
@@ -343,10 +348,12 @@ class Viewer {
 
   resize() {
     this.stage.resize();
-    for (const curve of this.curves) {
-      curve.draw();
-      if (this.shown) curve.setFrame(this.shown.i);
-    }
+    for (const curve of this.curves) this.redraw(curve);
+  }
+
+  redraw(curve) {
+    curve.draw();
+    if (this.shown) curve.setFrame(this.shown.i);
   }
 
   applyTheme() {
