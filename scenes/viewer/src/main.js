@@ -62,7 +62,7 @@ class Viewer {
     this.setMode('body');
     this.tellState();
     if (head.start === 'worst') await this.openWorst();
-    else this.player.go(0);
+    else this.player.go(this.live ? Infinity : 0);
     requestAnimationFrame((now) => this.tick(now, now));
   }
 
@@ -248,7 +248,7 @@ class Viewer {
     $('curves').replaceChildren(...this.curves.map((curve) => curve.element));
     this.fillReport();
     const {errors, contacts, steps} = head;
-    $('data-note').textContent = this.live ? `Positions are in steps of ${metres(steps.position)} and rotations in steps of ${number(steps.rotation)}. The page keeps all of the run: ` +
+    $('data-note').textContent = this.live ? `Positions are in steps of ${metres(steps.position)} and rotations in steps of ${number(steps.rotation)}. The page keeps all of the run, also when it is loaded anew: ` +
       'beyond 20,000 frames or 128 MB every second one of the older half is forgotten.' : `Positions are within ${metres(errors.position)} and rotations within ${number(errors.rotation)} rad of the run. ` +
       (contacts.frames_cut ? `Of ${count(contacts.all)} contacts ${count(contacts.kept)} are kept, in each frame those that press most. ` : `All ${count(contacts.all)} contacts are kept. `) +
       'The curves are exact.';
