@@ -12,9 +12,10 @@
 //   islet man             this, as a manual page
 //   islet --version       tells its version, and what it is made of
 //
-// Exit status: 0 the run went to its end (what the solvers could not do is in the report), 1 an output, the standard
-// output among them, could not be written, a problem not be read, or a check failed that must hold, 2 a bad argument: the
-// message names the field and the value, and no file has been touched, 130 interrupted: what was done has been written.
+// Exit status: 0 the run went to its end (what the solvers could not do is in the report; failed steps are told on the
+// standard error), 1 an output, the standard output among them, could not be written, a problem not be read, or a check
+// failed that must hold, 2 a bad argument: the message names the field and the value, and no file has been touched, 3 a
+// step failed in a run with --strict: all has been written, 130 interrupted: what was done has been written.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -42,6 +43,8 @@
 #include "scenes/view.h"
 
 namespace {
+
+constexpr int kStrictStatus = 3;
 
 void ListScenes(bool with_expectations) {
   std::string list;
@@ -77,8 +80,10 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and\n"
-      "verify in order: what is done is written and reported. The second one ends them at once.");
+      "2 a bad argument; 3 with run --strict: a step failed; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run,\n"
+      "view, replay --check, solve and verify in order: what is done is written and reported. The second one ends "
+      "them\n"
+      "at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
@@ -146,10 +151,10 @@ int Run(int argc, char** argv) {
     return 2;
   }
   if (scenes->parsed()) ListScenes(with_expectations);
-  bool good = true;
+  bool good = true, strictly_failed = false;
   if (run->parsed()) {
     options.arguments = islet::RunArguments(*run);
-    islet::RunScene(options);
+    strictly_failed = islet::RunScene(options).failed_steps > 0 && options.strict;
   }
   if (view->parsed()) {
     view_options.arguments = islet::RunArguments(*view);
@@ -163,6 +168,7 @@ int Run(int argc, char** argv) {
   if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));
   if (manual->parsed()) islet::Print(stdout, islet::Manual(app, islet::Version()));
   if (islet::Interrupt::Obeyed()) return islet::Interrupt::kExitStatus;
+  if (strictly_failed) return kStrictStatus;
   return good ? 0 : 1;
 }
 

@@ -43,6 +43,8 @@ ReadyScene FromFile(const RunOptions& options) {
   if (!options.probes.empty() && description->probes.empty())
     throw std::invalid_argument(fmt::format("--probes {}: {} has no \"probes\"", options.probes, options.scene));
   return {.name = options.scene,
+          .title = description->title,
+          .about = description->about,
           .text = std::move(text),
           .expected = description->expected.empty() ? "the file does not say" : description->expected,
           .dt = dt,
@@ -66,6 +68,8 @@ ReadyScene MakeReady(const RunOptions& options) {
         fmt::format("--probes {}: the scene {} has none; those of files can have some", options.probes, options.scene));
   BuiltScene built = BuildScene(scene, options.parameters, MakeSettings(options));
   return {.name = std::string(scene.name),
+          .title = {},
+          .about = std::string(scene.summary),
           .text = {},
           .expected = std::string(scene.expected),
           .dt = options.dt.value_or(kUsualStep),

@@ -17,6 +17,8 @@ namespace islet {
 
 struct ReadyScene {
   std::string name;      // or the path of its file
+  std::string title;     // as its file has it, or empty
+  std::string about;     // what it is, may be empty
   std::string text;      // of its file, or empty
   std::string expected;  // what a right simulation shows
   double dt;             // [s] of the options, else the scene's own

@@ -31,6 +31,8 @@ FilmHead RunHead(const RunOptions& options, const ReadyScene& scene) {
   std::string command = "islet run";
   for (const std::string& argument : options.arguments) command.append(" ").append(Quoted(argument));
   FilmHead head = HeadOf(scene.world, scene.dt, scene.name, command, scene.info.bounds);
+  head.title = scene.title;
+  head.about = scene.about;
   head.arguments = options.arguments;
   head.version = Version();
   if (scene.text.size() <= kMostHeadBytes / 2) head.scene_text = scene.text;

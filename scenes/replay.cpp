@@ -85,7 +85,7 @@ bool Check(const ReplayOptions& options) {
   bool more = reader.Next(&recorded);  // one frame ahead
   if (!more) throw std::invalid_argument(path + ": holds no frame, so there is nothing to compare");
   std::string difference;
-  const std::string stopped_by = RunScene(run, [&](const World& world, int frame) {
+  const RunEnd end = RunScene(run, [&](const World& world, int frame) {
     if (!more) {
       difference = fmt::format("the recording ends with frame {} by {}, this run goes on", recorded.number,
                                Printable(reader.stopped_by()));
@@ -103,7 +103,7 @@ bool Check(const ReplayOptions& options) {
     return more || EndsByItself(reader.stopped_by());
   });
   if (!difference.empty()) throw std::runtime_error(path + ": " + difference);
-  if (stopped_by == "interrupt") {
+  if (end.stopped_by == "interrupt") {
     Print(stdout,
           fmt::format("{}: interrupted: the first {} frames are the same, bit for bit; the others were not compared\n",
                       path, frames));
@@ -111,10 +111,10 @@ bool Check(const ReplayOptions& options) {
   }
   if (more)
     throw std::runtime_error(
-        fmt::format("{}: this run ends with frame {} by {}, the recording goes on", path, frames - 1, stopped_by));
-  if (EndsByItself(reader.stopped_by()) && stopped_by != reader.stopped_by())
+        fmt::format("{}: this run ends with frame {} by {}, the recording goes on", path, frames - 1, end.stopped_by));
+  if (EndsByItself(reader.stopped_by()) && end.stopped_by != reader.stopped_by())
     throw std::runtime_error(fmt::format("{}: the recording was stopped by {}, this run by {}", path,
-                                         Printable(reader.stopped_by()), stopped_by));
+                                         Printable(reader.stopped_by()), end.stopped_by));
   Print(stdout, fmt::format("{}: all {} frames are the same, bit for bit{}\n", path, frames,
                             reader.stopped_by().empty() ? "; it is cut off behind them" : ""));
   return true;

@@ -89,7 +89,7 @@ int FrameLimit(const RunOptions& options, const ReadyScene& scene) {
 
 }  // namespace
 
-std::string RunScene(const RunOptions& options, const RunWatch& watch) {
+RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
   CheckRunOptions(options);
   ReadyScene scene = MakeReady(options);
   World& world = scene.world;
@@ -130,7 +130,7 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
 
   std::optional<Recorder> recorder;
   if (!options.record.empty()) recorder.emplace(options, scene);
-  if (watch && !watch(world, 0)) return "watch";
+  if (watch && !watch(world, 0)) return {"watch"};
   std::optional<RunPage> page;
   const double start_energy = PotentialEnergy(world);
   if (!options.html.empty()) {
@@ -178,7 +178,7 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
     }
     progress.Update(frame, step_seconds, report);
   }
-  if (watch) return stopped_by;
+  if (watch) return {stopped_by};
   run_report.Finish(world, WallTime() - start, stopped_by);
 
   std::FILE* const people = options.ReportOnStdout() ? stderr : stdout;
@@ -203,8 +203,10 @@ std::string RunScene(const RunOptions& options, const RunWatch& watch) {
   if (options.ReportOnStdout()) Print(stdout, run_report.Json());
   if (page) failures.Try([&] { Print(people, page->Finish(stopped_by)); });
   if (recorder) failures.Try([&] { recorder->Finish(stopped_by); });
+  if (const std::string warning = run_report.Warning(); !warning.empty())
+    Print(stderr, fmt::format("islet: warning: {}\n", warning));
   failures.Tell();
-  return stopped_by;
+  return {stopped_by, run_report.failed_steps()};
 }
 
 }  // namespace islet

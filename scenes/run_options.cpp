@@ -249,6 +249,8 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--record", o.record, "FILE", "keep every frame for `islet replay FILE`")->check(FileName);
   add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")
       ->check(FileName);
+  command->add_flag("--strict", o.strict, "exit status 3 if a step failed: what it did is beyond a bound of the ledger")
+      ->group(kOutput);
   add(kOutput, "--export-fclib", o.export_fclib, "DIR",
       "write the contact problems of every frame in FCLIB's HDF5 format")
       ->check(FileName);

@@ -48,6 +48,8 @@ struct RunOptions {
   bool live = false;        // no file: a page is served while the scene runs
   int port = 0;             // at which; 0: any that is free
 
+  bool strict = false;  // a failed step is an exit status of its own
+
   std::string export_fclib;        // folder for the island problems, or empty
   std::vector<int> export_frames;  // from 1; empty: all
 

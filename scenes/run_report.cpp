@@ -86,6 +86,21 @@ Json CertificateJson(const Certificate& c) {
           {"coulomb_map_rms", c.coulomb_map_rms}};
 }
 
+// Of what a failed step did wrong, the plainest.
+std::string WhyFailed(const StepReport& report) {
+  const Ledger& l = report.ledger;
+  if (l.sides_changed > 0) return fmt::format("body {} went through another", l.side_changer);
+  if (report.overlapping > 0) return fmt::format("pairs of bodies inside of each other: {}", report.overlapping);
+  if (report.unstepped > 0) return fmt::format("a group found no way on for {:.2g} s", report.unstepped);
+  if (!(l.energy_created.value <= Ledger::kMostEnergy))
+    return fmt::format("{:.1e} of the energy at hand was created", l.energy_created.value);
+  const LedgerEntry& turned = l.angular_momentum_unexplained;
+  const bool turns = !(turned.value <= Ledger::kMostMomentum);
+  const LedgerEntry& worst = turns ? turned : l.momentum_unexplained;
+  return fmt::format("{} of body {} unexplained: {:.1e}", turns ? "angular momentum" : "momentum", worst.body,
+                     worst.value);
+}
+
 }  // namespace
 
 std::string CountedBodies(int count) { return fmt::format("{} {}", count, count == 1 ? "body" : "bodies"); }
@@ -133,7 +148,10 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   ledger_.Include(report.ledger);
   for (size_t k = 0; k < worst.size(); ++k)
     if (LedgerValues(ledger_)[k] != worst[k]) ledger_frames_[k] = static_cast<int>(step_seconds_.size());
-  failed_steps_ += report.Failed();
+  if (report.Failed() && failed_steps_++ == 0) {
+    first_failed_ = static_cast<int>(step_seconds_.size());
+    why_failed_ = WhyFailed(report);
+  }
   energy_gain_max_ = std::max(energy_gain_max_, report.energy_gain);
   bounces_ += report.bounces;
   woken_ += report.woken;
@@ -272,6 +290,12 @@ std::string RunReport::Summary() const {
   if (info_.bounds) text += fmt::format(", {} escaped", escaped_);
   text += fmt::format("\n  state hash    {}\n  expected      {}\n", state_hash_, Printable(expected_));
   return text;
+}
+
+std::string RunReport::Warning() const {
+  if (failed_steps_ == 0) return "";
+  return fmt::format("{} of {} steps failed, the first is frame {} ({})", failed_steps_, step_seconds_.size(),
+                     first_failed_, why_failed_);
 }
 
 }  // namespace islet

@@ -38,6 +38,9 @@ class RunReport {
 
   std::string Json() const;     // indented, newline at the end
   std::string Summary() const;  // a few lines
+  std::string Warning() const;  // how many steps failed, the first of them and why, in half a line; empty: none
+
+  int failed_steps() const { return failed_steps_; }
 
  private:
   struct Series {  // of one number per frame
@@ -61,8 +64,9 @@ class RunReport {
   Certificate certificate_;
   Ledger ledger_;
   std::array<int, 4> ledger_frames_{-1, -1, -1, -1};  // of its worst entries, in the order of the report
-  int failed_steps_ = 0;
-  double energy_gain_max_ = 0;  // [J]
+  int failed_steps_ = 0, first_failed_ = 0;           // [frames] first_failed_: from 1
+  std::string why_failed_;                            // the first of them
+  double energy_gain_max_ = 0;                        // [J]
   LadderReport ladder_, motion_ladder_;
   double mechanical_energy_gain_ = 0;
   double frozen_imbalance_ = 0;

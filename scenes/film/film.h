@@ -1,4 +1,5 @@
 // What a run showed: its bodies once, then a frame for each step. Recordings keep it, pages and pictures draw it, the live server sends it.
+// Nothing that the program runs removes a body. One that World::Remove took out stands in later frames where it was last.
 //
 //   frames: W world, B body    units: SI, numbers that are only looked at in single precision
 //   threads: pure functions of a world that is in no step
@@ -22,7 +23,8 @@ struct FilmBody {
 };
 
 struct FilmHead {
-  std::string scene;                   // its name, or that of its file
+  std::string scene;                   // its name, or the path of its file
+  std::string title, about;            // of the scene, for people; either may be empty
   std::string command;                 // that makes the same run again: `islet run ...`
   std::vector<std::string> arguments;  // of that command, behind `run`; empty: of a run that no command makes
   std::string scene_text;              // of the scene's file; empty: the program knows the scene

@@ -254,7 +254,7 @@ std::string FilmToGlb(FilmReader* reader) {
   model.materials = {MaterialOf(false), MaterialOf(true)};
   model.defaultScene = 0;
   tinygltf::Scene scene;
-  scene.name = head.scene;
+  scene.name = head.title.empty() ? head.scene : head.title;
   if (!head.command.empty())
     scene.extras = tinygltf::Value(tinygltf::Value::Object{{"command", tinygltf::Value(head.command)}});
 
@@ -262,7 +262,7 @@ std::string FilmToGlb(FilmReader* reader) {
   std::map<int, std::array<int, 3>> accessors;  // by shape: points, normals, corners
   std::map<std::pair<int, bool>, int> meshes;   // by shape and whether it moves
   tinygltf::Animation animation;
-  animation.name = head.scene;
+  animation.name = scene.name;
   int times = -1;
   for (size_t i = 0; i < head.bodies.size(); ++i) {
     const FilmBody& body = head.bodies[i];

@@ -266,6 +266,8 @@ std::string HeadToJson(const FilmHead& head) {
             {"scene", head.scene},
             {"command", head.command},
             {"arguments", head.arguments}};
+  if (!head.title.empty()) json["title"] = head.title;
+  if (!head.about.empty()) json["about"] = head.about;
   if (!head.scene_text.empty()) json["scene_text"] = head.scene_text;
   json["dt"] = head.dt;
   json["tolerance"] = head.tolerance;
@@ -295,6 +297,8 @@ FilmHead HeadFromJson(std::string_view text) {
   head.command = Text(At(json, "command"), "command");
   for (const Json& argument : List(At(json, "arguments"), "arguments", 1000))
     head.arguments.push_back(Text(argument, "arguments"));
+  if (json.contains("title")) head.title = Text(json["title"], "title");
+  if (json.contains("about")) head.about = Text(json["about"], "about");
   if (json.contains("scene_text")) head.scene_text = Text(json["scene_text"], "scene_text");
   head.dt = Number(At(json, "dt"), "dt");
   if (!(head.dt > 0)) Refuse("dt", "must be positive", json["dt"]);

@@ -1,6 +1,6 @@
 // The head of a film as JSON, for recordings; numbers come back bit for bit.
 //
-//   keys    program, version, scene, command, arguments, scene_text (if any), dt, tolerance, gravity, bounds (if any),
+//   keys    program, version, scene, title, about (if any), command, arguments, scene_text (if any), dt, tolerance, gravity, bounds (if any),
 //           shapes: kind and its numbers, a hull with all of its polytope
 //           bodies: [how many alike in a row, shape, kind, mass]
 //   limits  of bytes, values, bodies and shapes, held before memory is asked for

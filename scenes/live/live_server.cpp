@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <charconv>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -15,6 +16,7 @@
 #include <stdexcept>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace islet {
 namespace {
@@ -25,7 +27,8 @@ constexpr auto kPatience = std::chrono::seconds(20);  // for a run that is in a 
 constexpr auto kBeat =
     std::chrono::seconds(2);         // between signs of life to a stream, which tell whether it is still there
 constexpr size_t kMostWaiting = 64;  // messages
-constexpr std::array kEventNames{"head", "state", "frame"};  // as LiveEvent counts
+constexpr std::array kEventNames{"head", "state"};  // as LiveEvent counts; frames are kept
+constexpr size_t kMostAtOnce = 1 << 20;             // [bytes] of frames that who comes has not seen
 
 constexpr size_t kLongestRequest = 32 << 10;                   // [bytes] a head as browsers send it, and a message
 constexpr auto kRequestTime = std::chrono::milliseconds(900);  // in which a request must be there
@@ -120,12 +123,27 @@ struct LiveServer::Impl {
     std::uint64_t count = 0;  // of those that there were
   };
   std::array<Event, kEventNames.size()> events;
+  struct Frame {
+    std::shared_ptr<const std::string> text;
+    std::uint64_t count;  // from 1; its id in the stream
+  };
+  std::vector<Frame> frames;  // that are kept, the newest at last
+  std::uint64_t frame_count = 0;
+  size_t letters = 0;  // of frames
   std::deque<std::shared_ptr<Message>> waiting;
   bool ending = false;
   std::atomic<int> streams = 0;
 
   bool IsOurs(const httplib::Request& request) const;
-  void Stream(httplib::Response& response);
+  // What one page has been sent.
+  struct Seen {
+    std::array<std::uint64_t, kEventNames.size()> events{};
+    std::uint64_t frame = 0;  // count of the last
+    bool all = false;         // that was kept: from now on it gets the newest alone
+  };
+  void Keep(std::string text);
+  std::vector<Frame> NewsFor(Seen* seen) const;
+  void Stream(const httplib::Request& request, httplib::Response& response);
   void Command(const httplib::Request& request, httplib::Response& response);
 };
 
@@ -135,33 +153,83 @@ bool LiveServer::Impl::IsOurs(const httplib::Request& request) const {
   return here && request.path.starts_with("/" + token + "/");
 }
 
-void LiveServer::Impl::Stream(httplib::Response& response) {
+void LiveServer::Impl::Keep(std::string text) {
+  letters += text.size();
+  frames.push_back({std::make_shared<const std::string>(std::move(text)), ++frame_count});
+  while (frames.size() > 2 && (frames.size() > kMostFrames || letters > kMostLetters)) {
+    const size_t half = frames.size() / 2;
+    std::vector<Frame> kept;
+    for (size_t i = 0; i < frames.size(); ++i) {
+      if (i >= half || i % 2 == 0)
+        kept.push_back(std::move(frames[i]));
+      else
+        letters -= frames[i].text->size();
+    }
+    frames = std::move(kept);
+  }
+}
+
+// Frames that a page is to be sent next.
+std::vector<LiveServer::Impl::Frame> LiveServer::Impl::NewsFor(Seen* seen) const {
+  std::vector<Frame> chosen;
+  seen->frame = std::min(seen->frame, frame_count);  // an id may be anything
+  if (seen->frame == frame_count) {
+    seen->all = true;
+    return chosen;
+  }
+  if (seen->all) {
+    chosen.push_back(frames.back());
+  } else {
+    size_t bytes = 0;
+    auto next = std::upper_bound(frames.begin(), frames.end(), seen->frame,
+                                 [](std::uint64_t count, const Frame& frame) { return count < frame.count; });
+    for (; next != frames.end() && bytes < kMostAtOnce; ++next) {
+      bytes += next->text->size();
+      chosen.push_back(*next);
+    }
+    seen->all = next == frames.end();
+  }
+  seen->frame = chosen.back().count;
+  return chosen;
+}
+
+void LiveServer::Impl::Stream(const httplib::Request& request, httplib::Response& response) {
   if (streams.fetch_add(1) >= kMostStreams) {
     --streams;
     response.status = 503;
     response.set_content("too many pages look at this run", "text/plain");
     return;
   }
-  auto seen = std::make_shared<std::array<std::uint64_t, kEventNames.size()>>();
+  auto seen = std::make_shared<Seen>();
+  const std::string last = request.get_header_value("Last-Event-ID");
+  std::from_chars(last.data(), last.data() + last.size(), seen->frame);
   response.set_header("Cache-Control", "no-store");
   response.set_chunked_content_provider(
       "text/event-stream",
       [this, seen](size_t, httplib::DataSink& sink) {
         std::string text;
+        std::vector<Frame> coming;
+        bool ends = false;
         {
           std::unique_lock guard(lock);
-          const auto is_news = [&](size_t k) { return (*seen)[k] != events[k].count; };
-          news.wait_for(guard, kBeat, [&] { return ending || is_news(0) || is_news(1) || is_news(2); });
+          const auto is_news = [&](size_t k) { return seen->events[k] != events[k].count; };
+          news.wait_for(guard, kBeat, [&] { return ending || is_news(0) || is_news(1) || seen->frame != frame_count; });
           for (size_t k = 0; k < events.size(); ++k) {
             if (is_news(k)) text.append("event: ").append(kEventNames[k]).append("\ndata: " + events[k].text + "\n\n");
-            (*seen)[k] = events[k].count;
+            seen->events[k] = events[k].count;
           }
-          if (ending) {
-            text += "event: end\ndata:\n\n";
-            sink.write(text.data(), text.size());
-            sink.done();
-            return true;
-          }
+          coming = NewsFor(seen.get());
+          ends = ending && seen->frame == frame_count;
+        }
+        for (const Frame& frame : coming)
+          text.append("id: " + std::to_string(frame.count) + "\nevent: frame\ndata: ")
+              .append(*frame.text)
+              .append("\n\n");
+        if (ends) {
+          text += "event: end\ndata:\n\n";
+          sink.write(text.data(), text.size());
+          sink.done();
+          return true;
         }
         if (text.empty()) text = ": here\n\n";
         return sink.write(text.data(), text.size());
@@ -219,7 +287,7 @@ LiveServer::LiveServer(std::string page, int port) : impl_(std::make_unique<Impl
     response.set_content(s.page, "text/html; charset=utf-8");
   });
   s.server.Get("/" + s.token + "/stream",
-               [&s](const httplib::Request&, httplib::Response& response) { s.Stream(response); });
+               [&s](const httplib::Request& request, httplib::Response& response) { s.Stream(request, response); });
   s.server.Post("/" + s.token + "/command",
                 [&s](const httplib::Request& request, httplib::Response& response) { s.Command(request, response); });
   s.port = port == 0 ? s.server.bind_to_any_port("127.0.0.1") : s.server.bind_to_port("127.0.0.1", port) ? port : -1;
@@ -249,9 +317,13 @@ const std::string& LiveServer::address() const { return impl_->address; }
 void LiveServer::Show(LiveEvent event, std::string text) {
   {
     const std::scoped_lock guard(impl_->lock);
-    Impl::Event& shown = impl_->events[static_cast<size_t>(event)];
-    shown.text = std::move(text);
-    ++shown.count;
+    if (event == LiveEvent::kFrame) {
+      impl_->Keep(std::move(text));
+    } else {
+      Impl::Event& shown = impl_->events[static_cast<size_t>(event)];
+      shown.text = std::move(text);
+      ++shown.count;
+    }
   }
   impl_->news.notify_all();
 }

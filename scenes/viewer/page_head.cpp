@@ -139,6 +139,8 @@ std::string NumberBytes(const std::vector<double>& numbers) {
 std::string PageHeadJson(const FilmHead& head, const PageChunk& sum, const std::vector<int>& chunk_sizes,
                          double position_step, const std::string& stopped_by, const std::string& start) {
   Json json{{"scene", head.scene},
+            {"title", head.title},
+            {"about", head.about},
             {"command", head.command},
             {"dt", head.dt},
             {"tolerance", head.tolerance},

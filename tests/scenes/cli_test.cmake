@@ -420,5 +420,32 @@ if(one STREQUAL two)
   message(SEND_ERROR "another seed, the same end: ${one}")
 endif()
 
+# A step that failed is told at the end; with --strict it is the exit status, once all is written.
+file(WRITE ${SCRATCH}/press.json [[{"version": 1, "bodies": [
+  {"name": "floor", "shape": {"type": "half_space"}, "kind": "fixed"},
+  {"name": "cube", "shape": {"type": "box", "size": [1, 1, 1]}, "mass": 1, "position": [0, 0, 0.5]},
+  {"name": "plate", "shape": {"type": "box", "size": [2, 2, 0.2]}, "kind": "kinematic", "position": [0, 0, 1.3]}],
+  "drives": [{"body": "plate", "velocity": [0, 0, -1]}]}]])
+set(warning "\nislet: warning: [1-9][0-9]* of 20 steps failed, the first is frame [1-9][0-9]* [(]pairs of bodies inside of each other: 1[)]\n$")
+foreach(strict IN ITEMS "" "--strict")
+  islet(status stdout stderr run press.json --frames 20 --threads 1 --report r.json ${strict})
+  set(told "\n${stderr}")
+  check_match("warning ${strict}" told "${warning}")
+  file(READ ${SCRATCH}/r.json report)
+  string(JSON frames GET "${report}" frames)
+  check_equal("report ${strict}" "${frames}" 20)
+  if(strict)
+    check_equal("exit status with --strict" "${status}" 3)
+  else()
+    check_equal("exit status without --strict" "${status}" 0)
+  endif()
+endforeach()
+islet(status stdout stderr run press.json --frames 5 --threads 1 --strict)
+check_equal("exit status of --strict if no step failed" "${status}" 0)
+check_equal("and what it warns of" "${stderr}" "")
+islet(status stdout stderr view press.json --frames 20 --threads 1 --out press.html)
+set(told "\n${stderr}")
+check_match("warning of view" told "${warning}")
+
 file(REMOVE_RECURSE ${SCRATCH})
 message(STATUS "${num_checks} checks")

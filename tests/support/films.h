@@ -137,6 +137,8 @@ inline void ExpectSame(const Shape& a, const Shape& b) {
 
 inline void ExpectSame(const FilmHead& a, const FilmHead& b) {
   EXPECT_EQ(a.scene, b.scene);
+  EXPECT_EQ(a.title, b.title);
+  EXPECT_EQ(a.about, b.about);
   EXPECT_EQ(a.command, b.command);
   EXPECT_EQ(a.arguments, b.arguments);
   EXPECT_EQ(a.scene_text, b.scene_text);

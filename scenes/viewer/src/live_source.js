@@ -1,6 +1,7 @@
 // A run that goes on while the page is open: its frames come as server-sent events, messages to it go by POST; live_server.h has both.
 // Frames are kept packed. Once there are too many, every second one of the older half is forgotten, so that all of the run stays there,
-// what is long ago in larger steps, and the memory is bounded however long it runs.
+// what is long ago in larger steps, and the memory is bounded however long it runs. The run keeps as many for pages that come later:
+// one that is opened or loaded anew gets them first.
 import {fromBase64, unpack} from './unpack.js';
 
 const MOST_FRAMES = 20000;   // a curve of so many is drawn in some milliseconds
@@ -64,10 +65,12 @@ export class LiveSource {
     this.onHead();
   }
 
-  // One of the same number takes the place of the last: the bodies have changed since, or the stream was opened anew.
+  // One of the same number takes the place of the last: the bodies have changed since. One before it is there already.
   #takeFrame(bodies, contacts, numbers) {
     const values = new Float64Array(fromBase64(numbers).buffer), {head} = this;
-    const place = this.numbers.get('number').at(-1) === values[head.numbers.indexOf('number')] ? this.frames - 1 : this.frames;
+    const number = values[head.numbers.indexOf('number')], last = this.numbers.get('number').at(-1);
+    if (number < last) return;
+    const place = number === last ? this.frames - 1 : this.frames;
     if (place < this.frames) this.#forget(this.keys[place]);
     head.numbers.forEach((name, k) => (this.numbers.get(name)[place] = values[k]));
     this.keys[place] = ++this.lastKey;

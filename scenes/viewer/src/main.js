@@ -62,7 +62,7 @@ class Viewer {
     this.setMode('body');
     this.tellState();
     if (head.start === 'worst') await this.openWorst();
-    else this.player.go(0);
+    else this.player.go(this.live ? Infinity : 0);
     requestAnimationFrame((now) => this.tick(now, now));
   }
 
@@ -233,8 +233,13 @@ class Viewer {
 
   fillPage() {
     const {film} = this, {head} = film;
-    document.title = `${head.scene} – islet`;
-    $('scene').textContent = head.scene;
+    // The scene's own title; without one the name, or that of its file.
+    const title = head.title || head.scene.replace(/^.*\//, ''), path = title === head.scene ? '' : head.scene;
+    document.title = `${title} – islet`;
+    $('scene').textContent = title;
+    $('scene').title = $('path').textContent = path;
+    $('about').textContent = head.about;
+    $('about-scene').hidden = !head.about && !path;
     this.tellSummary();
     $('command').textContent = head.command;
     $('scrub').max = film.frames - 1;
@@ -243,7 +248,7 @@ class Viewer {
     $('curves').replaceChildren(...this.curves.map((curve) => curve.element));
     this.fillReport();
     const {errors, contacts, steps} = head;
-    $('data-note').textContent = this.live ? `Positions are in steps of ${metres(steps.position)} and rotations in steps of ${number(steps.rotation)}. The page keeps all of the run: ` +
+    $('data-note').textContent = this.live ? `Positions are in steps of ${metres(steps.position)} and rotations in steps of ${number(steps.rotation)}. The page keeps all of the run, also when it is loaded anew: ` +
       'beyond 20,000 frames or 128 MB every second one of the older half is forgotten.' : `Positions are within ${metres(errors.position)} and rotations within ${number(errors.rotation)} rad of the run. ` +
       (contacts.frames_cut ? `Of ${count(contacts.all)} contacts ${count(contacts.kept)} are kept, in each frame those that press most. ` : `All ${count(contacts.all)} contacts are kept. `) +
       'The curves are exact.';
@@ -313,7 +318,7 @@ class Viewer {
     document.addEventListener('click', (event) => event.detail > 0 && event.target.closest?.('button, input')?.blur());
     window.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe($('stage'));
-    new ResizeObserver(() => this.resize()).observe($('curves'));
+    for (const curve of this.curves) new ResizeObserver(() => this.redraw(curve)).observe(curve.box);
     onTheme(() => this.applyTheme());
   }
 
@@ -343,10 +348,12 @@ class Viewer {
 
   resize() {
     this.stage.resize();
-    for (const curve of this.curves) {
-      curve.draw();
-      if (this.shown) curve.setFrame(this.shown.i);
-    }
+    for (const curve of this.curves) this.redraw(curve);
+  }
+
+  redraw(curve) {
+    curve.draw();
+    if (this.shown) curve.setFrame(this.shown.i);
   }
 
   applyTheme() {

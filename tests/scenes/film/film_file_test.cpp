@@ -70,6 +70,8 @@ TEST(FilmFile, KeepsExtremeNumbers) {
   const Scratch scratch;
   Film film = Small();
   film.head.scene = "\"\\\n\x01 \xc3\xa9";
+  film.head.title = "\"title\"";
+  film.head.about = "about\n\xc3\xa9";
   film.head.scene_text = std::string(100'000, '[');
   film.head.arguments = {"", "--a=b c", "'"};
   film.head.dt = 5e-324;

@@ -148,7 +148,11 @@ TEST_F(LiveServerTest, RefusesWhatHasNoEnd) {
   EXPECT_EQ(Client().Get(path_)->status, 200);
 }
 
-TEST_F(LiveServerTest, StreamsTheNewest) {
+std::string FrameEvent(int id, const std::string& text) {
+  return "id: " + std::to_string(id) + "\nevent: frame\ndata: " + text + "\n\n";
+}
+
+TEST_F(LiveServerTest, StreamsWhatWasThenTheNewest) {
   server_.Show(LiveEvent::kHead, "HEAD 1");
   server_.Show(LiveEvent::kFrame, "FRAME 0");
   server_.Show(LiveEvent::kFrame, "FRAME 1");
@@ -160,9 +164,64 @@ TEST_F(LiveServerTest, StreamsTheNewest) {
     if (text.ends_with("FRAME 2\n\n")) server_.Show(LiveEvent::kState, "STATE");
     return !text.ends_with("STATE\n\n");
   });
-  EXPECT_EQ(text,
-            "event: head\ndata: HEAD 1\n\nevent: frame\ndata: FRAME 1\n\n"
-            "event: frame\ndata: FRAME 2\n\nevent: state\ndata: STATE\n\n");
+  EXPECT_EQ(text, "event: head\ndata: HEAD 1\n\n" + FrameEvent(1, "FRAME 0") + FrameEvent(2, "FRAME 1") +
+                      FrameEvent(3, "FRAME 2") + "event: state\ndata: STATE\n\n");
+}
+
+TEST_F(LiveServerTest, WhoComesAgainGetsWhatWasMissed) {
+  const auto stream = [&](const std::string& last_id) {
+    httplib::Client client = Client();
+    std::string text;
+    client.Get(path_ + "stream", {{"Last-Event-ID", last_id}}, [&](const char* data, size_t size) {
+      text.append(data, size);
+      return !text.ends_with("\n\n");
+    });
+    return text;
+  };
+  std::string all;
+  for (int i = 1; i <= 5; ++i) {
+    server_.Show(LiveEvent::kFrame, "FRAME");
+    all += FrameEvent(i, "FRAME");
+  }
+  EXPECT_EQ(stream("3"), FrameEvent(4, "FRAME") + FrameEvent(5, "FRAME"));
+  EXPECT_EQ(stream("x"), all);
+  EXPECT_EQ(stream("99999999999999999999999"), all);
+  EXPECT_EQ(stream("18446744073709551615"), ": here\n\n");
+}
+
+// All of a run in bounded memory: what is long ago in larger steps.
+TEST_F(LiveServerTest, KeepsTheRunInBoundedMemory) {
+  const auto kept = [&] {
+    httplib::Client client = Client();
+    std::string text;
+    client.Get(path_ + "stream", [&](const char* data, size_t size) {
+      text.append(data, size);
+      return !text.ends_with("\ndata: END\n\n");
+    });
+    std::vector<int> ids;
+    for (size_t at = text.find("id: "); at != std::string::npos; at = text.find("\nid: ", at + 1))
+      ids.push_back(std::stoi(text.substr(text.find(' ', at))));
+    return ids;
+  };
+  for (size_t i = 1; i < 3 * kMostFrames; ++i) server_.Show(LiveEvent::kFrame, "FRAME");
+  server_.Show(LiveEvent::kFrame, "END");
+  std::vector<int> ids = kept();
+  EXPECT_LE(ids.size(), kMostFrames);
+  EXPECT_GT(ids.size(), kMostFrames / 2);
+  EXPECT_EQ(ids.front(), 1);
+  EXPECT_EQ(ids.back(), 3 * kMostFrames);
+  for (size_t k = 1; k < ids.size(); ++k) {
+    ASSERT_LT(ids[k - 1], ids[k]);
+    if (k > ids.size() / 2) {
+      EXPECT_EQ(ids[k], ids[k - 1] + 1);
+    }
+  }
+  const std::string large(kMostLetters / 10, 'x');
+  for (int i = 0; i < 30; ++i) server_.Show(LiveEvent::kFrame, large);
+  server_.Show(LiveEvent::kFrame, "END");
+  ids = kept();
+  EXPECT_LE(ids.size(), 12u);
+  EXPECT_GE(ids.size(), 5u);
 }
 
 // Also to who is in the middle of a frame.
@@ -186,7 +245,7 @@ TEST(LiveServer, TellsItsEnd) {
     if (round % 2) std::this_thread::sleep_for(milliseconds(1));
     server.reset();
     page.join();
-    EXPECT_TRUE(text.starts_with("event: frame\ndata: FIRST\n\n"));
+    EXPECT_TRUE(text.starts_with("id: 1\nevent: frame\ndata: FIRST\n\n"));
     EXPECT_TRUE(text.ends_with("x\n\nevent: end\ndata:\n\n"));
   }
 }

@@ -5,6 +5,7 @@ driver.drive(async () => {
   const shown = () => v.shown?.i;
   await until('a frame is shown', () => v.shown !== null);
   await pause(100);
+  found.heading = {heading: $('scene').textContent, tab: document.title, hint: $('scene').title, about: $('about').textContent, path: $('path').textContent};
   found.opened = {frame: v.player.frame, report: !$('report').hidden, command: $('command').textContent, picked: v.picked};
   const accuracy = [...v.film.numbers.get('accuracy')];
   found.opened.worst = accuracy.indexOf(Math.max(...accuracy));

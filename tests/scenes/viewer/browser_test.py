@@ -56,6 +56,17 @@ shapes = os.path.join(SCRATCH, 'shapes.html')
 run(PAGE_TEST, '--gtest_filter=Page.HoldsTheFilm*', env={**os.environ, 'ISLET_PAGE': shapes})
 worst = os.path.join(SCRATCH, 'worst.html')
 run(ISLET, 'run', 'cubejam', '--count', '12', '--frames', '40', '--threads', '1', '--html', worst)
+# Scenes from files: one with a title and the like, of its recording, and one without.
+ball = {'version': 1, 'bodies': [{'name': 'floor', 'shape': {'type': 'half_space'}, 'kind': 'fixed'},
+                                 {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.5}, 'density': 1, 'position': [0, 0, 2]}]}
+told, plain = os.path.join(SCRATCH, 'told.json'), os.path.join(SCRATCH, 'plain.json')
+for name, more in (told, {'title': 'A <b>ball</b>', 'about': 'It falls & bounces.'}), (plain, {}):
+    with open(name, 'w', encoding='utf-8') as file:
+        json.dump(ball | more, file)
+told_page, plain_page = os.path.join(SCRATCH, 'told.html'), os.path.join(SCRATCH, 'plain.html')
+run(ISLET, 'run', told, '--frames', '60', '--record', os.path.join(SCRATCH, 'told.film'))
+run(ISLET, 'view', os.path.join(SCRATCH, 'told.film'), '--out', told_page)
+run(ISLET, 'view', plain, '--frames', '60', '--out', plain_page)
 
 backgrounds = set()
 for page, sizes in [(jam, [(400, 900, False), (2000, 1100, True)]), (shapes, [(1280, 900, False)])]:
@@ -78,9 +89,15 @@ check('colours of light and dark', len(backgrounds) == 2, backgrounds)
 
 found = browse(worst, 1280, 900)
 check('the report is open', found['opened']['report'], found['opened'])
+check('its heading', found['heading']['heading'] == 'cubejam' and found['heading']['path'] == '' != found['heading']['about'], found['heading'])
 check('its command', found['opened']['command'] == 'islet run cubejam --count=12 --frames=40', found['opened'])
 check('it opens at its worst frame', found['opened']['frame'] == found['opened']['worst'] > 0, found['opened'])
 check('a body of the worst island is picked', found['opened']['picked'] >= 0, found['opened'])
+
+# Its title is the heading, else the name of its file; the path is below.
+for page, heading, about, path in [(told_page, 'A <b>ball</b>', 'It falls & bounces.', told), (plain_page, 'plain.json', '', plain)]:
+    found = browse(page, 800, 600)
+    check(f'heading of {page}', found['heading'] == {'heading': heading, 'tab': f'{heading} – islet', 'hint': path, 'about': about, 'path': path}, found['heading'])
 
 # A page that was damaged says so.
 text = text_of(jam)

@@ -44,7 +44,8 @@ dropped = threading.Event()
 
 class Between(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
-        with urllib.request.urlopen(ISLET_AT + self.path) as answer:
+        seen = {'Last-Event-ID': self.headers['Last-Event-ID']} if self.headers['Last-Event-ID'] else {}
+        with urllib.request.urlopen(urllib.request.Request(ISLET_AT + self.path, headers=seen)) as answer:
             self.send_response(200)
             self.send_header('Content-Type', answer.headers['Content-Type'])
             self.end_headers()

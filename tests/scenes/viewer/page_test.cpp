@@ -215,10 +215,10 @@ TEST(Page, AThousandCubesAndSixHundredFramesAreBelow20Megabytes) {
 
 TEST(Page, NamesCannotLeaveTheirScript) {
   TestFilm film = RunFilm(1, "</script><script>alert(1)</script><!-- \" ' \\ \xff\xfe\n");
-  film.head.command = "islet run '</ScRiPt>' <!--<script>";
+  film.head.command = film.head.title = film.head.about = "islet run '</ScRiPt>' <!--<script>";
   const std::string page = PageOf(film), plain = PageOf(RunFilm(1));
   const nlohmann::json head = page_reader::Head(page);
-  EXPECT_EQ(head["command"], film.head.command);
+  for (const char* name : {"command", "title", "about"}) EXPECT_EQ(head[name], film.head.command);
   EXPECT_TRUE(head["scene"].get<std::string>().starts_with("</script><script>alert(1)</script><!--"));
   const auto count = [](const std::string& text, const std::string& part) {
     int found = 0;
