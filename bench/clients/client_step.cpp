@@ -12,6 +12,7 @@ constexpr double kTouch = 5e-4;   // nearer points touch
 constexpr double kSlop = 1e-6;    // overlap that stays where two bodies turn against each other
 constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
 constexpr double kUnseen = 5e-4;  // overlap at the end of a step that is worth another round
+constexpr double kPaid = 0.9;     // of what bodies lose in a step: what undoing overlaps may give them
 // A point found at the end of a step is one of its start again that is so near and whose normal is so alike, in its cosine.
 constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
 
@@ -62,23 +63,27 @@ double ClientStep::Energy() const {
   return energy;
 }
 
-// Whoever lost nothing in the step before, as what rests, pays for nothing now.
+// Where nobody moves, nobody can pay: what rests is left alone.
 void ClientStep::UndoOverlaps() {
   std::stable_sort(contacts.begin(), contacts.end(), EarlierPair);
   given_ = bodies;
   touching_ = contacts;
-  none_.assign(bodies.size(), {});
-  if (lost_ <= 0 && !WallsMove()) return Place(none_);
+  undo_.assign(bodies.size(), {});
+  const auto can_pay = [&](const Body& b) { return b.KineticEnergy() > b.mass * gravity_W_.norm() * kSlop * b.radius; };
+  if (!WallsMove() && std::ranges::none_of(bodies, can_pay)) return Place(0);
   scratch_ = contacts;
   for (Contact& c : scratch_) c.gap = std::max(c.gap, std::min(-kAtOnce * Size(c, bodies), kShare * c.gap)) + Slop(c);
   suite_.Project(bodies, scratch_);
-  Place(suite_.displacements());
+  undo_.assign(suite_.displacements().begin(), suite_.displacements().end());
+  Place(1);
 }
 
-// Bodies and contacts where the step begins: as the host has them, displaced.
-void ClientStep::Place(std::span<const Twist> w) {
+// Bodies and contacts where the step begins: as the host has them, with that share of the overlaps undone.
+void ClientStep::Place(double share) {
   bodies = given_;
   contacts = touching_;
+  for (Twist& w : undo_) w = {share * w.linear_W, share * w.angular_W};
+  const std::vector<Twist>& w = undo_;
   const double before = Energy();
   const auto moved = [&](int body, const Vector3& point) -> Vector3 {
     return w[body].linear_W + w[body].angular_W.cross(point - bodies[body].position_W);
@@ -133,10 +138,15 @@ void ClientStep::Resolve() {
   if (first_) memory_ = suite_.CopyMemory();
   first_ = false;
   ResolveOnce();
-  if (undoing_ <= std::max(lost_, 0.0) || WallsMove()) return;
-  Place(none_);
+  if (IsPaid()) return;
+  Place(kPaid * std::max(lost_, 0.0) / undoing_);
+  ResolveOnce();
+  if (IsPaid()) return;
+  Place(0);
   ResolveOnce();
 }
+
+bool ClientStep::IsPaid() const { return undoing_ <= std::max(lost_, 0.0) || WallsMove(); }
 
 // From the start of the step.
 void ClientStep::ResolveOnce() {

@@ -3,7 +3,7 @@
 //   1  bodies and contacts at their poses                                      the client, from the host
 //   2  UndoOverlaps()   by the smallest displacements; the gaps follow
 //   3  Resolve()        velocities, and poses at the end of the step. Where bodies lose less energy by it than 2 gave them, it is done
-//                       again without 2: overlaps wait until somebody pays for undoing them
+//                       again with as much of 2 as they pay for: what is left waits until somebody loses more
 //   4  AddFound()       the client asks the host's detection once more, at these poses: what has closed unseen becomes an open contact
 //                       of the step, and 3 is done again, from the same start, at most kRounds times
 //   5  the host is set so that its own integration ends there                  the client
@@ -14,7 +14,6 @@
 //   threads: one caller at a time
 #pragma once
 
-#include <cmath>
 #include <memory>
 #include <span>
 #include <vector>
@@ -46,10 +45,11 @@ class ClientStep {
   const StepReport& report() const { return report_; }
 
  private:
-  void Place(std::span<const Twist> displacements);
+  void Place(double share);
   void ResolveOnce();
   void Move();
   bool WallsMove() const;
+  bool IsPaid() const;                        // what undoing overlaps gave, by what bodies lost
   double Energy() const;                      // [J]
   double Slop(const Contact& contact) const;  // [m]
 
@@ -60,10 +60,10 @@ class ClientStep {
   std::vector<Body> given_, start_;        // as the host has them, and without overlaps
   std::vector<Contact> touching_, found_;  // as the client filled them in
   std::vector<Contact> scratch_;
-  std::vector<Twist> none_;
-  double undoing_ = 0, lost_ = INFINITY;  // [J] what undoing gave the bodies, what they lost in the step before
-  std::vector<double> way_;               // [m] of each body's farthest point, at most
-  bool first_ = true;                     // no Resolve() in this step yet
+  std::vector<Twist> undo_;        // what undoes the overlaps
+  double undoing_ = 0, lost_ = 0;  // [J] what undoing gave the bodies, what they lost in the step
+  std::vector<double> way_;        // [m] of each body's farthest point, at most
+  bool first_ = true;              // no Resolve() in this step yet
   StepReport report_;
 };
 

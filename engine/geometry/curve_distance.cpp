@@ -1,5 +1,6 @@
 #include "engine/geometry/curve_distance.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -11,27 +12,25 @@ constexpr int kSamples = 32;        // of a circle: the distance from a line or 
 constexpr int kRounds = 60;         // each takes at least an eighth of a halving off
 constexpr double kParallel = 1e-9;  // sine: directions closer than this have no common normal
 
-struct Point {
-  Vector3 at, tangent;  // tangent: derivative by the angle over the radius, unit
-};
-
 struct Direction {
   double cosine, sine;
 };
 
-Point OnCircle(const Circle& circle, const Matrix3& axes, const Direction& d) {
-  const Vector3 radial = d.cosine * axes.col(0) + d.sine * axes.col(1);
-  return {circle.centre + circle.radius * radial, circle.axis.cross(radial)};
-}
+Direction DirectionAt(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
-const std::array<Direction, kSamples + 1>& Samples() {
-  static const auto samples = [] {
-    std::array<Direction, kSamples + 1> directions;
+// Cosines and sines, apart, since slopes are found of many at once.
+struct Samples {
+  std::array<double, kSamples + 1> cosines, sines;
+};
+
+const Samples& AllSamples() {
+  static const Samples samples = [] {
+    Samples all;
     for (int k = 0; k <= kSamples; ++k) {
-      const double angle = 2 * std::numbers::pi * (k % kSamples) / kSamples;
-      directions[k] = {std::cos(angle), std::sin(angle)};
+      const Direction d = DirectionAt(2 * std::numbers::pi * (k % kSamples) / kSamples);
+      all.cosines[k] = d.cosine, all.sines[k] = d.sine;
     }
-    return directions;
+    return all;
   }();
   return samples;
 }
@@ -47,44 +46,39 @@ Matrix3 AxesOf(const Circle& circle) {
   return axes;
 }
 
-// Minima over the circle of the distance to what `nearest` gives for a point: half the derivative of the squared distance by the angle,
-// over the radius, is (at - nearest) . tangent, and rises through zero at each.
-template <typename Nearest>
-CurvePlaces Minima(const Circle& circle, const Nearest& nearest) {
-  const Matrix3 axes = AxesOf(circle);
-  const auto slope = [&](const Direction& d) {
-    const Point p = OnCircle(circle, axes, d);
-    return (p.at - nearest(p.at).first).dot(p.tangent);
-  };
+// Minima over the circle of the distance to another curve: half the derivative of its square by the angle, over the radius, is
+// (at - nearest) . tangent, and rises through zero at each. `slope` gives that for a direction, `nearest` the point and the tangent of the
+// other curve for a point of the circle.
+template <typename Slope, typename Nearest>
+CurvePlaces Minima(const Circle& circle, const Matrix3& axes, const Slope& slope, const Nearest& nearest) {
+  const Samples& samples = AllSamples();
+  std::array<double, kSamples + 1> slopes;
+  for (int k = 0; k <= kSamples; ++k) slopes[k] = slope({samples.cosines[k], samples.sines[k]});
   CurvePlaces places;
   const double step = 2 * std::numbers::pi / kSamples;
-  const auto& samples = Samples();
-  double before = slope(samples[0]);
   for (int k = 1; k <= kSamples && places.count < static_cast<int>(places.place.size()); ++k) {
-    const double after = slope(samples[k]);
-    if (before < 0 && after >= 0) {
-      double low = (k - 1) * step, high = k * step, at_low = before, at_high = after, angle = high;
-      // Secants, of which the end that stays counts half [Illinois]; the middle where they take too little off.
-      int stays = 0;
-      for (int b = 0; b < kRounds && high - low > 4e-16 * high; ++b) {
-        angle = b % 8 == 7 ? 0.5 * (low + high) : low - at_low * (high - low) / (at_high - at_low);
-        const double here = slope({std::cos(angle), std::sin(angle)});
-        if (here == 0) break;
-        if (here < 0) {
-          low = angle, at_low = here;
-          if (stays > 0) at_high /= 2;
-          stays = 1;
-        } else {
-          high = angle, at_high = here;
-          if (stays < 0) at_low /= 2;
-          stays = -1;
-        }
+    if (!(slopes[k - 1] < 0 && slopes[k] >= 0)) continue;
+    double low = (k - 1) * step, high = k * step, at_low = slopes[k - 1], at_high = slopes[k], angle = high;
+    // Secants, of which the end that stays counts half [Illinois]; the middle where they take too little off.
+    int stays = 0;
+    for (int b = 0; b < kRounds && high - low > 4e-16 * high; ++b) {
+      angle = b % 8 == 7 ? 0.5 * (low + high) : low - at_low * (high - low) / (at_high - at_low);
+      const double here = slope(DirectionAt(angle));
+      if (here == 0) break;
+      if (here < 0) {
+        low = angle, at_low = here;
+        if (stays > 0) at_high /= 2;
+        stays = 1;
+      } else {
+        high = angle, at_high = here;
+        if (stays < 0) at_low /= 2;
+        stays = -1;
       }
-      const Point p = OnCircle(circle, axes, {std::cos(angle), std::sin(angle)});
-      const auto [on_q, tangent_q] = nearest(p.at);
-      places.place[places.count++] = {p.at, on_q, p.tangent, tangent_q};
     }
-    before = after;
+    const Direction d = DirectionAt(angle);
+    const Vector3 radial = d.cosine * axes.col(0) + d.sine * axes.col(1), at = circle.centre + circle.radius * radial;
+    const auto [on_q, tangent_q] = nearest(at);
+    places.place[places.count++] = {at, on_q, circle.axis.cross(radial), tangent_q};
   }
   return places;
 }
@@ -102,18 +96,42 @@ CurvePlaces NearestOfLines(const Line& p, const Line& q) {
   return places;
 }
 
+// With what lies across the line, w of the centre and X, Y of the circle's axes:
+//   (w + r (c X + s Y)) . (c y - s x) = c w.y - s w.x + r (c s (Y.y - X.x) + (c^2 - s^2) X.y)
 CurvePlaces NearestOfCircleAndLine(const Circle& p, const Line& q) {
-  const Vector3 way = q.way.normalized();
-  return Minima(p,
-                [&](const Vector3& point) { return std::pair(Vector3(q.from + way.dot(point - q.from) * way), way); });
+  const Matrix3 axes = AxesOf(p);
+  const Vector3 way = q.way.normalized(), between = p.centre - q.from;
+  const double along_x = way.dot(axes.col(0)), along_y = way.dot(axes.col(1)), along = way.dot(between);
+  const double w_x = axes.col(0).dot(between) - along * along_x, w_y = axes.col(1).dot(between) - along * along_y;
+  const double both = p.radius * (along_x - along_y) * (along_x + along_y), mixed = -p.radius * along_x * along_y;
+  return Minima(
+      p, axes,
+      [=](const Direction& d) {
+        return d.cosine * w_y - d.sine * w_x + d.cosine * d.sine * both +
+               (d.cosine - d.sine) * (d.cosine + d.sine) * mixed;
+      },
+      [&](const Vector3& point) { return std::pair(Vector3(q.from + way.dot(point - q.from) * way), way); });
 }
 
+// In the axes of q a point at (a, b, h) is (a, b) (1 - R / |(a, b)|), h away from it.
 CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
-  const Vector3 across = AxesOf(q).col(0);
-  return Minima(p, [&](const Vector3& point) {
-    const Vector3 on_q = FarthestOnCircle(q, point - q.centre, across);
-    return std::pair(on_q, Vector3(q.axis.cross(on_q - q.centre) / q.radius));
-  });
+  const Matrix3 axes = AxesOf(p), of_q = AxesOf(q);
+  const Vector3 centre = of_q.transpose() * (p.centre - q.centre), x = of_q.transpose() * axes.col(0),
+                y = of_q.transpose() * axes.col(1);
+  const double r = p.radius, rim = q.radius, least = kParallel * (p.radius + centre.norm());
+  return Minima(
+      p, axes,
+      [=](const Direction& d) {
+        const double c = d.cosine, s = d.sine;
+        const double at_x = centre[0] + r * (c * x[0] + s * y[0]), at_y = centre[1] + r * (c * x[1] + s * y[1]),
+                     at_z = centre[2] + r * (c * x[2] + s * y[2]);
+        const double share = 1 - rim / std::max(least, std::sqrt(at_x * at_x + at_y * at_y));
+        return share * (at_x * (c * y[0] - s * x[0]) + at_y * (c * y[1] - s * x[1])) + at_z * (c * y[2] - s * x[2]);
+      },
+      [&](const Vector3& point) {
+        const Vector3 on_q = FarthestOnCircle(q, point - q.centre, of_q.col(0));
+        return std::pair(on_q, Vector3(q.axis.cross(on_q - q.centre) / q.radius));
+      });
 }
 
 Vector3 FarthestOnCircle(const Circle& circle, const Vector3& direction, const Vector3& fallback) {
