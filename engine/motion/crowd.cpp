@@ -130,6 +130,7 @@ double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFast 
 // Overlaps are pushed out by who lost as much energy in the piece before as that costs.
 void Crowd::AllowPushes(const CrowdMemory& memory) {
   pushes_.assign(bodies_.size(), 1);
+  gained_.assign(bodies_.size(), 0);
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
     const double cost = PushOf(contact.gap) * contact.normal_W.dot(start_force_W_[c]);
@@ -541,7 +542,7 @@ bool Crowd::Gains() {
     }
     for (const int i : gaining_.bodies_of(island)) lost_[i] = -gain;
     if (gain <= kGain * at_hand) continue;
-    for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0;  // what it costs is not there
+    for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0, gained_[i] = 1;  // what it costs is not there
     for (const int k : gaining_.contacts_of(island)) {
       const int c = pressing_[k];
       const double push = std::exchange(held_of_[c].push, 0.0);
@@ -687,8 +688,9 @@ bool Crowd::Guard(size_t e, size_t e_end) {
       {&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
-  // What closing walls squeeze may have no way out: it is sent back no faster than it came.
-  const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm() : INFINITY;
+  // What closing walls squeeze may have no way out: it is sent back no faster than it came. Who would gain by it is not sent back.
+  const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
+                              : (gained_[a] || gained_[b] ? 0 : INFINITY);
   probe_.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
                 &probe_);
