@@ -162,7 +162,7 @@ class Viewer {
   }
 
   tellTime(i) {
-    // A CPU takes as long for these texts and lines as for half the picture.
+    // These texts and lines cost a browser without a GPU several ms each time.
     const now = performance.now();
     if (this.plain && this.player.playing && now - this.timeTold < TIME_EVERY) return;
     this.timeTold = now;

@@ -19,7 +19,7 @@ export class Stage {
   constructor(canvas, onChange) {
     this.canvas = canvas;
     this.slow = drawsWithoutGpu();
-    // Smooth edges cost a CPU a third of the time of all pictures; it draws those that stay with more pixels instead.
+    // Multisampling costs a CPU 10 to 30 ms a picture; it draws those that stay with more pixels instead.
     this.renderer = new WebGLRenderer({canvas, antialias: !this.slow, powerPreference: 'high-performance'});
     this.renderer.outputColorSpace = SRGBColorSpace;
     this.renderer.shadowMap.enabled = true;
