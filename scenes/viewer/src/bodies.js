@@ -1,5 +1,7 @@
 // The bodies that are drawn solid: one instanced mesh a shape.
-import {BackSide, Color, DynamicDrawUsage, Group, InstancedBufferAttribute, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial} from 'three';
+import {BackSide, Color, DynamicDrawUsage, Group, InstancedBufferAttribute, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
+  MeshStandardMaterial} from 'three';
+import {Merged} from './merged.js';
 import {writePose} from './pose.js';
 import {geometryOf} from './shapes.js';
 
@@ -27,6 +29,8 @@ export class Bodies {
     this.group = new Group();
     this.placeOf = new Map();  // body -> [mesh, instance]
     this.meshes = [];
+    this.merged = [];  // the same bodies, made when first they are drawn plainly
+    this.solid = true;
     const byShape = new Map();
     for (const i of solid) {
       const shape = head.bodies.shape[i];
@@ -34,8 +38,8 @@ export class Bodies {
       byShape.get(shape).push(i);
     }
     for (const [shape, numbers] of byShape) {
-      const plain = new MeshStandardMaterial({roughness: 0.72, metalness: 0});
-      const material = head.shapes[shape].kind === 'box' ? withEdges(plain) : plain;
+      const smooth = new MeshStandardMaterial({roughness: 0.72, metalness: 0});
+      const material = head.shapes[shape].kind === 'box' ? withEdges(smooth) : smooth;
       const mesh = new InstancedMesh(geometryOf(head.shapes[shape], solid.length), material, numbers.length);
       mesh.instanceMatrix.setUsage(DynamicDrawUsage);
       mesh.instanceColor = new InstancedBufferAttribute(new Float32Array(3 * numbers.length).fill(0.5), 3);
@@ -68,6 +72,7 @@ export class Bodies {
       mesh.instanceMatrix.needsUpdate = true;
       mesh.boundingSphere = null;  // of the frame before; picking makes it anew
     }
+    this.changed = true;
   }
 
   paint(mode, frame) {
@@ -78,10 +83,31 @@ export class Bodies {
       colours[3 * place[1]] = r, colours[3 * place[1] + 1] = g, colours[3 * place[1] + 2] = b;
     });
     for (const mesh of this.meshes) mesh.instanceColor.needsUpdate = true;
+    this.changed = true;
+  }
+
+  // Which of the meshes the next picture has. Those of instances stay what is picked.
+  prepare(plain) {
+    if (plain && this.merged.length === 0) {
+      this.merged = this.meshes.map((mesh) => {
+        const lambert = new MeshLambertMaterial({vertexColors: true});
+        return new Merged(mesh, this.head.shapes[this.head.bodies.shape[mesh.userData.numbers[0]]].kind === 'box' ? withEdges(lambert) : lambert);
+      });
+      for (const {mesh} of this.merged) this.group.add(mesh);
+      this.setSolid(this.solid);
+      this.changed = true;
+    }
+    if (plain && this.changed) {
+      for (const merged of this.merged) merged.update();
+      this.changed = false;
+    }
+    for (const mesh of this.meshes) mesh.visible = !plain;
+    for (const {mesh} of this.merged) mesh.visible = plain;
   }
 
   setSolid(solid) {
-    for (const {material} of this.meshes) {
+    this.solid = solid;
+    for (const {material} of [...this.meshes, ...this.merged.map(({mesh}) => mesh)]) {
       material.transparent = !solid;
       material.opacity = solid ? 1 : 0.16;
       material.depthWrite = solid;
@@ -110,7 +136,7 @@ export class Bodies {
   }
 
   dispose() {
-    for (const mesh of [...this.meshes, this.halo]) {
+    for (const mesh of [...this.meshes, ...this.merged.map(({mesh}) => mesh), this.halo]) {
       mesh.geometry.dispose();
       mesh.material.dispose();
       mesh.dispose?.();

@@ -21,6 +21,8 @@ import {isWall, Walls} from './walls.js';
 const $ = (id) => document.getElementById(id);
 
 const CURVES_EVERY = 250;  // [ms] while a run goes on
+const TIME_EVERY = 200;  // [ms] while what plays is drawn plainly
+const STILL_AFTER = 300;  // [ms] since the last change of a picture
 
 function median(values) {
   const sorted = values.filter(Number.isFinite).sort((a, b) => a - b);
@@ -49,6 +51,7 @@ class Viewer {
     this.stage.scene.add(new Group().add(this.walls.group, this.solid, this.marks.group));
     this.makeBodies();
     this.mode = this.modes[0];
+    this.timeTold = this.moved = 0;  // [ms] when
     this.curves = makeCurves(film, (frame) => this.player.step(frame - this.player.frame));
     if (film.source.live) this.goLive({bodyRadius: this.bodyRadius, bodyMass, size});
     else this.player = new Player(film.frames, head.dt, (frame) => this.show(frame), () => this.tellState());
@@ -60,6 +63,7 @@ class Viewer {
     this.stage.setExtent(extent.all);
     this.resize();
     this.setMode('body');
+    this.setToggle('plain', this.stage.slow);
     this.tellState();
     if (head.start === 'worst') await this.openWorst();
     else this.player.go(this.live ? Infinity : 0);
@@ -158,6 +162,10 @@ class Viewer {
   }
 
   tellTime(i) {
+    // These texts and lines cost a browser without a GPU several ms each time.
+    const now = performance.now();
+    if (this.plain && this.player.playing && now - this.timeTold < TIME_EVERY) return;
+    this.timeTold = now;
     const time = this.film.number('time', i);
     $('clock-time').textContent = `${time.toFixed(2)} s`;
     $('clock-frame').textContent = `frame ${this.film.number('number', i)} of ${this.film.number('number', this.film.frames - 1)}`;
@@ -219,6 +227,7 @@ class Viewer {
   setToggle(name, on) {
     $(`show-${name}`).checked = on;
     if (name === 'bodies') this.bodies.setSolid(on);
+    else if (name === 'plain') this.plain = on;
     else this.marks.show[name] = on;
     this.refresh();
   }
@@ -291,6 +300,7 @@ class Viewer {
     $('play').classList.toggle('playing', this.player.playing);
     $('play').setAttribute('aria-label', this.player.playing ? 'Pause' : 'Play');
     $('speed').value = String(this.player.speed);
+    if (this.shown) this.tellTime(this.shown.i);
   }
 
   listen() {
@@ -305,7 +315,7 @@ class Viewer {
     click('report-button', () => this.setReport($('report').hidden));
     $('scrub').addEventListener('input', () => player.step(Number($('scrub').value) - player.frame));
     $('speed').addEventListener('change', () => player.setSpeed(Number($('speed').value)));
-    for (const name of ['points', 'normals', 'forces', 'bodies']) $(`show-${name}`).addEventListener('change', (event) => this.setToggle(name, event.target.checked));
+    for (const name of ['points', 'normals', 'forces', 'bodies', 'plain']) $(`show-${name}`).addEventListener('change', (event) => this.setToggle(name, event.target.checked));
 
     const view = $('view');
     let down = null;
@@ -331,7 +341,7 @@ class Viewer {
     const actions = {
       ' ': () => player.toggle(), ArrowLeft: () => player.step(event.shiftKey ? -10 : -1), ArrowRight: () => player.step(event.shiftKey ? 10 : 1),
       Home: () => player.step(-Infinity), End: () => player.step(Infinity), c: () => this.resetCamera(), r: () => this.setReport($('report').hidden),
-      p: toggle('points'), n: toggle('normals'), f: toggle('forces'), b: toggle('bodies'), Escape: () => this.pick(-1),
+      p: toggle('points'), n: toggle('normals'), f: toggle('forces'), b: toggle('bodies'), m: toggle('plain'), Escape: () => this.pick(-1),
     };
     if (this.live) {
       actions.t = () => this.live.throwBall(this.live.pointer);
@@ -366,12 +376,23 @@ class Viewer {
     this.dirty = true;
   }
 
+  // still: what is to be seen does not move.
+  draw(still) {
+    const plain = this.plain && !still;
+    this.dirty = false;
+    this.still = still;
+    for (const part of [this.bodies, this.walls, this.stage]) part.prepare(plain, still);
+    this.stage.render();
+  }
+
   tick(now, before) {
     this.player.advance(Math.min((now - before) / 1e3, 0.5));
     if (this.live) this.tellGrowth(now);
     if (this.dirty) {
-      this.dirty = false;
-      this.stage.render();
+      this.draw(false);
+      this.moved = performance.now();
+    } else if (!this.still && !this.player.playing && now - this.moved > STILL_AFTER) {
+      this.draw(true);
     }
     requestAnimationFrame((next) => this.tick(next, now));
   }

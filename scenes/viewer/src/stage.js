@@ -4,12 +4,23 @@ import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
 
 const SIGHT = new Vector3(0.62, -1, 0.36).normalize();  // from the scene to the eye
 
+const PLAIN = 0.75;  // drawn pixels a pixel
+
+// Whether the CPU draws. The names are those of Chromium, Mesa and Windows.
+function drawsWithoutGpu() {
+  const gl = document.createElement('canvas').getContext('webgl2'), told = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = gl ? String(gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER)) : '';
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 export class Stage {
   // onChange: the picture is to be drawn anew.
   constructor(canvas, onChange) {
     this.canvas = canvas;
-    this.renderer = new WebGLRenderer({canvas, antialias: true, powerPreference: 'high-performance'});
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.slow = drawsWithoutGpu();
+    // Multisampling costs a CPU 10 to 30 ms a picture; it draws those that stay with more pixels instead.
+    this.renderer = new WebGLRenderer({canvas, antialias: !this.slow, powerPreference: 'high-performance'});
     this.renderer.outputColorSpace = SRGBColorSpace;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -26,6 +37,7 @@ export class Stage {
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.radius = 4;
     this.scene.add(this.sky, this.sun, this.sun.target);
+    this.prepare(false, false);
     this.onChange = onChange;
   }
 
@@ -80,6 +92,13 @@ export class Stage {
     this.sky.intensity = dark ? 1.25 : 1.7;
     this.sun.intensity = dark ? 2.0 : 2.3;
     this.sky.groundColor.set(dark ? 0x3a4250 : 0x9aa1ab);
+  }
+
+  // plain: fewer pixels, no shadows. still: the picture stays, so it may take its time.
+  prepare(plain, still) {
+    const fine = this.slow && still ? 2 : Math.min(window.devicePixelRatio, 2), ratio = plain ? PLAIN : fine;
+    if (ratio !== this.renderer.getPixelRatio()) this.renderer.setPixelRatio(ratio);
+    this.sun.castShadow = !plain;
   }
 
   shadowsChanged() {

@@ -2,7 +2,7 @@
 //   - faces that look at the scene are drawn from that side alone, translucent: a wall in front is not seen,
 //   - the other faces are a breath of glass with thin edges,
 //   - a half-space, or a box as wide as the scene, is a grid, seen from outside.
-import {BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshStandardMaterial, PlaneGeometry,
+import {BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, MeshStandardMaterial, PlaneGeometry,
   ShaderMaterial, ShadowMaterial, Vector3} from 'three';
 import {writePose} from './pose.js';
 import {polygons, polytope, radiusOf} from './shapes.js';
@@ -76,8 +76,12 @@ export class Walls {
   constructor(head, numbers, frame, middle, size) {
     this.group = new Group();
     this.parts = [];
-    this.inner = new MeshStandardMaterial({roughness: 0.95, transparent: true, opacity: 0.5, depthWrite: false});
-    this.outer = new MeshStandardMaterial({roughness: 0.95, transparent: true, opacity: 0.05, depthWrite: false});
+    const inner = {transparent: true, opacity: 0.5, depthWrite: false}, outer = {...inner, opacity: 0.05};
+    this.inner = new MeshStandardMaterial({roughness: 0.95, ...inner});
+    this.outer = new MeshStandardMaterial({roughness: 0.95, ...outer});
+    this.plain = new Map([[this.inner, new MeshLambertMaterial(inner)], [this.outer, new MeshLambertMaterial(outer)]]);
+    this.faces = [];  // mesh, its material
+    this.isPlain = false;
     this.line = new LineBasicMaterial({transparent: true, opacity: 0.3, depthWrite: false});
     this.grid = new ShaderMaterial({
       vertexShader: GRID_VERTEX, fragmentShader: GRID_FRAGMENT, transparent: true, depthWrite: false,
@@ -111,8 +115,9 @@ export class Walls {
       };
       const inner = new Mesh(polygons(vertices, faces.filter(looksInside)), this.inner);
       inner.receiveShadow = true;
-      part.add(inner, new Mesh(polygons(vertices, faces.filter((f) => !looksInside(f))), this.outer),
-        new LineSegments(edges({vertices, faces}), this.line));
+      const outer = new Mesh(polygons(vertices, faces.filter((f) => !looksInside(f))), this.outer);
+      this.faces.push([inner, this.inner], [outer, this.outer]);
+      part.add(inner, outer, new LineSegments(edges({vertices, faces}), this.line));
     }
     this.parts.push(part);
     this.group.add(part);
@@ -143,6 +148,14 @@ export class Walls {
     }
   }
 
+  // Plainly there is no shadow to receive.
+  prepare(plain) {
+    if (plain === this.isPlain) return;
+    this.isPlain = plain;
+    for (const [mesh, material] of this.faces) mesh.material = plain ? this.plain.get(material) : material;
+    this.shadow.visible = !plain;
+  }
+
   // [m] along a ray: where a ball is behind the last wall that stands before so many metres; 0 if none does.
   behind(ray, metres, radius) {
     let start = 0;
@@ -161,8 +174,7 @@ export class Walls {
   }
 
   setTheme({wall, line}) {
-    this.inner.color.set(wall);
-    this.outer.color.set(wall);
+    for (const material of [this.inner, this.outer, ...this.plain.values()]) material.color.set(wall);
     this.line.color.set(line);
     this.grid.uniforms.colour.value.set(line);
   }

@@ -70,14 +70,39 @@ driver.drive(async () => {
     return [...out];
   };
   const far = (a, b) => Math.max(...a.map((x, k) => Math.abs(x - b[k])));
-  v.stage.render();
+  v.draw(true);
   const empty = pixel([0.02, 0.98]), all = dynamic.map((i) => pixel(project(i)));
   check('pixels of bodies', all.every((p) => far(p, empty) > 12), [empty, all.filter((p) => far(p, empty) <= 12)]);
   v.bodies.group.visible = false;
-  v.stage.render();
+  v.draw(true);
   const without = dynamic.map((i) => pixel(project(i)));
   v.bodies.group.visible = true;
   check('they are of the bodies', all.filter((p, k) => far(p, without[k]) > 12).length > 0.9 * all.length, [all, without]);
+
+  // Plain pictures of what moves, and fine ones of what stands still.
+  const draw = v.draw.bind(v), shadows = [];
+  v.draw = (still) => {
+    draw(still);
+    shadows.push(v.stage.sun.castShadow);
+  };
+  v.dirty = true;
+  await until('plain, and fine once it stands still', () => shadows.length > 1 && !shadows[0] && shadows.at(-1));
+  delete v.draw;
+  check('drawn by the CPU, it is plain in motion', $('show-plain').checked && v.plain);
+  const fine = gl.drawingBufferWidth;
+  v.draw(false);
+  const plain = dynamic.map((i) => pixel(project(i)));
+  check('plain: fewer pixels, no shadows', gl.drawingBufferWidth < fine && !v.stage.sun.castShadow, [gl.drawingBufferWidth, fine]);
+  check('plain: other meshes', v.bodies.meshes.every((mesh) => !mesh.visible) && v.bodies.merged.length === v.bodies.meshes.length);
+  check('plain: pixels of bodies', plain.filter((p, k) => far(p, without[k]) > 12).length > 0.9 * all.length, [plain, without]);
+  // Shadows darken, so the picture is like the fine one, not the same.
+  check('plain: like the fine ones', plain.filter((p, k) => far(p, all[k]) < 90).length > 0.7 * all.length, [plain, all]);
+  press('m');
+  check('fine in motion', !$('show-plain').checked && !v.plain);
+  v.draw(false);
+  check('fine in motion: shadows', v.stage.sun.castShadow && v.bodies.meshes.every((mesh) => mesh.visible));
+  $('show-plain').click();
+  check('plain again', v.plain);
 
   // Colours.
   const colours = new Set();
@@ -139,7 +164,7 @@ driver.drive(async () => {
   $('camera').click();
   check('camera is reset', v.stage.camera.position.distanceTo(moved) > 1);
   $('stage').style.height = '321px';
-  await until('the picture follows its size', () => v.stage.renderer.domElement.height === Math.round(321 * v.stage.renderer.getPixelRatio()));
+  await until('the picture follows its size', () => v.stage.renderer.domElement.height === Math.floor(321 * v.stage.renderer.getPixelRatio()));
   $('stage').style.height = '';
   if ($('report').hidden) press('r');
   check('report', !$('report').hidden && $('report-button').getAttribute('aria-expanded') === 'true');
