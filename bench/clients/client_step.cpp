@@ -134,6 +134,7 @@ bool ClientStep::AddFound(Contact c) {
   return true;
 }
 
+// Where it begins elsewhere, contacts that were found in earlier rounds are forgotten: the client finds again what closes.
 void ClientStep::Resolve() {
   if (first_) memory_ = suite_.CopyMemory();
   first_ = false;

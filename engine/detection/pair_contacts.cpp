@@ -59,9 +59,8 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, co
     const WatchedBody &a = bodies[pair.a], &b = bodies[pair.b];
     const int first = static_cast<int>(contacts.size());
     const bool known = pair.kept && !a.changed && !b.changed;
-    const auto allowed = [&] {
-      return !rule || rule->Allows(pair.a, pair.b);
-    };  // asked where there is something to allow
+    // Asked only where there is something to allow.
+    const auto allowed = [&] { return !rule || rule->Allows(pair.a, pair.b); };
     pair.kept = Wanted(a, b, include_frozen);
     if (pair.kept && known) {
       ++kept.pairs;
