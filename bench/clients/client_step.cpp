@@ -56,8 +56,7 @@ double ClientStep::Energy() const {
     const Body &b = bodies[i], &from = given_[i];
     if (b.kind != BodyKind::kDynamic) continue;
     const Eigen::AngleAxisd turn(b.rotation_WB * from.rotation_WB.conjugate());
-    energy += 0.5 * b.mass * b.linear_velocity_W.squaredNorm() + 0.5 * b.angular_velocity_W.dot(b.AngularMomentumW()) -
-              (b.mass * gravity_W_ + b.force_W).dot(b.position_W - from.position_W) -
+    energy += b.KineticEnergy() - (b.mass * gravity_W_ + b.force_W).dot(b.position_W - from.position_W) -
               turn.angle() * b.torque_W.dot(turn.axis());
   }
   return energy;
@@ -78,7 +77,7 @@ void ClientStep::UndoOverlaps() {
   Place(1);
 }
 
-// Bodies and contacts where the step begins: as the host has them, with that share of the overlaps undone.
+// Bodies and contacts where the step begins: as the host has them, with that share of what was undone before.
 void ClientStep::Place(double share) {
   bodies = given_;
   contacts = touching_;
@@ -136,22 +135,24 @@ bool ClientStep::AddFound(Contact c) {
 
 // Where it begins elsewhere, contacts that were found in earlier rounds are forgotten: the client finds again what closes.
 void ClientStep::Resolve() {
-  if (first_) memory_ = suite_.CopyMemory();
+  if (first_)
+    memory_ = suite_.CopyMemory();
+  else
+    suite_.SetMemory(*memory_);
   first_ = false;
   ResolveOnce();
-  if (IsPaid()) return;
-  Place(kPaid * std::max(lost_, 0.0) / undoing_);
-  ResolveOnce();
-  if (IsPaid()) return;
-  Place(0);
-  ResolveOnce();
+  for (const double share : {kPaid, 0.0}) {
+    if (IsPaid()) return;
+    Place(share * std::max(lost_, 0.0) / undoing_);
+    suite_.SetMemory(*memory_);
+    ResolveOnce();
+  }
 }
 
 bool ClientStep::IsPaid() const { return undoing_ <= std::max(lost_, 0.0) || WallsMove(); }
 
 // From the start of the step.
 void ClientStep::ResolveOnce() {
-  suite_.SetMemory(*memory_);
   bodies = start_;
   contacts.insert(contacts.end(), found_.begin(), found_.end());
   found_.clear();

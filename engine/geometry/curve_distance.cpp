@@ -96,8 +96,8 @@ CurvePlaces NearestOfLines(const Line& p, const Line& q) {
   return places;
 }
 
-// With what lies across the line, w of the centre and X, Y of the circle's axes:
-//   (w + r (c X + s Y)) . (c y - s x) = c w.y - s w.x + r (c s (Y.y - X.x) + (c^2 - s^2) X.y)
+// Only what lies across the line counts: P v = v - (v . way) way. With the circle's axes x, y and c, s of the angle the slope is
+//   P (between + r (c x + s y)) . (c y - s x) = c between.Py - s between.Px + r c s (y.Py - x.Px) + r (c^2 - s^2) x.Py
 CurvePlaces NearestOfCircleAndLine(const Circle& p, const Line& q) {
   const Matrix3 axes = AxesOf(p);
   const Vector3 way = q.way.normalized(), between = p.centre - q.from;
@@ -113,7 +113,7 @@ CurvePlaces NearestOfCircleAndLine(const Circle& p, const Line& q) {
       [&](const Vector3& point) { return std::pair(Vector3(q.from + way.dot(point - q.from) * way), way); });
 }
 
-// In the axes of q a point at (a, b, h) is (a, b) (1 - R / |(a, b)|), h away from it.
+// In the axes of q a point at (a, b, h) is away from it by (a, b) (1 - R / |(a, b)|) and h. On the axis itself any way out will do.
 CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
   const Matrix3 axes = AxesOf(p), of_q = AxesOf(q);
   const Vector3 centre = of_q.transpose() * (p.centre - q.centre), x = of_q.transpose() * axes.col(0),
