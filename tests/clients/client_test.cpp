@@ -64,6 +64,18 @@ TEST(Client, BinComesToRest) {
   }
 }
 
+// What begins 5 mm inside of the floor and slides at 2 cm/s has not enough to pay for the way out of it.
+TEST(Client, NothingIsLiftedForNothing) {
+  peers::WorldPlan plan = Bin(1, 1);
+  peers::BodyPlan& box = plan.bodies.back();
+  box.start.rotation_WB.setIdentity();
+  box.start.position_W = {0, 0, box.half_extents.z() - 5e-3};
+  box.start.linear_velocity_W = {0.02, 0, 0};
+  const Measures islet = RunOf(plan, kIslet, 1);
+  EXPECT_LT(islet.energy_gain, 1e-9);
+  EXPECT_LT(islet.overlap_max, 5.001e-3);
+}
+
 TEST(Client, CardHouseStands) {
   const Measures islet = RunOf(CardHouse(), kIslet, 2);
   EXPECT_LT(islet.drift_max, 1e-4);
