@@ -36,30 +36,42 @@ void CertifiedFreezing::FindIslands(const SuiteFrame& frame) {
   }
 }
 
+bool CertifiedFreezing::NoneIsFrozen(const SuiteFrame& frame) {
+  return std::none_of(frame.bodies.begin(), frame.bodies.end(), [](const Body& body) { return body.frozen; });
+}
+
+void CertifiedFreezing::StartLoad(const SuiteFrame& frame, int i) {
+  const Body& body = frame.bodies[i];
+  if (body.kind != BodyKind::kDynamic) return;
+  Load& load = loads_[i];
+  load.linear = frame.dt * (body.mass * frame.gravity + body.force_W);
+  load.angular = frame.dt * body.torque_W;
+  load.size = load.linear.norm() + load.angular.norm() / body.radius;
+}
+
+void CertifiedFreezing::AddLoad(const SuiteFrame& frame, const Contact& contact, const Vector3& impulse_W) {
+  const double size = impulse_W.norm();
+  for (const auto& [i, sign] : {std::pair{contact.body_a, -1.0}, std::pair{contact.body_b, 1.0}}) {
+    Load& load = loads_[i];
+    load.linear += sign * impulse_W;
+    load.angular += sign * (contact.point_W - frame.bodies[i].position_W).cross(impulse_W);
+    load.size += size;
+  }
+}
+
 // Impulses of frozen bodies can leave their cones: a material callback may have lowered the friction since.
 void CertifiedFreezing::SumLoads(const SuiteFrame& frame) {
   loads_.assign(frame.bodies.size(), {});
   held_.assign(frame.bodies.size(), 0);
-  for (size_t i = 0; i < frame.bodies.size(); ++i) {
-    const Body& body = frame.bodies[i];
-    if (body.kind != BodyKind::kDynamic) continue;
-    Load& load = loads_[i];
-    load.linear = frame.dt * (body.mass * frame.gravity + body.force_W);
-    load.angular = frame.dt * body.torque_W;
-    load.size = load.linear.norm() + load.angular.norm() / body.radius;
-  }
+  for (size_t i = 0; i < frame.bodies.size(); ++i) StartLoad(frame, static_cast<int>(i));
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
     const Contact& contact = frame.contacts.contacts[c];
     const Vector3 local = frame.bounces[c] + frame.collisions[c] + frame.holding[c];
     if (local.isZero(0)) continue;
-    const Vector3 impulse_W = frame.frames[c] * local;
-    const double size = local.norm(), outside = (local.tail<2>().norm() - contact.friction * local[0]) / size;
-    for (const auto& [i, sign] : {std::pair{contact.body_a, -1.0}, std::pair{contact.body_b, 1.0}}) {
-      Load& load = loads_[i];
-      load.linear += sign * impulse_W;
-      load.angular += sign * (contact.point_W - frame.bodies[i].position_W).cross(impulse_W);
-      load.size += size;
-      load.outside = std::max(load.outside, outside);
+    AddLoad(frame, contact, frame.frames[c] * local);
+    const double outside = (local.tail<2>().norm() - contact.friction * local[0]) / local.norm();
+    for (const int i : {contact.body_a, contact.body_b}) {
+      loads_[i].outside = std::max(loads_[i].outside, outside);
       held_[i] = 1;
     }
   }
@@ -101,78 +113,72 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& sett
       still_[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
     if (body.Moves()) TrackStillness(body, settings, frame.dt, &still_[i]);
   }
-  Wake(frame, settings);
+  Wake(frame, {}, settings);
 }
 
-void CertifiedFreezing::Wake(const SuiteFrame& frame, const Settings& settings) {
-  if (std::none_of(frame.bodies.begin(), frame.bodies.end(), [](const Body& body) { return body.frozen; })) return;
+void CertifiedFreezing::Wake(const SuiteFrame& frame, std::span<const std::uint8_t> hit, const Settings& settings) {
+  if (NoneIsFrozen(frame)) return;
   FindIslands(frame);
   SumLoads(frame);
+  touched_.assign(frame.bodies.size(), 0);
+  for (const Contact& contact : frame.contacts.contacts)
+    if (frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves())
+      touched_[contact.body_a] = touched_[contact.body_b] = 1;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
-    if (body.kind != BodyKind::kDynamic || body.removed) continue;
-    if (!body.frozen || !held_[i] || !IsBalanced(body, loads_[i], settings)) moves_[roots_[i]] = 1;
+    if (body.kind != BodyKind::kDynamic || body.removed || !body.frozen) continue;
+    const bool is_hit = !hit.empty() && hit[i];
+    if (is_hit || !held_[i] || (!touched_[i] && !IsBalanced(body, loads_[i], settings))) moves_[roots_[i]] = 1;
   }
+  WakeIslands(frame);
+}
+
+void CertifiedFreezing::WakeIslands(const SuiteFrame& frame) {
   for (size_t i = 0; i < frame.bodies.size(); ++i)
     if (moves_[roots_[i]]) frame.bodies[i].frozen = false;
 }
 
-// Of the islands that freeze now.
-void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& settings) {
-  const int bodies = static_cast<int>(frame.bodies.size()), contacts = static_cast<int>(frame.contacts.contacts.size());
-  const auto rests = [&](int i) {
-    return frame.bodies[i].kind == BodyKind::kDynamic && !frame.bodies[i].removed && !moves_[roots_[i]];
-  };
-  stops_.clear();
-  freezing_.clear();
+// Bodies that `of` names, by island, and the contacts that press between them and at walls.
+template <typename F>
+void CertifiedFreezing::CollectIslands(const SuiteFrame& frame, const F& of) {
+  collected_.clear();
   holding_.clear();
-  fresh_.assign(frame.bodies.size(), 0);
-  for (int i = 0; i < bodies; ++i)
-    if (rests(i) && !frame.bodies[i].frozen) fresh_[roots_[i]] = 1;
-  const auto freezes = [&](int i) { return rests(i) && fresh_[roots_[i]]; };
-  for (int i = 0; i < bodies; ++i)
-    if (freezes(i)) freezing_.emplace_back(roots_[i], i);
-  if (freezing_.empty()) return;
-  for (int c = 0; c < contacts; ++c) {
+  for (int i = 0; i < static_cast<int>(frame.bodies.size()); ++i)
+    if (of(i)) collected_.emplace_back(roots_[i], i);
+  if (collected_.empty()) return;
+  const auto takes_part = [&](int i) { return frame.bodies[i].kind != BodyKind::kDynamic || of(i); };
+  for (int c = 0; c < static_cast<int>(frame.contacts.contacts.size()); ++c) {
     const Contact& contact = frame.contacts.contacts[c];
-    const int body = freezes(contact.body_a) ? contact.body_a : contact.body_b;
-    if (freezes(body) && frame.holding[c][0] > 0) holding_.emplace_back(roots_[body], c);
+    const int body = of(contact.body_a) ? contact.body_a : contact.body_b;
+    if (of(body) && takes_part(contact.body_a) && takes_part(contact.body_b) && frame.holding[c][0] > 0)
+      holding_.emplace_back(roots_[body], c);
   }
-  std::sort(freezing_.begin(), freezing_.end());
+  std::sort(collected_.begin(), collected_.end());
   std::sort(holding_.begin(), holding_.end());
-  for (size_t i = 0, c = 0; i < freezing_.size();) {
-    const int root = freezing_[i].first;
+}
+
+// f(root), with members_ and contacts_ those of the island.
+template <typename F>
+void CertifiedFreezing::ForEachCollected(const F& f) {
+  for (size_t i = 0, c = 0; i < collected_.size();) {
+    const int root = collected_[i].first;
     members_.clear();
     contacts_.clear();
-    for (; i < freezing_.size() && freezing_[i].first == root; ++i) members_.push_back(freezing_[i].second);
+    for (; i < collected_.size() && collected_[i].first == root; ++i) members_.push_back(collected_[i].second);
     for (; c < holding_.size() && holding_[c].first == root; ++c) contacts_.push_back(holding_[c].second);
-    StopIsland(frame, settings);
+    f(root);
   }
 }
 
-// Stops it and balances what holds it, or lets it move on where impulses within their cones cannot.
-void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
-  stopping_.Prepare(frame, members_, contacts_);
-  limits_.clear();
+// What balances loads_ is wanted.
+void CertifiedFreezing::AskForBalance(const SuiteFrame& frame) {
   wanted_.resize(members_.size());
-  for (size_t k = 0; k < members_.size(); ++k) {
-    const Body& body = frame.bodies[members_[k]];
-    wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
-    limits_.push_back(kCalm * loads_[members_[k]].size);
-  }
-  if (!FindImpulses(frame, settings, &stop_)) {
-    moves_[roots_[members_[0]]] = 1;
-    return;
-  }
+  limits_.clear();
   for (size_t k = 0; k < members_.size(); ++k) {
     const Load& load = loads_[members_[k]];
     wanted_[k] << -load.linear, -load.angular / frame.bodies[members_[k]].radius;
+    limits_.push_back(kCalm * load.size);
   }
-  if (!FindImpulses(frame, settings, &balance_)) {
-    moves_[roots_[members_[0]]] = 1;
-    return;
-  }
-  for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
 }
 
 // None where they would leave their cones. Returns whether they give what is wanted.
@@ -189,29 +195,110 @@ bool CertifiedFreezing::FindImpulses(const SuiteFrame& frame, const Settings& se
   return found;
 }
 
+bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses,
+                             const Settings& settings) {
+  stops_.clear();
+  worst_imbalance_ = 0;
+  if (NoneIsFrozen(frame)) return true;
+  const size_t n = frame.bodies.size();
+  loads_.assign(n, {});
+  for (size_t i = 0; i < n; ++i) StartLoad(frame, static_cast<int>(i));
+  for (const LedgerImpulse& j : impulses) AddLoad(frame, j.contact, j.impulse_W);
+  FindIslands(frame);
+  moves_.assign(n, 0);
+  asks_.assign(n, 0);
+  for (size_t i = 0; i < n; ++i) {
+    if (!frame.bodies[i].frozen) continue;
+    const double imbalance = Imbalance(frame.bodies[i], loads_[i]);
+    if (imbalance > kCalm) asks_[roots_[i]] = 1;
+    worst_imbalance_ = std::max(worst_imbalance_, std::min(imbalance, kCalm));  // more is balanced, or wakes
+  }
+  bool held = true;
+  CollectIslands(frame, [&](int i) { return frame.bodies[i].frozen && asks_[roots_[i]]; });
+  ForEachCollected([&](int root) {
+    stopping_.Prepare(frame, members_, contacts_);
+    AskForBalance(frame);
+    moves_[root] = !FindImpulses(frame, settings, &balance_);
+    held = held && !moves_[root];
+    for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], Vector3::Zero(), balance_[k]});
+  });
+  WakeIslands(frame);
+  return held;
+}
+
 void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                  const std::vector<double>& errors, const Settings& settings) {
   FindIslands(frame);
   SumLoads(frame);
-  worst_imbalance_ = 0;
-  const double calm = kBalanced * settings.tolerance * std::max(frame.rest_speed, 1e-12);
-  for (size_t i = 0; i < frame.bodies.size(); ++i) {
-    const Body& body = frame.bodies[i];
-    if (body.kind != BodyKind::kDynamic || body.removed || body.frozen) continue;
-    const bool still = held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                       FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm &&
-                       IsBalanced(body, loads_[i], settings);
-    if (!still) moves_[roots_[i]] = 1;
-  }
+  FindWhatRests(frame, was_frozen, errors, settings);
   StopIslands(frame, settings);
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    if (body.kind != BodyKind::kDynamic || body.removed) continue;
-    body.frozen = !moves_[roots_[i]];
-    if (!body.frozen) continue;
+    if (!rests_[i] || body.frozen) continue;
+    body.frozen = true;
     SetTwist({}, &body);
     worst_imbalance_ = std::max(worst_imbalance_, Imbalance(body, loads_[i]));
   }
+}
+
+// An island as a whole; where it was solved to the tolerance also a part of it. What moves beside a body at rest presses it now here, now
+// there: whether its contacts can balance that is asked when it stops.
+void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
+                                      const std::vector<double>& errors, const Settings& settings) {
+  const size_t n = frame.bodies.size();
+  const double calm = kBalanced * settings.tolerance * std::max(frame.rest_speed, 1e-12);
+  rests_.assign(n, 0);
+  touched_.assign(n, 0);
+  asks_.assign(n, 0);
+  rough_.assign(n, 0);
+  const auto may_freeze = [&](size_t i) { return frame.bodies[i].Moves(); };
+  for (size_t i = 0; i < n; ++i) {
+    const Body& body = frame.bodies[i];
+    rests_[i] =
+        body.frozen || (may_freeze(i) && held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
+                        FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm);
+  }
+  for (const Contact& c : frame.contacts.contacts) {
+    if (!JoinsDynamic(frame, c) || rests_[c.body_a] == rests_[c.body_b]) continue;
+    touched_[c.body_a] = touched_[c.body_b] = 1;
+  }
+  for (size_t i = 0; i < n; ++i) {
+    if (!may_freeze(i)) continue;
+    const int root = roots_[i];
+    rests_[i] = rests_[i] && (touched_[i] || IsBalanced(frame.bodies[i], loads_[i], settings));
+    asks_[root] = asks_[root] || !rests_[i];
+    rough_[root] = rough_[root] || errors[i] > settings.tolerance * frame.rest_speed;
+  }
+  for (size_t i = 0; i < n; ++i) {
+    const int root = roots_[i];
+    if (may_freeze(i) && (moves_[root] || (asks_[root] && rough_[root]))) rests_[i] = 0;
+  }
+}
+
+// Of the islands that freeze now.
+void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& settings) {
+  stops_.clear();
+  asks_.assign(frame.bodies.size(), 0);
+  for (size_t i = 0; i < frame.bodies.size(); ++i)
+    if (rests_[i] && !frame.bodies[i].frozen) asks_[roots_[i]] = 1;
+  CollectIslands(frame, [&](int i) { return rests_[i] && asks_[roots_[i]]; });
+  ForEachCollected([&](int) { StopIsland(frame, settings); });
+}
+
+// Stops it and balances what holds it, or lets it move on where impulses within their cones cannot.
+void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
+  stopping_.Prepare(frame, members_, contacts_);
+  AskForBalance(frame);
+  for (size_t k = 0; k < members_.size(); ++k) {
+    const Body& body = frame.bodies[members_[k]];
+    wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
+  }
+  bool found = FindImpulses(frame, settings, &stop_);
+  AskForBalance(frame);
+  found = found && FindImpulses(frame, settings, &balance_);
+  if (!found)
+    for (const int i : members_) rests_[i] = frame.bodies[i].frozen;
+  for (size_t k = 0; found && k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
 }
 
 }  // namespace islet

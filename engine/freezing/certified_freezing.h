@@ -1,14 +1,17 @@
-// Freezing that never lies: what rests as a whole and is held by known impulses is not computed again until something changes.
+// Freezing that never lies: what rests and is held by known impulses is not computed again until something changes.
 //
-//   island   bodies joined by contacts, all of them; so nothing that moves ever meets a frozen body
+//   island   bodies joined by contacts, all of them
 //   freezes  where each of its bodies has stood still for freeze_seconds (by the displacement of its farthest point, under the same
 //            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
 //            impulses of this very frame balance what acts on it, inside their cones, to the tolerance.
 //            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too. Where their
-//            cones do not allow that, it stands on an edge or a top, and will fall
-//   wakes    at the start of a frame, as a whole: where a contact joins it to a body or a wall that moves, and where its impulses no
-//            longer balance what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was
-//            lowered: all show. It is solved with the others, from the impulses that held it
+//            cones do not allow that, it stands on an edge or a top, and will fall. Where some of its bodies move and the island was solved
+//            to the tolerance, the others freeze all the same
+//   holds    what is frozen is a wall for what moves beside it. After the frame what that pressed with is balanced by the contacts of what
+//            is frozen: that they can means that standing still obeys Coulomb's law
+//   wakes    as a whole, before anything is resolved: where a contact joins it to a wall that moves, and where its impulses no longer balance
+//            what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was lowered: all show. And
+//            the frame begins anew with it awake where it was struck, or could not be held. It is solved from the impulses that held it
 //   threads: one caller at a time
 #pragma once
 
@@ -18,6 +21,7 @@
 #include <vector>
 
 #include "engine/freezing/stop_impulses.h"
+#include "engine/ledger.h"
 #include "engine/response/suite_frame.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
@@ -31,15 +35,19 @@ class CertifiedFreezing {
 
   // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings);
-  // The same once more, for a body that was found to be hit in this frame and is frozen no more: its island wakes with it.
-  void Wake(const SuiteFrame& frame, const Settings& settings);
+  // The same once more, where frozen bodies were found to be hit in this frame: their islands wake. hit: per body; may be empty.
+  void Wake(const SuiteFrame& frame, std::span<const std::uint8_t> hit, const Settings& settings);
+
+  // Once the frame has been moved, before EndFrame: finds what impulses of it leave off balance of frozen bodies. Returns false where
+  // nothing within the cones of what holds them balances that: those islands are frozen no more.
+  bool Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses, const Settings& settings);
 
   // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
   // body, the worst natural map of the answers of this frame for its island.
   void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const std::vector<double>& errors,
                 const Settings& settings);
 
-  // What the last EndFrame found for a contact of the frame, in (n, t1, t2).
+  // What the last Hold or EndFrame found for a contact of the frame, in (n, t1, t2).
   struct Stop {
     int contact;
     Vector3 stop, balance;  // [N s] what brings its bodies to rest; what the impulses that hold them lack
@@ -55,7 +63,7 @@ class CertifiedFreezing {
   // Per body: since when it stands still, and where. All that one frame leaves for the next.
   std::vector<Stillness>& stillness() { return still_; }
 
-  // Over the frozen bodies of this EndFrame: sum of all impulses over the sum of their magnitudes, the largest.
+  // Over the frozen bodies of this frame: sum of all impulses over the sum of their magnitudes, the largest.
   double worst_imbalance() const { return worst_imbalance_; }
 
  private:
@@ -64,8 +72,19 @@ class CertifiedFreezing {
     double size = 0;                                              // [N s] sum of magnitudes
     double outside = 0;  // farthest that an impulse lies outside its cone, of its size
   };
+  static bool NoneIsFrozen(const SuiteFrame& frame);
   void FindIslands(const SuiteFrame& frame);
+  void WakeIslands(const SuiteFrame& frame);
+  void StartLoad(const SuiteFrame& frame, int body);
+  void AddLoad(const SuiteFrame& frame, const Contact& contact, const Vector3& impulse_W);
+  template <typename F>
+  void CollectIslands(const SuiteFrame& frame, const F& of);
+  template <typename F>
+  void ForEachCollected(const F& f);
+  void AskForBalance(const SuiteFrame& frame);
   void SumLoads(const SuiteFrame& frame);
+  void FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
+                     const std::vector<double>& errors, const Settings& settings);
   void StopIslands(const SuiteFrame& frame, const Settings& settings);
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
   bool FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses);
@@ -76,13 +95,16 @@ class CertifiedFreezing {
   std::vector<Stillness> still_;
   double worst_imbalance_ = 0;
   std::vector<int> roots_;                  // islands, per body
-  std::vector<std::uint8_t> moves_, held_;  // per root: not all of it rests; per body: a contact holds it
+  std::vector<std::uint8_t> moves_;         // per root: at a wall that moves; it wakes
+  std::vector<std::uint8_t> held_, rests_;  // per body: a contact holds it; it is or gets frozen
+  std::vector<std::uint8_t> touched_;       // per body: by what moves
+  std::vector<std::uint8_t> asks_,
+      rough_;  // per root: impulses are to be found, or not all of it rests; not solved to the tolerance
   std::vector<Load> loads_;
   std::vector<Stop> stops_;
-  // Of an island that freezes.
+  // Of an island whose contacts are to hold its frozen bodies.
   StopImpulses stopping_;
-  std::vector<std::uint8_t> fresh_;                      // per root: it does, and not all of it was frozen
-  std::vector<std::pair<int, int>> freezing_, holding_;  // by root: its bodies, the contacts that press
+  std::vector<std::pair<int, int>> collected_, holding_;  // by root: its bodies, the contacts that press
   std::vector<int> members_, contacts_;
   std::vector<StopImpulses::Momentum> wanted_;
   std::vector<double> limits_;

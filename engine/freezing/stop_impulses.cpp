@@ -17,6 +17,23 @@ double Dot(std::span<const StopImpulses::Momentum> x, std::span<const StopImpuls
   return sum;
 }
 
+// The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
+Matrix3 WeightOf(const Vector3& impulse, double friction) {
+  Matrix3 weight = Matrix3::Zero();
+  const double press = impulse[0];
+  if (!(press > 0)) return weight;
+  Eigen::Vector2d tangent = impulse.tail<2>();
+  const double most = friction * press, size = tangent.norm();
+  if (size > most) tangent *= most / size;
+  weight(0, 0) = press + (most > 0 ? tangent.squaredNorm() / (most * most) * press : 0);
+  weight.bottomLeftCorner<2, 1>() = 2 * tangent;
+  weight.topRightCorner<1, 2>() = 2 * tangent.transpose();
+  weight.bottomRightCorner<2, 2>() =
+      1 / press *
+      (2 * tangent * tangent.transpose() + (most * most - tangent.squaredNorm()) * Eigen::Matrix2d::Identity());
+  return weight;
+}
+
 }  // namespace
 
 void StopImpulses::Prepare(const SuiteFrame& frame, std::span<const int> bodies, std::span<const int> contacts) {
@@ -24,9 +41,8 @@ void StopImpulses::Prepare(const SuiteFrame& frame, std::span<const int> bodies,
   inverses_.resize(bodies.size());
   for (const int c : contacts) {
     const Contact& contact = frame.contacts.contacts[c];
-    const double press = std::max(0.0, frame.holding[c][0]);
     Term& term = terms_.emplace_back();
-    term.weight = {press, contact.friction * press, contact.friction * press};
+    term.weight = WeightOf(frame.holding[c], contact.friction);
     const int numbers[2] = {contact.body_a, contact.body_b};
     for (int s = 0; s < 2; ++s) {
       const auto found = std::lower_bound(bodies.begin(), bodies.end(), numbers[s]);
@@ -43,7 +59,7 @@ void StopImpulses::Prepare(const SuiteFrame& frame, std::span<const int> bodies,
   sums_.assign(bodies.size(), Block::Zero());
   for (const Term& term : terms_)
     for (const Side& side : term.sides)
-      if (side.body >= 0) sums_[side.body] += side.g * term.weight.asDiagonal() * side.g.transpose();
+      if (side.body >= 0) sums_[side.body] += side.g * term.weight * side.g.transpose();
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Eigen::SelfAdjointEigenSolver<Block> axes(sums_[i]);
     const double least = kSingular * sums_[i].trace();
@@ -57,7 +73,7 @@ Vector3 StopImpulses::ImpulseOf(const Term& term, std::span<const Momentum> x) {
   Vector3 u = Vector3::Zero();
   for (const Side& side : term.sides)
     if (side.body >= 0) u += side.g.transpose() * x[side.body];
-  return term.weight.cwiseProduct(u);
+  return term.weight * u;
 }
 
 void StopImpulses::Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax) const {

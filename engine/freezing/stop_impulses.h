@@ -1,6 +1,7 @@
 // The impulses that take what is left of an island's momentum, so that it stands still by impulses and not by decree.
 //
-//   D = diag(f_n, mu f_n, mu f_n): what a contact presses with may change, what does not press stays out of it
+//   D = S P(x) S / f_n, x = (mu f_n, f_t), S = diag(1 / mu, 1, 1), P(x) = 2 x x^T - det(x) diag(1, -1, -1)
+//       what a contact presses with may change, what does not press stays out of it; what slides changes along its cone
 //   A w = r, A = G D G^T, r: momenta to be given to the bodies (linear; angular over the radius)         [conjugate gradients,
 //   impulses D G^T w: of those that give r the least ones, measured by what the contacts press with        a block per body]
 //
@@ -32,7 +33,7 @@ class StopImpulses {
   };
   struct Term {
     Side sides[2];
-    Vector3 weight;
+    Matrix3 weight;  // D
   };
   static Vector3 ImpulseOf(const Term& term, std::span<const Momentum> x);
   void Multiply(std::span<const Momentum> x, std::vector<Momentum>* ax) const;

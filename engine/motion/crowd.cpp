@@ -1000,20 +1000,14 @@ void Crowd::Return(std::span<const State> states) {
   }
 }
 
-// What stands still as frozen took an impulse that would have moved it: it wakes. Returns whether anything did.
+// Marks what stands still as frozen and took a blow. Returns whether anything did.
 bool Crowd::HitsFrozen() {
-  bool any = false;
-  const auto hit = [&](const Contact& contact) {
-    for (const int i : {contact.body_a, contact.body_b}) {
-      any = any || bodies_[i].frozen;
-      bodies_[i].frozen = false;
-    }
-  };
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (!impulse_W_[c].isZero(0)) hit(held_[c]);
-  for (size_t c = 0; c < problem_.size(); ++c)
-    if (!(local_[c] + blows_[c] + collisions_[c]).isZero(0)) hit(problem_[c]);
-  return any;
+  hit_.assign(bodies_.size(), 0);
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    if ((blows_[c] + collisions_[c]).isZero(0)) continue;
+    for (const int i : {problem_[c].body_a, problem_[c].body_b}) hit_[i] = hit_[i] || bodies_[i].frozen;
+  }
+  return std::any_of(hit_.begin(), hit_.end(), [](std::uint8_t hit) { return hit != 0; });
 }
 
 // What held as the piece ended, also between bodies that stood still all the while.
@@ -1087,6 +1081,19 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
     if (a.frozen == b.frozen || -NormalVelocity(contact, a, b) <= frame_.rest_speed) continue;
     a.frozen = b.frozen = false;
   }
+}
+
+// What moved pressed on what is frozen. Returns false where nothing holds that: it is frozen no more.
+bool Crowd::Hold(double dt, CrowdMemory* memory) {
+  if (settings_.freezing != Freezing::kCertified) return true;
+  FillFrame(dt, memory->forces_W);
+  if (!memory->freezing.Hold(frame_, impulses_, settings_)) return false;
+  for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
+    const Vector3 balance_W = frame_.frames[s.contact] * s.balance;
+    impulses_.push_back({joined_[s.contact], balance_W, 0, dt});
+    memory->forces_W[joined_at_[s.contact]] += 1 / dt * balance_W;
+  }
+  return true;
 }
 
 void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
@@ -1180,7 +1187,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   first_contacts_ = memory->contacts;
   first_forces_W_ = memory->forces_W;
   first_lost_ = memory->lost;
-  while (!Pieces(dt, find, memory, report)) {
+  for (hit_.clear(); !Pieces(dt, find, memory, report) || !Hold(dt, memory); hit_.clear()) {
     yields_.clear();
     Return(first_);
     *near = first_near_;
@@ -1188,7 +1195,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
     memory->forces_W = first_forces_W_;
     memory->lost = first_lost_;
     LookAtStart(dt, *memory);
-    memory->freezing.Wake(frame_, settings_);
+    memory->freezing.Wake(frame_, hit_, settings_);
   }
   Freeze(dt, memory, report);
   for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);

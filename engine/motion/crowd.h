@@ -160,6 +160,7 @@ class Crowd {
   void TellObserver();
   void LookAtStart(double dt, const CrowdMemory& memory);
   void Wake(double dt, CrowdMemory* memory);
+  bool Hold(double dt, CrowdMemory* memory);
   void Freeze(double dt, CrowdMemory* memory, StepReport* report);
   void FillFrame(double dt, std::span<const Vector3> forces_W);
   void Remember(double h, CrowdMemory* memory);
@@ -178,6 +179,7 @@ class Crowd {
   const ProblemObserver* observer_ = nullptr;
   std::vector<LedgerImpulse> impulses_;
   std::vector<std::uint8_t> was_frozen_, frozen_;  // as it began; after what woke
+  std::vector<std::uint8_t> hit_;                  // was frozen, and took a blow
   std::vector<State> first_;                       // as it began
   std::vector<Contact> first_near_, first_contacts_;
   std::vector<Vector3> first_forces_W_;

@@ -77,8 +77,8 @@ TEST(CertifiedFreezing, DoesNotFreezeWhileItsLoadChanges) {
   EXPECT_LE(FramesUntilFrozen(&world, 60), 8);
 }
 
-// A ball of a gram rolls along a slab at rest: an island freezes as a whole.
-TEST(CertifiedFreezing, WhatMovesOnItKeepsItAwake) {
+// A ball of a gram rolls along a slab at rest: the slab is a wall, and what it stands on carries both.
+TEST(CertifiedFreezing, SlabUnderARollingBallRests) {
   World world(testing::AsCrowd(OneThread()));
   world.Add(Floor());
   world.Add({.shape = Shape::Box({10, 1, 0.1}), .mass = 10, .position_W = {0, 0, 0.1}, .friction = 0.5});
@@ -89,15 +89,49 @@ TEST(CertifiedFreezing, WhatMovesOnItKeepsItAwake) {
   world.Add(ball);
   for (int frame = 1; frame <= 60; ++frame) {
     testing::Step(&world, kDt);
-    EXPECT_FALSE(world.body(1).frozen || world.body(2).frozen);
+    EXPECT_FALSE(world.body(2).frozen);
+    if (frame < 10) continue;
+    EXPECT_TRUE(world.body(1).frozen) << frame;
+    EXPECT_NEAR(ImpulseOn(world, 0).z(), -10.001 * kGravity * kDt, 1e-7);
+    EXPECT_NEAR(ImpulseOn(world, 1).z(), 10 * kGravity * kDt, 1e-7);
   }
-  world.Remove(2);
-  EXPECT_LE(FramesUntilFrozen(&world, 60), 2) << "it has stood still";
+  EXPECT_NEAR(world.body(2).position_W.x(), -2, 1e-6);
 }
 
-// Nothing that moves ever meets a frozen body: a pile that is touched wakes as a whole, before the blow is resolved, moves as one that
-// was never frozen, and has its impulses explain what it does.
-TEST(CertifiedFreezing, PileThatIsTouchedWakesAsAWhole) {
+// A ball without friction slides along a plank that rests on a pedestal, and beyond its edge, where the plank's weight times 0.5 m holds
+// the ball up to 0.5 m farther out.
+TEST(CertifiedFreezing, PlankTipsWhereABallSlidesTooFarOut) {
+  Settings freezes = testing::AsCrowd(OneThread());
+  Settings never = freezes;
+  never.freezing = Freezing::kOff;
+  World worlds[2] = {World(freezes), World(never)};
+  for (World& world : worlds) {
+    BodyDefinition pedestal = Cube({0, 0, 0.5});
+    pedestal.kind = BodyKind::kFixed;
+    pedestal.mass.reset();
+    world.Add(pedestal);
+    world.Add({.shape = Shape::Box({2, 0.5, 0.1}), .mass = 1, .position_W = {0, 0, 1.1}, .friction = 0.5});
+    BodyDefinition ball = Ball({0, 0, 1.7});
+    ball.friction = 0;
+    ball.linear_velocity_W = {0.5, 0, 0};
+    world.Add(ball);
+  }
+  int rests = 0;
+  for (int frame = 1; frame <= 150; ++frame) {
+    for (World& world : worlds) testing::Step(&world, kDt);
+    const double x = worlds[0].body(2).position_W.x();
+    rests += worlds[0].body(1).frozen;
+    EXPECT_FALSE(x > 1.01 && worlds[0].body(1).frozen) << x;
+    for (const int i : {1, 2})
+      EXPECT_LT((worlds[0].body(i).position_W - worlds[1].body(i).position_W).norm(), 1e-5) << frame;
+  }
+  EXPECT_GE(rests, 100);  // of the 120 until then
+  EXPECT_GT(worlds[0].body(1).angular_velocity_W.y(), 0.05);
+}
+
+// A pile that is struck wakes as a whole, before the blow is resolved, moves as one that was never frozen, and has its impulses explain
+// what it does. In the same frame what the blow left at rest freezes again.
+TEST(CertifiedFreezing, PileThatIsStruckMovesAsIfItHadNeverBeenFrozen) {
   Settings freezes = testing::AsCrowd(OneThread());
   freezes.effort = qp::kThoroughEffort;
   Settings never = freezes;
@@ -118,8 +152,7 @@ TEST(CertifiedFreezing, PileThatIsTouchedWakesAsAWhole) {
     int frozen = 0;
     for (World& world : worlds) testing::Step(&world, kDt);
     for (int i = 1; i <= 41; ++i) frozen += worlds[0].body(i).frozen;
-    EXPECT_TRUE(frozen == 0 || frozen == 41) << frozen;
-    touched = touched || frozen == 0;
+    touched = touched || frozen < 41;
     for (int i = 1; i <= 42; ++i)
       EXPECT_LT((worlds[0].body(i).position_W - worlds[1].body(i).position_W).norm(), 1e-4) << frame << ", " << i;
   }
@@ -381,14 +414,14 @@ TEST(CertifiedFreezing, SlidesInTheFrameInWhichFrictionIsTakenAway) {
               1e-4);
 }
 
-// It wakes all that it is joined to.
+// A small group wakes; a crowd's stack is a wall that can hold it.
 TEST(CertifiedFreezing, LoadPlacedOnAFrozenStackIsCarried) {
   for (const bool crowd : {false, true}) {
     World world = FrozenStack(4, 0.5, crowd ? testing::AsCrowd(OneThread()) : OneThread());
     const int load = world.Add(Cube({0.1, 0, 4.5}));
     testing::Step(&world, kDt);
     EXPECT_NEAR(ImpulseOn(world, 0).z(), -5 * kGravity * kDt, 2e-3 * kGravity * kDt);
-    for (int body = 1; body <= 4; ++body) EXPECT_FALSE(world.body(body).frozen) << body;
+    for (int body = 1; body <= 4; ++body) EXPECT_EQ(world.body(body).frozen, crowd) << body;
     EXPECT_LE(FramesUntilFrozen(&world, 30), 30);
     EXPECT_NEAR((world.body(load).position_W - Vector3(0.1, 0, 4.5)).norm(), 0, 1e-4);
   }

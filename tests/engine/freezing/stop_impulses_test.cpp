@@ -85,6 +85,21 @@ TEST(StopImpulses, WhatDoesNotPressGivesNothing) {
   EXPECT_EQ(impulses[1], Vector3(0, 0, 0));
 }
 
+// One of four corners is about to slide along x: a push that way is held by the others.
+TEST(StopImpulses, WhatSlidesStaysOnItsCone) {
+  HeldCube cube({{0.5, 0.5, 0}, {0.5, -0.5, 0}, {-0.5, 0.5, 0}, {-0.5, -0.5, 0}});
+  for (size_t c = 0; c < 4; ++c) cube.frame.holding[c] = cube.frames[c].transpose() * Vector3(c == 0 ? 0.5 : 0, 0, 1);
+  StopImpulses stop;
+  stop.Prepare(cube.frame, std::vector<int>{1}, cube.all);
+  Momentum wanted = Momentum::Zero();
+  wanted[0] = 1e-3;
+  std::vector<Vector3> impulses;
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, &impulses));
+  EXPECT_LE((cube.GivenBy(impulses) - wanted).norm(), 1e-14);
+  const Vector3 after = cube.frame.holding[0] + impulses[0];
+  EXPECT_LE(after.tail<2>().norm(), 0.5 * after[0] * (1 + 1e-6));
+}
+
 // A crowd's pile comes to rest by impulses alone: the ledger finds all of its momentum in the step in which it freezes, too.
 TEST(StopImpulses, FreezingTakesNoMomentum) {
   Settings settings;
