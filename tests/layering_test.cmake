@@ -31,7 +31,7 @@ set(rooms_engine_query geometry)
 set(rooms_engine_world detection freezing geometry motion query response)
 
 # Headers of rooms that other libraries may include; of a library's own folder they may include all.
-set(doors qp/cascade/island_solver.h qp/dense/dense_solver.h qp/direct/one_contact.h)
+set(doors qp/cascade/island_solver.h qp/newton/least_change.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
 set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")

@@ -8,9 +8,7 @@
 namespace islet {
 namespace {
 
-constexpr double kBalanced =
-    10;  // times the tolerance: imbalance that counts as none, of the impulses that act on the body
-constexpr double kWrong = 10;    // times what the answer is wrong by: velocity that may be its error
+constexpr double kMargin = 10;   // times the tolerance, or what an answer is wrong by: as much may be error
 constexpr double kAlike = 1e-2;  // of a force: a change that leaves it what it was
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
@@ -83,7 +81,7 @@ double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
 }
 
 bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) {
-  return std::max(load.outside, Imbalance(body, load)) <= kBalanced * settings.tolerance;
+  return std::max(load.outside, Imbalance(body, load)) <= kMargin * settings.tolerance;
 }
 
 void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
@@ -181,18 +179,9 @@ void CertifiedFreezing::AskForBalance(const SuiteFrame& frame) {
   }
 }
 
-// None where they would leave their cones. Returns whether they give what is wanted.
-bool CertifiedFreezing::FindImpulses(const SuiteFrame& frame, const Settings& settings,
-                                     std::vector<Vector3>* impulses) {
-  const bool found = stopping_.Find(wanted_, limits_, impulses);
-  for (size_t k = 0; k < contacts_.size(); ++k) {
-    const Vector3 all = frame.holding[contacts_[k]] + (*impulses)[k];
-    const double outside = all.tail<2>().norm() - frame.contacts.contacts[contacts_[k]].friction * all[0];
-    if (outside <= kBalanced * settings.tolerance * all.norm()) continue;
-    std::fill(impulses->begin(), impulses->end(), Vector3::Zero());
-    return false;
-  }
-  return found;
+// What is wanted_, within the cones of what holds. Returns whether it is given.
+bool CertifiedFreezing::FindImpulses(const Settings& settings, std::vector<Vector3>* impulses) {
+  return stopping_.Find(wanted_, limits_, kMargin * settings.tolerance, impulses);
 }
 
 bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses,
@@ -218,7 +207,7 @@ bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpu
   ForEachCollected([&](int root) {
     stopping_.Prepare(frame, members_, contacts_);
     AskForBalance(frame);
-    moves_[root] = !FindImpulses(frame, settings, &balance_);
+    moves_[root] = !FindImpulses(settings, &balance_);
     held = held && !moves_[root];
     for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], Vector3::Zero(), balance_[k]});
   });
@@ -241,37 +230,32 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
   }
 }
 
-// An island as a whole; where it was solved to the tolerance also a part of it. What moves beside a body at rest presses it now here, now
-// there: whether its contacts can balance that is asked when it stops.
+// Of an island that was solved to the tolerance. Whether contacts can balance what rests is asked when it stops; that they nearly do is
+// asked here, but for what moves beside a body, and presses it now here, now there.
 void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                       const std::vector<double>& errors, const Settings& settings) {
   const size_t n = frame.bodies.size();
-  const double calm = kBalanced * settings.tolerance * std::max(frame.rest_speed, 1e-12);
+  const double calm = kMargin * settings.tolerance * std::max(frame.rest_speed, 1e-12);
   rests_.assign(n, 0);
   touched_.assign(n, 0);
-  asks_.assign(n, 0);
-  rough_.assign(n, 0);
-  const auto may_freeze = [&](size_t i) { return frame.bodies[i].Moves(); };
   for (size_t i = 0; i < n; ++i) {
     const Body& body = frame.bodies[i];
-    rests_[i] =
-        body.frozen || (may_freeze(i) && held_[i] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds) &&
-                        FastestPoint(TwistOf(body), body.radius) <= kWrong * errors[i] + calm);
-  }
-  for (const Contact& c : frame.contacts.contacts) {
-    if (!JoinsDynamic(frame, c) || rests_[c.body_a] == rests_[c.body_b]) continue;
-    touched_[c.body_a] = touched_[c.body_b] = 1;
+    if (body.Moves() && errors[i] > calm) moves_[roots_[i]] = 1;
   }
   for (size_t i = 0; i < n; ++i) {
-    if (!may_freeze(i)) continue;
-    const int root = roots_[i];
-    rests_[i] = rests_[i] && (touched_[i] || IsBalanced(frame.bodies[i], loads_[i], settings));
-    asks_[root] = asks_[root] || !rests_[i];
-    rough_[root] = rough_[root] || errors[i] > settings.tolerance * frame.rest_speed;
+    const Body& body = frame.bodies[i];
+    const bool stands =
+        held_[i] && !moves_[roots_[i]] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds);
+    rests_[i] = body.frozen ||
+                (body.Moves() && stands && FastestPoint(TwistOf(body), body.radius) <= kMargin * errors[i] + calm);
   }
+  for (const Contact& c : frame.contacts.contacts)
+    if (JoinsDynamic(frame, c) && rests_[c.body_a] != rests_[c.body_b]) touched_[c.body_a] = touched_[c.body_b] = 1;
   for (size_t i = 0; i < n; ++i) {
-    const int root = roots_[i];
-    if (may_freeze(i) && (moves_[root] || (asks_[root] && rough_[root]))) rests_[i] = 0;
+    const Body& body = frame.bodies[i];
+    if (!body.Moves() || touched_[i]) continue;
+    const double sum = Imbalance(body, loads_[i]) * loads_[i].size;
+    rests_[i] = rests_[i] && sum <= (kMargin * errors[i] + calm) * body.mass;
   }
 }
 
@@ -285,20 +269,47 @@ void CertifiedFreezing::StopIslands(const SuiteFrame& frame, const Settings& set
   ForEachCollected([&](int) { StopIsland(frame, settings); });
 }
 
-// Stops it and balances what holds it, or lets it move on where impulses within their cones cannot.
+// Stops it and balances what holds it. Whom impulses within their cones cannot hold moves on; so do all, unless each attempt leaves out at
+// most half of what the one before might have.
 void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& settings) {
-  stopping_.Prepare(frame, members_, contacts_);
-  AskForBalance(frame);
-  for (size_t k = 0; k < members_.size(); ++k) {
-    const Body& body = frame.bodies[members_[k]];
-    wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
+  for (size_t most = members_.size(); !members_.empty(); most /= 2) {
+    stopping_.Prepare(frame, members_, contacts_);
+    AskForBalance(frame);
+    for (size_t k = 0; k < members_.size(); ++k) {
+      const Body& body = frame.bodies[members_[k]];
+      wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
+    }
+    bool found = FindImpulses(settings, &stop_);
+    if (found) {
+      AskForBalance(frame);
+      found = FindImpulses(settings, &balance_);
+    }
+    if (found) {
+      for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
+      return;
+    }
+    const size_t out = LeaveOut(frame);
+    if (out == 0 || out > most) break;
   }
-  bool found = FindImpulses(frame, settings, &stop_);
-  AskForBalance(frame);
-  found = found && FindImpulses(frame, settings, &balance_);
-  if (!found)
-    for (const int i : members_) rests_[i] = frame.bodies[i].frozen;
-  for (size_t k = 0; found && k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
+  for (const int i : members_) rests_[i] = frame.bodies[i].frozen;
+}
+
+// Takes out who was not held. Returns how many they are.
+size_t CertifiedFreezing::LeaveOut(const SuiteFrame& frame) {
+  size_t out = 0;
+  for (size_t k = 0; k < members_.size(); ++k) {
+    const int i = members_[k];
+    if (stopping_.missed()[k] <= 1 || frame.bodies[i].frozen) continue;
+    rests_[i] = 0;
+    ++out;
+  }
+  std::erase_if(members_, [&](int i) { return !rests_[i]; });
+  std::erase_if(contacts_, [&](int c) {
+    const Contact& contact = frame.contacts.contacts[c];
+    return (frame.bodies[contact.body_a].kind == BodyKind::kDynamic && !rests_[contact.body_a]) ||
+           (frame.bodies[contact.body_b].kind == BodyKind::kDynamic && !rests_[contact.body_b]);
+  });
+  return out;
 }
 
 }  // namespace islet

@@ -87,7 +87,8 @@ class CertifiedFreezing {
                      const std::vector<double>& errors, const Settings& settings);
   void StopIslands(const SuiteFrame& frame, const Settings& settings);
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
-  bool FindImpulses(const SuiteFrame& frame, const Settings& settings, std::vector<Vector3>* impulses);
+  size_t LeaveOut(const SuiteFrame& frame);
+  bool FindImpulses(const Settings& settings, std::vector<Vector3>* impulses);
   static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
@@ -98,8 +99,7 @@ class CertifiedFreezing {
   std::vector<std::uint8_t> moves_;         // per root: at a wall that moves; it wakes
   std::vector<std::uint8_t> held_, rests_;  // per body: a contact holds it; it is or gets frozen
   std::vector<std::uint8_t> touched_;       // per body: by what moves
-  std::vector<std::uint8_t> asks_,
-      rough_;  // per root: impulses are to be found, or not all of it rests; not solved to the tolerance
+  std::vector<std::uint8_t> asks_;          // per root: impulses are to be found
   std::vector<Load> loads_;
   std::vector<Stop> stops_;
   // Of an island whose contacts are to hold its frozen bodies.

@@ -1000,12 +1000,14 @@ void Crowd::Return(std::span<const State> states) {
   }
 }
 
-// Marks what stands still as frozen and took a blow. Returns whether anything did.
+// Marks what stands still as frozen and took a blow. One that would give it less speed than its weight does is a load like others.
+// Returns whether any did.
 bool Crowd::HitsFrozen() {
   hit_.assign(bodies_.size(), 0);
   for (size_t c = 0; c < problem_.size(); ++c) {
-    if ((blows_[c] + collisions_[c]).isZero(0)) continue;
-    for (const int i : {problem_[c].body_a, problem_[c].body_b}) hit_[i] = hit_[i] || bodies_[i].frozen;
+    const double blow = (blows_[c] + collisions_[c]).norm();
+    for (const int i : {problem_[c].body_a, problem_[c].body_b})
+      hit_[i] = hit_[i] || (bodies_[i].frozen && blow > bodies_[i].mass * floor_);
   }
   return std::any_of(hit_.begin(), hit_.end(), [](std::uint8_t hit) { return hit != 0; });
 }

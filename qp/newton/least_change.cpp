@@ -1,0 +1,156 @@
+#include "qp/newton/least_change.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "qp/body_algebra.h"
+
+namespace islet::qp {
+namespace {
+
+constexpr int kRounds =
+    6;  // at most: of gradients, each leaves a hundredth of what can be given; of steps within the cones
+constexpr double kBack = 0.9;    // of the way to where one would be left
+constexpr double kHair = 1e-11;  // of what contacts give a body: mass that keeps the factor regular
+
+// The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
+Matrix3 WeightOf(const Vector3& impulse, double friction) {
+  Matrix3 weight = Matrix3::Zero();
+  const double press = impulse[0];
+  if (!(press > 0)) return weight;
+  Eigen::Vector2d tangent = impulse.tail<2>();
+  const double most = friction * press, size = tangent.norm();
+  if (size > most) tangent *= most / size;
+  weight(0, 0) = press + (most > 0 ? tangent.squaredNorm() / (most * most) * press : 0);
+  weight.bottomLeftCorner<2, 1>() = 2 * tangent;
+  weight.topRightCorner<1, 2>() = 2 * tangent.transpose();
+  weight.bottomRightCorner<2, 2>() =
+      1 / press *
+      (2 * tangent * tangent.transpose() + (most * most - tangent.squaredNorm()) * Eigen::Matrix2d::Identity());
+  return weight;
+}
+
+double Dot(const std::vector<double>& x, const std::vector<double>& y) {
+  double sum = 0;
+  for (size_t i = 0; i < x.size(); ++i) sum += x[i] * y[i];
+  return sum;
+}
+
+}  // namespace
+
+void LeastChange::Prepare(const std::vector<Vector3>& impulses, Problem* problem) {
+  problem_ = problem;
+  start_ = impulses;
+  system_.Prepare(*problem, 1);
+  fresh_ = false;
+}
+
+// The factor for these impulses.
+void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
+  Problem& problem = *problem_;
+  weights_.resize(impulses.size());
+  for (BodyTerm& body : problem.bodies) body.mass = 0;
+  for (size_t c = 0; c < impulses.size(); ++c) {
+    const ContactTerm& contact = problem.contacts[c];
+    weights_[c] = WeightOf(impulses[c], contact.friction);
+    for (const auto& [body, jacobian] :
+         {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})
+      if (body >= 0) problem.bodies[body].mass += kHair * (jacobian->transpose() * weights_[c] * *jacobian).trace();
+  }
+  for (BodyTerm& body : problem.bodies) {
+    if (!(body.mass > 0)) body.mass = 1;  // nothing presses it
+    body.inertia = body.mass * Matrix3::Identity();
+  }
+  system_.Prepare(problem, 1);  // for the masses
+  system_.Factorise(problem, weights_, {});
+}
+
+void LeastChange::Multiply(const std::vector<double>& w, std::vector<double>* aw) const {
+  aw->assign(w.size(), 0.0);
+  for (size_t c = 0; c < weights_.size(); ++c) {
+    const ContactTerm& contact = problem_->contacts[c];
+    AddForce(contact, 6, 0, 1, weights_[c] * FieldVelocity(contact, 6, 0, w), aw);
+  }
+}
+
+// What is missed now; returns that of the body that misses most.
+double LeastChange::Miss(const std::vector<double>& limits) {
+  missing_.resize(limits.size());
+  for (size_t i = 0; i < limits.size(); ++i) missing_[i] = At(residual_, static_cast<int>(6 * i)).norm() / limits[i];
+  return *std::max_element(missing_.begin(), missing_.end());
+}
+
+// Of step_: what of it leaves the impulses within their cones.
+double LeastChange::ShareInCones(double outside) const {
+  double share = 1;
+  for (size_t c = 0; c < step_.size(); ++c) {
+    const Vector3 &j = impulses_[c], &d = step_[c];
+    const double mu = problem_->contacts[c].friction, slack = outside * j.norm();
+    if (j[0] + share * d[0] < 0) share = j[0] / -d[0];
+    // |t + s dt|^2 = (mu (n + s dn) + slack)^2
+    const double edge = mu * j[0] + slack, a = d.tail<2>().squaredNorm() - mu * mu * d[0] * d[0],
+                 b = j.tail<2>().dot(d.tail<2>()) - mu * edge * d[0], rest = j.tail<2>().squaredNorm() - edge * edge;
+    const double root = b * b - a * rest, sum = root >= 0 ? b + std::sqrt(root) : 0;
+    if (sum > 0) share = std::min(share, std::max(0.0, -rest / sum));
+  }
+  return share;
+}
+
+// step_ towards residual_, which is left with what it misses. Returns whether that is within the limits.
+bool LeastChange::Solve(const std::vector<double>& limits) {
+  w_.assign(residual_.size(), 0.0);
+  direction_.resize(w_.size());
+  double least = Miss(limits), size = 0;
+  best_ = w_, missed_ = missing_;
+  for (int round = 0; least > 1 && round < kRounds; ++round) {
+    preconditioned_ = residual_;
+    system_.Solve(preconditioned_.data());
+    const double next = Dot(residual_, preconditioned_), keeps = round > 0 ? next / size : 0;
+    for (size_t i = 0; i < w_.size(); ++i) direction_[i] = preconditioned_[i] + (round > 0 ? keeps * direction_[i] : 0);
+    size = next;
+    Multiply(direction_, &image_);
+    const double stiffness = Dot(direction_, image_);
+    if (!(stiffness > 0)) break;
+    const double step = size / stiffness;
+    for (size_t i = 0; i < w_.size(); ++i) {
+      w_[i] += step * direction_[i];
+      residual_[i] -= step * image_[i];
+    }
+    const double now = Miss(limits);
+    if (now >= least) break;
+    least = now, best_ = w_, missed_ = missing_;
+  }
+  step_.resize(weights_.size());
+  for (size_t c = 0; c < weights_.size(); ++c)
+    step_[c] = weights_[c] * FieldVelocity(problem_->contacts[c], 6, 0, best_);
+  return least <= 1;
+}
+
+bool LeastChange::Find(const std::vector<double>& wanted, const std::vector<double>& limits, double outside,
+                       std::vector<Vector3>* change) {
+  impulses_ = start_;
+  wanted_ = wanted;
+  bool found = false, whole = false;
+  for (int step = 0; step < kRounds && !whole; ++step) {
+    if (step > 0 || !fresh_) Weigh(impulses_);
+    fresh_ = step == 0;
+    residual_ = wanted_;
+    found = Solve(limits);
+    if (!found) break;
+    const double share = ShareInCones(outside);
+    whole = share >= 1;
+    const double taken = whole ? 1 : kBack * share;
+    for (size_t c = 0; c < impulses_.size(); ++c) {
+      const Vector3 part = taken * step_[c];
+      impulses_[c] += part;
+      AddForce(problem_->contacts[c], 6, 0, -1, part, &wanted_);
+    }
+  }
+  change->assign(impulses_.size(), Vector3::Zero());
+  if (!found || !whole) return false;
+  for (size_t c = 0; c < impulses_.size(); ++c) (*change)[c] = impulses_[c] - start_[c];
+  return true;
+}
+
+}  // namespace islet::qp
