@@ -181,7 +181,9 @@ void CertifiedFreezing::AskForBalance(const SuiteFrame& frame) {
 
 // What is wanted_, within the cones of what holds. Returns whether it is given.
 bool CertifiedFreezing::FindImpulses(const Settings& settings, std::vector<Vector3>* impulses) {
-  return stopping_.Find(wanted_, limits_, kMargin * settings.tolerance, impulses);
+  if (!stopping_.Find(wanted_, limits_, kMargin * settings.tolerance, impulses)) return false;
+  for (const double missed : stopping_.missed()) worst_imbalance_ = std::max(worst_imbalance_, missed * kCalm);
+  return true;
 }
 
 bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses,
@@ -200,7 +202,7 @@ bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpu
     if (!frame.bodies[i].frozen) continue;
     const double imbalance = Imbalance(frame.bodies[i], loads_[i]);
     if (imbalance > kCalm) asks_[roots_[i]] = 1;
-    worst_imbalance_ = std::max(worst_imbalance_, std::min(imbalance, kCalm));  // more is balanced, or wakes
+    if (imbalance <= kCalm) worst_imbalance_ = std::max(worst_imbalance_, imbalance);
   }
   bool held = true;
   CollectIslands(frame, [&](int i) { return frame.bodies[i].frozen && asks_[roots_[i]]; });
@@ -226,7 +228,6 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
     if (!rests_[i] || body.frozen) continue;
     body.frozen = true;
     SetTwist({}, &body);
-    worst_imbalance_ = std::max(worst_imbalance_, Imbalance(body, loads_[i]));
   }
 }
 

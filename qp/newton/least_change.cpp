@@ -9,9 +9,8 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRounds =
-    6;  // at most: of gradients, each leaves a hundredth of what can be given; of steps within the cones
-constexpr double kBack = 0.9;    // of the way to where one would be left
+constexpr int kRounds = 6;     // of refinement, each leaves a hair of what can be given; and of steps within the cones
+constexpr double kBack = 0.9;  // of the way to where one would be left
 constexpr double kHair = 1e-11;  // of what contacts give a body: mass that keeps the factor regular
 
 // The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
@@ -31,18 +30,11 @@ Matrix3 WeightOf(const Vector3& impulse, double friction) {
   return weight;
 }
 
-double Dot(const std::vector<double>& x, const std::vector<double>& y) {
-  double sum = 0;
-  for (size_t i = 0; i < x.size(); ++i) sum += x[i] * y[i];
-  return sum;
-}
-
 }  // namespace
 
 void LeastChange::Prepare(const std::vector<Vector3>& impulses, Problem* problem) {
   problem_ = problem;
   start_ = impulses;
-  system_.Prepare(*problem, 1);
   fresh_ = false;
 }
 
@@ -50,10 +42,13 @@ void LeastChange::Prepare(const std::vector<Vector3>& impulses, Problem* problem
 void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
   Problem& problem = *problem_;
   weights_.resize(impulses.size());
+  double largest = 0;  // as the unit: the same bits in whatever units impulses are
+  for (const Vector3& j : impulses) largest = std::max(largest, j[0]);
+  const double unit = largest > 0 ? largest : 1;
   for (BodyTerm& body : problem.bodies) body.mass = 0;
   for (size_t c = 0; c < impulses.size(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
-    weights_[c] = WeightOf(impulses[c], contact.friction);
+    weights_[c] = WeightOf(impulses[c] / unit, contact.friction);
     for (const auto& [body, jacobian] :
          {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})
       if (body >= 0) problem.bodies[body].mass += kHair * (jacobian->transpose() * weights_[c] * *jacobian).trace();
@@ -62,7 +57,7 @@ void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
     if (!(body.mass > 0)) body.mass = 1;  // nothing presses it
     body.inertia = body.mass * Matrix3::Identity();
   }
-  system_.Prepare(problem, 1);  // for the masses
+  system_.Prepare(problem, 1);
   system_.Factorise(problem, weights_, {});
 }
 
@@ -76,9 +71,9 @@ void LeastChange::Multiply(const std::vector<double>& w, std::vector<double>* aw
 
 // What is missed now; returns that of the body that misses most.
 double LeastChange::Miss(const std::vector<double>& limits) {
-  missing_.resize(limits.size());
-  for (size_t i = 0; i < limits.size(); ++i) missing_[i] = At(residual_, static_cast<int>(6 * i)).norm() / limits[i];
-  return *std::max_element(missing_.begin(), missing_.end());
+  missed_.resize(limits.size());
+  for (size_t i = 0; i < limits.size(); ++i) missed_[i] = At(residual_, static_cast<int>(6 * i)).norm() / limits[i];
+  return *std::max_element(missed_.begin(), missed_.end());
 }
 
 // Of step_: what of it leaves the impulses within their cones.
@@ -97,34 +92,24 @@ double LeastChange::ShareInCones(double outside) const {
   return share;
 }
 
-// step_ towards residual_, which is left with what it misses. Returns whether that is within the limits.
+// step_ towards residual_, which is left with what it misses. What nothing can give a body stays there, and does no harm to the others.
+// Returns whether all is within the limits.
 bool LeastChange::Solve(const std::vector<double>& limits) {
   w_.assign(residual_.size(), 0.0);
-  direction_.resize(w_.size());
-  double least = Miss(limits), size = 0;
-  best_ = w_, missed_ = missing_;
-  for (int round = 0; least > 1 && round < kRounds; ++round) {
-    preconditioned_ = residual_;
-    system_.Solve(preconditioned_.data());
-    const double next = Dot(residual_, preconditioned_), keeps = round > 0 ? next / size : 0;
-    for (size_t i = 0; i < w_.size(); ++i) direction_[i] = preconditioned_[i] + (round > 0 ? keeps * direction_[i] : 0);
-    size = next;
-    Multiply(direction_, &image_);
-    const double stiffness = Dot(direction_, image_);
-    if (!(stiffness > 0)) break;
-    const double step = size / stiffness;
+  double worst = Miss(limits);
+  for (int round = 0; worst > 1 && round < kRounds; ++round) {
+    correction_ = residual_;
+    system_.Solve(correction_.data());
+    Multiply(correction_, &image_);
     for (size_t i = 0; i < w_.size(); ++i) {
-      w_[i] += step * direction_[i];
-      residual_[i] -= step * image_[i];
+      w_[i] += correction_[i];
+      residual_[i] -= image_[i];
     }
-    const double now = Miss(limits);
-    if (now >= least) break;
-    least = now, best_ = w_, missed_ = missing_;
+    worst = Miss(limits);
   }
   step_.resize(weights_.size());
-  for (size_t c = 0; c < weights_.size(); ++c)
-    step_[c] = weights_[c] * FieldVelocity(problem_->contacts[c], 6, 0, best_);
-  return least <= 1;
+  for (size_t c = 0; c < weights_.size(); ++c) step_[c] = weights_[c] * FieldVelocity(problem_->contacts[c], 6, 0, w_);
+  return worst <= 1;
 }
 
 bool LeastChange::Find(const std::vector<double>& wanted, const std::vector<double>& limits, double outside,

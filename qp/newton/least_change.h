@@ -2,7 +2,7 @@
 //
 //   D = S P(x) S / j_n,  x = (mu j_n, j_t),  S = diag(1 / mu, 1, 1),  P(x) = 2 x x^T - det(x) diag(1, -1, -1)
 //       what a contact presses with may change, what does not press stays out of it; what slides changes along its cone
-//   A w = p,  A = J^T D J,  p: wanted                      [conjugate gradients, the Cholesky factor of A + a hair of mass]
+//   A w = p,  A = J^T D J,  p: wanted                      [the Cholesky factor of A + a hair of mass, refined]
 //   change = D J w: of those that give p the least one, measured by what the contacts press with; where it would leave a cone,
 //            most of the way to there, and on with the D of these impulses                                   [affine scaling]
 //
@@ -38,12 +38,10 @@ class LeastChange {
 
   Problem* problem_ = nullptr;  // from Prepare on
   KktSystem system_;
-  bool fresh_ = false;                     // the factor is that of start_
-  std::vector<Vector3> start_, impulses_;  // at hand; so far
-  std::vector<Vector3> step_;
-  std::vector<Matrix3> weights_;          // D
-  std::vector<double> missed_, missing_;  // by the best round; now
-  std::vector<double> wanted_, w_, best_, residual_, preconditioned_, direction_, image_;
+  bool fresh_ = false;                            // the factor is that of start_
+  std::vector<Vector3> start_, impulses_, step_;  // at hand; so far; what these change by next
+  std::vector<Matrix3> weights_;                  // D
+  std::vector<double> missed_, wanted_, w_, residual_, correction_, image_;
 };
 
 }  // namespace islet::qp
