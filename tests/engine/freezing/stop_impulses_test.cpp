@@ -117,6 +117,24 @@ TEST(StopImpulses, WhatSlidesStaysOnItsCone) {
   EXPECT_LE(after.tail<2>().norm(), 0.5 * after[0] * (1 + 1e-6));
 }
 
+// What nothing touches gets nothing, and does no harm to the others.
+TEST(StopImpulses, WhatNothingTouchesIsMissed) {
+  HeldCube cube({{0.5, 0.5, 0}, {0.5, -0.5, 0}, {-0.5, 0.5, 0}, {-0.5, -0.5, 0}});
+  cube.bodies.resize(3, cube.bodies[1]);
+  cube.frame.bodies = cube.bodies;
+  StopImpulses stop;
+  const Momentum push = Momentum::Constant(1e-6);
+  const std::vector<double> limits(2, 1e-15);
+  std::vector<Vector3> impulses;
+  stop.Prepare(cube.frame, std::vector<int>{1, 2}, cube.all);
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, &impulses));
+  EXPECT_LE(stop.missed()[0], 1);
+  EXPECT_NEAR(stop.missed()[1], push.norm() / 1e-15, 1);
+  stop.Prepare(cube.frame, std::vector<int>{1, 2}, std::vector<int>{});
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, &impulses));
+  EXPECT_TRUE(impulses.empty());
+}
+
 // A crowd's pile comes to rest by impulses alone: the ledger finds all of its momentum in the step in which it freezes, too.
 TEST(StopImpulses, FreezingTakesNoMomentum) {
   Settings settings;
