@@ -1089,7 +1089,10 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
 bool Crowd::Hold(double dt, CrowdMemory* memory) {
   if (settings_.freezing != Freezing::kCertified) return true;
   FillFrame(dt, memory->forces_W);
-  if (!memory->freezing.Hold(frame_, impulses_, settings_)) return false;
+  bool held = true;
+  pool_->ForEach(1,
+                 [&](int, int) { held = memory->freezing.Hold(frame_, impulses_, settings_); });  // idle workers help
+  if (!held) return false;
   for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
     const Vector3 balance_W = frame_.frames[s.contact] * s.balance;
     impulses_.push_back({joined_[s.contact], balance_W, 0, dt});
@@ -1103,7 +1106,7 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
   if (settings_.freezing == Freezing::kCertified) {
-    memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_);
+    pool_->ForEach(1, [&](int, int) { memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_); });
     for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
       impulses_.push_back({joined_[s.contact], frame_.frames[s.contact] * s.stop, dt, 0});
       memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
