@@ -129,7 +129,7 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   for (size_t i = 0; i < bodies.size(); ++i) was_frozen[i] = bodies[i].frozen;
   WakeDisturbed();
   RecallHolding();
-  if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame, settings);
+  if (settings.freezing == Freezing::kCertified) certified.BeginFrame(frame, settings, &still);
 }
 
 // What bounces at full speed, and would close its gap within the step, has its blow now: a part of a step too early, and not as deep

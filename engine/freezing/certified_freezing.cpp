@@ -102,14 +102,14 @@ void CertifiedFreezing::TrackStillness(const Body& body, const Settings& setting
   }
 }
 
-void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& settings) {
-  const size_t known = still_.size();
-  still_.resize(frame.bodies.size());
+void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& settings, std::vector<Stillness>* still) {
+  const size_t known = still->size();
+  still->resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
     if (i >= known)
-      still_[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
-    if (body.Moves()) TrackStillness(body, settings, frame.dt, &still_[i]);
+      (*still)[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
+    if (body.Moves()) TrackStillness(body, settings, frame.dt, &(*still)[i]);
   }
   Wake(frame, {}, settings);
 }
@@ -124,7 +124,9 @@ void CertifiedFreezing::Wake(const SuiteFrame& frame, std::span<const std::uint8
       touched_[contact.body_a] = touched_[contact.body_b] = 1;
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
-    if (body.kind != BodyKind::kDynamic || body.removed || !body.frozen) continue;
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    if (!body.frozen) moves_[roots_[i]] = moves_[roots_[i]] || whole_;
+    if (!body.frozen) continue;
     const bool is_hit = !hit.empty() && hit[i];
     if (is_hit || !held_[i] || (!touched_[i] && !IsBalanced(body, loads_[i], settings))) moves_[roots_[i]] = 1;
   }
@@ -218,23 +220,27 @@ bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpu
 }
 
 void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
-                                 const std::vector<double>& errors, const Settings& settings) {
+                                 const std::vector<double>& errors, const std::vector<Stillness>& still,
+                                 const Settings& settings) {
   FindIslands(frame);
   SumLoads(frame);
-  FindWhatRests(frame, was_frozen, errors, settings);
+  FindWhatRests(frame, was_frozen, errors, still, settings);
+  if (whole_) worst_imbalance_ = 0;
   StopIslands(frame, settings);
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    if (!rests_[i] || body.frozen) continue;
-    body.frozen = true;
-    SetTwist({}, &body);
+    if (body.kind != BodyKind::kDynamic || body.removed) continue;
+    if (whole_ && body.frozen) worst_imbalance_ = std::max(worst_imbalance_, Imbalance(body, loads_[i]));
+    body.frozen = rests_[i];
+    if (body.frozen) SetTwist({}, &body);
   }
 }
 
 // Of an island that was solved to the tolerance. Whether contacts can balance what rests is asked when it stops; that they nearly do is
 // asked here, but for what moves beside a body, and presses it now here, now there.
 void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
-                                      const std::vector<double>& errors, const Settings& settings) {
+                                      const std::vector<double>& errors, const std::vector<Stillness>& still,
+                                      const Settings& settings) {
   const size_t n = frame.bodies.size();
   const double calm = kMargin * settings.tolerance * std::max(frame.rest_speed, 1e-12);
   rests_.assign(n, 0);
@@ -246,7 +252,7 @@ void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector
   for (size_t i = 0; i < n; ++i) {
     const Body& body = frame.bodies[i];
     const bool stands =
-        held_[i] && !moves_[roots_[i]] && (was_frozen[i] || still_[i].seconds >= settings.freeze_seconds);
+        held_[i] && !moves_[roots_[i]] && (was_frozen[i] || still[i].seconds >= settings.freeze_seconds);
     rests_[i] = body.frozen ||
                 (body.Moves() && stands && FastestPoint(TwistOf(body), body.radius) <= kMargin * errors[i] + calm);
   }
@@ -258,6 +264,10 @@ void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector
     const double sum = Imbalance(body, loads_[i]) * loads_[i].size;
     rests_[i] = rests_[i] && sum <= (kMargin * errors[i] + calm) * body.mass;
   }
+  if (!whole_) return;
+  for (size_t i = 0; i < n; ++i)
+    if (frame.bodies[i].Moves() && !rests_[i]) moves_[roots_[i]] = 1;
+  for (size_t i = 0; i < n; ++i) rests_[i] = rests_[i] && !moves_[roots_[i]];
 }
 
 // Of the islands that freeze now.
@@ -289,10 +299,10 @@ void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& sett
       for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});
       return;
     }
-    const size_t out = LeaveOut(frame);
+    const size_t out = whole_ ? 0 : LeaveOut(frame);
     if (out == 0 || out > most) break;
   }
-  for (const int i : members_) rests_[i] = frame.bodies[i].frozen;
+  for (const int i : members_) rests_[i] = frame.bodies[i].frozen && !whole_;
 }
 
 // Takes out who was not held. Returns how many they are.

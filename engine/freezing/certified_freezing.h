@@ -33,8 +33,19 @@ class CertifiedFreezing {
   static constexpr double kCalm =
       0.5 * Ledger::kMostMomentum;  // of the impulses on a body: momentum that rest may take from it
 
-  // Start of a frame, when its contacts and the impulses that held are known: wakes islands.
-  void BeginFrame(const SuiteFrame& frame, const Settings& settings);
+  // Since when a body stands still, and where. All that one frame leaves for the next; an object of this class remembers nothing.
+  struct Stillness {
+    Vector3 position_W = Vector3::Zero();
+    Quaternion rotation_WB = Quaternion::Identity();
+    Vector3 force_W = Vector3::Zero(), torque_W = Vector3::Zero();  // gravity included
+    double seconds = 0;
+  };
+
+  // whole: islands freeze and wake as a whole, and nobody has to call Hold.
+  explicit CertifiedFreezing(bool whole) : whole_(whole) {}
+
+  // Start of a frame, when its contacts and the impulses that held are known: wakes islands. still: per body.
+  void BeginFrame(const SuiteFrame& frame, const Settings& settings, std::vector<Stillness>* still);
   // The same once more, where frozen bodies were found to be hit in this frame: their islands wake. hit: per body; may be empty.
   void Wake(const SuiteFrame& frame, std::span<const std::uint8_t> hit, const Settings& settings);
 
@@ -45,7 +56,7 @@ class CertifiedFreezing {
   // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
   // body, the worst natural map of the answers of this frame for its island.
   void EndFrame(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen, const std::vector<double>& errors,
-                const Settings& settings);
+                const std::vector<Stillness>& still, const Settings& settings);
 
   // What the last Hold or EndFrame found for a contact of the frame, in (n, t1, t2).
   struct Stop {
@@ -53,15 +64,6 @@ class CertifiedFreezing {
     Vector3 stop, balance;  // [N s] what brings its bodies to rest; what the impulses that hold them lack
   };
   std::span<const Stop> stops() const { return stops_; }
-
-  struct Stillness {
-    Vector3 position_W = Vector3::Zero();
-    Quaternion rotation_WB = Quaternion::Identity();
-    Vector3 force_W = Vector3::Zero(), torque_W = Vector3::Zero();  // gravity included
-    double seconds = 0;
-  };
-  // Per body: since when it stands still, and where. All that one frame leaves for the next.
-  std::vector<Stillness>& stillness() { return still_; }
 
   // Over the frozen bodies of this frame: sum of all impulses over the sum of their magnitudes, the largest.
   double worst_imbalance() const { return worst_imbalance_; }
@@ -84,7 +86,7 @@ class CertifiedFreezing {
   void AskForBalance(const SuiteFrame& frame);
   void SumLoads(const SuiteFrame& frame);
   void FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
-                     const std::vector<double>& errors, const Settings& settings);
+                     const std::vector<double>& errors, const std::vector<Stillness>& still, const Settings& settings);
   void StopIslands(const SuiteFrame& frame, const Settings& settings);
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
   size_t LeaveOut(const SuiteFrame& frame);
@@ -93,7 +95,7 @@ class CertifiedFreezing {
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 
-  std::vector<Stillness> still_;
+  bool whole_;
   double worst_imbalance_ = 0;
   std::vector<int> roots_;                  // islands, per body
   std::vector<std::uint8_t> moves_;         // per root: at a wall that moves; it wakes

@@ -1076,7 +1076,7 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
   memory->freeze_counters.resize(bodies_.size(), 0);
   memory->lost.resize(bodies_.size(), INFINITY);
   LookAtStart(dt, *memory);
-  if (settings_.freezing == Freezing::kCertified) memory->freezing.BeginFrame(frame_, settings_);
+  if (settings_.freezing == Freezing::kCertified) freezing_.BeginFrame(frame_, settings_, &memory->still);
   if (settings_.freezing != Freezing::kPaper) return;
   for (const Contact& contact : joined_) {
     Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
@@ -1090,10 +1090,9 @@ bool Crowd::Hold(double dt, CrowdMemory* memory) {
   if (settings_.freezing != Freezing::kCertified) return true;
   FillFrame(dt, memory->forces_W);
   bool held = true;
-  pool_->ForEach(1,
-                 [&](int, int) { held = memory->freezing.Hold(frame_, impulses_, settings_); });  // idle workers help
+  pool_->ForEach(1, [&](int, int) { held = freezing_.Hold(frame_, impulses_, settings_); });  // idle workers help
   if (!held) return false;
-  for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
+  for (const CertifiedFreezing::Stop& s : freezing_.stops()) {
     const Vector3 balance_W = frame_.frames[s.contact] * s.balance;
     impulses_.push_back({joined_[s.contact], balance_W, 0, dt});
     memory->forces_W[joined_at_[s.contact]] += 1 / dt * balance_W;
@@ -1106,8 +1105,8 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
   if (settings_.freezing == Freezing::kCertified) {
-    pool_->ForEach(1, [&](int, int) { memory->freezing.EndFrame(frame_, was_frozen_, errors_, settings_); });
-    for (const CertifiedFreezing::Stop& s : memory->freezing.stops()) {
+    pool_->ForEach(1, [&](int, int) { freezing_.EndFrame(frame_, was_frozen_, errors_, memory->still, settings_); });
+    for (const CertifiedFreezing::Stop& s : freezing_.stops()) {
       impulses_.push_back({joined_[s.contact], frame_.frames[s.contact] * s.stop, dt, 0});
       memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
     }
@@ -1124,7 +1123,7 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
     report->kinetic_energy += body.KineticEnergy();
   }
   if (settings_.freezing == Freezing::kCertified && report->frozen > 0)
-    report->frozen_imbalance = std::max(report->frozen_imbalance, memory->freezing.worst_imbalance());
+    report->frozen_imbalance = std::max(report->frozen_imbalance, freezing_.worst_imbalance());
 }
 
 // Of the last piece.
@@ -1200,7 +1199,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
     memory->forces_W = first_forces_W_;
     memory->lost = first_lost_;
     LookAtStart(dt, *memory);
-    memory->freezing.Wake(frame_, hit_, settings_);
+    freezing_.Wake(frame_, hit_, settings_);
   }
   Freeze(dt, memory, report);
   for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);

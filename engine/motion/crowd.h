@@ -45,8 +45,8 @@ struct CrowdMemory {
   std::vector<Contact> contacts;  // near ones
   std::vector<Vector3> forces_W;  // [N] on body_b, that held there
   std::vector<double> lost;       // [J] per body: by all that it pressed, together; infinite: it pressed nobody
-  CertifiedFreezing freezing;
-  std::vector<int> freeze_counters;  // kPaper, per body
+  std::vector<CertifiedFreezing::Stillness> still;  // per body
+  std::vector<int> freeze_counters;                 // kPaper, per body
 };
 
 class Crowd {
@@ -224,6 +224,7 @@ class Crowd {
   std::vector<Contact> joined_;              // of freezing's frame
   std::vector<int> joined_at_;               // places in near_
   SuiteFrame frame_;
+  CertifiedFreezing freezing_{/*whole=*/false};
   // Scratch of contact problems.
   std::vector<Body> posed_;
   std::vector<Contact> problem_;

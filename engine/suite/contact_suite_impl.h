@@ -24,6 +24,7 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   Settings settings;
   parallel::WorkerPool* pool;
   SuiteFrame frame;
+  CertifiedFreezing certified{/*whole=*/true};
 
   // Partitions: numbers of contacts in a partition are places in `linked`.
   std::vector<std::uint8_t> cut;

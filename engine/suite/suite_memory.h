@@ -12,8 +12,8 @@
 namespace islet {
 
 struct SuiteMemory {
-  CertifiedFreezing certified;       // how long each body has stood still, and where
-  std::vector<int> freeze_counters;  // kPaper, per body
+  std::vector<CertifiedFreezing::Stillness> still;  // per body: how long it has stood still, and where
+  std::vector<int> freeze_counters;                 // kPaper, per body
 
   // Of the last frame, in its order: the contacts, the impulses that held [N s] (n, t1, t2), and in W what was told outside.
   std::vector<Contact> previous_contacts;
