@@ -20,6 +20,10 @@ namespace islet::qp {
 
 class KktSystem {
  public:
+  KktSystem() = default;
+  KktSystem(KktSystem&&) = default;
+  KktSystem& operator=(KktSystem&&) = default;  // no copies: blocks point into the factor
+
   // Takes the masses and the Jacobians. The symbolic phase is kept while the graph of the problem is the same.
   // num_fields: 1 or 2.
   void Prepare(const Problem& problem, int num_fields);
