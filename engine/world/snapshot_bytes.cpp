@@ -192,8 +192,7 @@ void Visit(A& a, CertifiedFreezing::Stillness& s) {
 }
 template <typename A>
 void Visit(A& a, motion::CrowdMemory& m) {
-  Visit(a, m.contacts), Visit(a, m.forces_W), Visit(a, m.lost), Visit(a, m.still),
-      Visit(a, m.freeze_counters);
+  Visit(a, m.contacts), Visit(a, m.forces_W), Visit(a, m.lost), Visit(a, m.still), Visit(a, m.freeze_counters);
 }
 template <typename A>
 void Visit(A& a, WorldState& w) {
