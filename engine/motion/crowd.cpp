@@ -1102,8 +1102,6 @@ bool Crowd::Hold(double dt, CrowdMemory* memory) {
 
 void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   FillFrame(dt, memory->forces_W);
-  frozen_.resize(bodies_.size());
-  for (size_t i = 0; i < bodies_.size(); ++i) frozen_[i] = bodies_[i].frozen;
   if (settings_.freezing == Freezing::kCertified) {
     pool_->ForEach(1, [&](int, int) { freezing_.EndFrame(frame_, was_frozen_, errors_, memory->still, settings_); });
     for (const CertifiedFreezing::Stop& s : freezing_.stops()) {
@@ -1111,8 +1109,6 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
       memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
     }
   }
-  for (size_t i = 0; i < bodies_.size(); ++i)
-    bodies_[i].frozen = bodies_[i].frozen || frozen_[i];  // it wakes as the next step begins
   if (settings_.freezing == Freezing::kPaper) FreezeLikePaper(frame_, settings_, &memory->freeze_counters);
   for (size_t i = 0; i < bodies_.size(); ++i) {
     const Body& body = bodies_[i];

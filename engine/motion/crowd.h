@@ -178,9 +178,8 @@ class Crowd {
   std::vector<Contact>* near_ = nullptr;
   const ProblemObserver* observer_ = nullptr;
   std::vector<LedgerImpulse> impulses_;
-  std::vector<std::uint8_t> was_frozen_, frozen_;  // as it began; after what woke
-  std::vector<std::uint8_t> hit_;                  // was frozen, and took a blow
-  std::vector<State> first_;                       // as it began
+  std::vector<std::uint8_t> was_frozen_, hit_;  // as it began; what was frozen and took a blow
+  std::vector<State> first_;                    // as it began
   std::vector<Contact> first_near_, first_contacts_;
   std::vector<Vector3> first_forces_W_;
   std::vector<double> first_lost_;
