@@ -1,4 +1,4 @@
-// The self-dual cones of the interior-point method, one per contact, and their Nesterov-Todd scaling [NT98, Van10].
+// The self-dual cones of the interior-point method, one per contact [NT98, Van10].
 //
 // The friction cone of a contact becomes d rows (s, z) by a small matrix T (d x 3): s = T w for a contact velocity w,
 // j = T^T z for the impulse; then z . s = j . w, and z, s in the self-dual cone says j in K, w in K*.
@@ -8,11 +8,11 @@
 //   kCircular   diag(1, mu, mu)                  second-order cone         3   |j_t| <= mu j_n
 //   kOctagon    eight edges (1, mu cos, mu sin)  eight numbers >= 0        8   [SM04 Eq. 8], as generators of K
 //
-// Scaling: W symmetric with W z = W^-1 s = lambda. All functions work on the d rows of one contact, in place of
-// allocation; `scale` holds the scaling point (d numbers) and, for the second-order cone, eta.
+// What is done with rows in every iteration is in interior_point/row_cones_impl.h, for eight contacts at once.
 //   threads: pure functions
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "qp/problem.h"
@@ -29,35 +29,19 @@ struct ContactCone {
   double friction = 0;
 };
 
+// Of the octagon, between the facets of [SM04 Eq. 8]: cosine and sine of pi/8 + k pi/4.
+extern const std::array<std::array<double, 2>, 8> kOctagonEdges;
+
 // The cone of a contact under the given approximation. Friction below 1e-12 counts as none.
 ContactCone ChooseCone(double friction, Cone cone);
 
-int NumRows(ConeKind kind);  // d
-int Degree(ConeKind kind);   // of the barrier: 1 for the second-order cone, else d
+inline int NumRows(ConeKind kind) { return kind == ConeKind::kRay ? 1 : kind == ConeKind::kCircular ? 3 : 8; }  // d
+inline int Degree(ConeKind kind) { return kind == ConeKind::kOctagon ? 8 : 1; }  // of the barrier
 
 void MapToRows(const ContactCone& cone, const Vector3& w, double* s);  // s = T w
 Vector3 MapFromRows(const ContactCone& cone, const double* z);         // j = T^T z
 void Identity(ConeKind kind, double* e);                               // the cone's unit element
-
-struct Scaling {
-  double* point;   // d numbers
-  double* lambda;  // d numbers
-  double eta;
-};
-// False if s or z is not inside the cone.
-bool UpdateScaling(ConeKind kind, const double* s, const double* z, Scaling* scaling);
-
-Matrix3 ScalingBlock(const ContactCone& cone, const Scaling& scaling);                          // D = T^T W^-2 T
-void ApplyScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out);         // W x
-void ApplyInverseScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out);  // W^-1 x
-
-void JordanProduct(ConeKind kind, const double* a, const double* b, double* out);      // a o b
-void JordanDivide(ConeKind kind, const double* lambda, const double* b, double* out);  // x with lambda o x = b
-// Largest step t <= limit with lambda + t direction inside the cone; direction in scaled space.
-double MaxStep(ConeKind kind, const double* lambda, const double* direction, double limit);
 // Smallest spectral value: positive inside the cone.
 double MinEigenvalue(ConeKind kind, const double* a);
 
 }  // namespace islet::qp
-
-#include "qp/cone_algebra.h"  // what is inline

@@ -66,18 +66,19 @@ void SolveAndJudge(const FclibProblem& original, const SolveOptions& options, Re
     result->verdict = verdict;
     result->method = sparse ? "sparse" : "dense";
   };
-  // On the octagon the rounds of exact Coulomb friction are those of the dense way: it measures whether its slips are its own.
-  const bool fits = FitsDense(result->problem);
-  const bool sparse =
-      result->problem.rigid && !(fits && law.model == qp::Model::kCoulomb && law.cone == qp::Cone::kOctagon);
+  const bool sparse = result->problem.rigid.has_value(), fits = FitsDense(result->problem),
+             circular = law.cone == qp::Cone::kCircular;
   if (sparse) attempt(true);
-  if (fits && !(sparse && Solved(result->verdict, options.tolerance))) {
+  if (fits && circular && !(sparse && Solved(result->verdict, options.tolerance))) {
     try {
       attempt(false);
     } catch (const FclibError&) {
       if (!sparse) throw;  // else there is an answer, and the table tells how good it is
     }
   }
+  if (result->method.empty() && !circular)
+    throw FclibError(result->file +
+                     ": --cone octagon is for problems of rigid bodies (M of blocks of 6 x 6, two bodies a contact)");
   if (result->method.empty())
     throw FclibError(fmt::format("{}: {} contacts are too many for a dense matrix", result->file,
                                  result->problem.file.num_contacts()));

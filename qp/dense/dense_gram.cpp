@@ -29,26 +29,26 @@ void DenseGram::Prepare(const ScaledDenseProblem& problem) {
   sparse_ = work <= kSparseShare * rank * rank * problem.num_contacts();
 }
 
-void DenseGram::Add(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system) {
+void DenseGram::Add(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system) {
   if (sparse_) {
-    AddSparse(weights, symmetric, system);
+    AddSparse(weights, system);
   } else {
-    AddDense(weights, symmetric, system);
+    AddDense(weights, system);
   }
 }
 
-void DenseGram::AddSparse(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system) {
+void DenseGram::AddSparse(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system) {
   for (size_t c = 0; c < weights.size(); ++c) {
     if (weights[c].isZero(0)) continue;
     for (int j = first_[c]; j < first_[c + 1]; ++j) {
       const Vector3 weighted = weights[c] * entries_[j];
       double* const column = &(*system)(0, columns_[j]);
-      for (int i = symmetric ? j : first_[c]; i < first_[c + 1]; ++i) column[columns_[i]] += entries_[i].dot(weighted);
+      for (int i = first_[c]; i < first_[c + 1]; ++i) column[columns_[i]] += entries_[i].dot(weighted);
     }
   }
 }
 
-void DenseGram::AddDense(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system) {
+void DenseGram::AddDense(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system) {
   pressing_.resize(a_->rows(), a_->cols());
   weighted_.resize(a_->rows(), a_->cols());
   int rows = 0;
@@ -58,12 +58,7 @@ void DenseGram::AddDense(const std::vector<Matrix3>& weights, bool symmetric, Ei
     weighted_.middleRows<3>(rows).noalias() = weights[c] * a_->middleRows<3>(3 * c);
     rows += 3;
   }
-  const auto left = pressing_.topRows(rows).transpose();
-  if (symmetric) {
-    system->triangularView<Eigen::Lower>() += left * weighted_.topRows(rows);
-  } else {
-    system->noalias() += left * weighted_.topRows(rows);
-  }
+  system->noalias() += pressing_.topRows(rows).transpose() * weighted_.topRows(rows);
 }
 
 }  // namespace islet::qp

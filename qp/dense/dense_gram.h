@@ -1,4 +1,4 @@
-// The matrix that both dense solvers factorise: A^T G A, summed over the contacts, each with a 3 x 3 weight of its own.
+// The matrix that dense_newton factorises: A^T G A, summed over the contacts, each with a 3 x 3 weight of its own.
 //
 // The factor of a pile's W has mostly zeros: where they save enough, contacts are added entry by entry, else by one dense
 // product.
@@ -13,12 +13,12 @@ class DenseGram {
  public:
   void Prepare(const ScaledDenseProblem& problem);  // which must outlive the calls of Add
 
-  // system += A^T G A; with `symmetric` weights only the lower triangle. Contacts of weight zero cost nothing.
-  void Add(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system);
+  // system += A^T G A. Contacts of weight zero cost nothing.
+  void Add(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system);
 
  private:
-  void AddSparse(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system);
-  void AddDense(const std::vector<Matrix3>& weights, bool symmetric, Eigen::MatrixXd* system);
+  void AddSparse(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system);
+  void AddDense(const std::vector<Matrix3>& weights, Eigen::MatrixXd* system);
 
   const Eigen::MatrixXd* a_ = nullptr;
   bool sparse_ = false;

@@ -62,7 +62,7 @@ void DenseNewton::Factorise() {
   for (int c = 0; c < problem_->num_contacts(); ++c)
     weights_[c] = stiffness_ * LawSlope(model_, pulls_.segment<3>(3 * c), problem_->friction[c]);
   system_.setIdentity(problem_->factor.cols(), problem_->factor.cols());
-  gram_.Add(weights_, false, &system_);
+  gram_.Add(weights_, &system_);
   factors_.compute(system_);
 }
 

@@ -27,8 +27,7 @@ struct DenseSolution {
   Status status = Status::kFailed;
   Eigen::VectorXd impulses;    // j
   Eigen::VectorXd velocities;  // u = W j + q
-  std::vector<double> slips;   // per contact: the De Saxce term that the solved problem used; 0 unless kCoulomb
-  int iterations = 0;          // factorisations, of the interior point and of Newton's method
+  int iterations = 0;          // factorisations
 };
 
 // The problem in units in which every contact has tr W_cc = 3 and velocities are of order one: scaled W = D W D with one

@@ -1,13 +1,9 @@
-// Solves a DenseProblem, model by model:
-//   convex    the interior point; on the circular cone finished by Newton's method
-//   coulomb   circular: interior point with lagged slip s = mu |u_t|, Gauss-Seidel sweeps, Newton's finish, in rounds until the
-//             natural map of exact Coulomb is below the tolerance; the best round is kept [DS91, ACLM11]
-//             octagon: interior point with lagged slip
+// Solves a DenseProblem on the circular cone: Gauss-Seidel sweeps and Newton's method by turns until the natural map of the model is
+// below the tolerance; the best impulses are kept [JAJ98, AC91]. Convex and exact Coulomb friction alike.
 //
 //   threads: one caller at a time
 #pragma once
 
-#include "qp/dense/dense_interior_point.h"
 #include "qp/dense/dense_newton.h"
 #include "qp/dense/dense_problem.h"
 
@@ -20,11 +16,8 @@ class DenseSolver {
   void Solve(const DenseProblem& problem, const Settings& settings, DenseSolution* solution);
 
  private:
-  void SolveConvex(const ScaledDenseProblem& problem, const Settings& settings, DenseSolution* solution);
-  void SolveCoulomb(const ScaledDenseProblem& problem, const Settings& settings, DenseSolution* solution);
-  void SolveCoulombOctagon(const ScaledDenseProblem& problem, const Settings& settings, DenseSolution* solution);
+  void SolveScaled(const ScaledDenseProblem& problem, const Settings& settings, DenseSolution* solution);
 
-  DenseInteriorPoint interior_point_;
   DenseNewton newton_;
 };
 

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/cone_algebra.h"
 #include "tests/support/random_problems.h"
 
 namespace islet::testing {

@@ -14,6 +14,7 @@ namespace {
 
 using qp::Cone;
 using qp::Model;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 SparseMatrix Sparse(const Eigen::MatrixXd& dense) { return dense.sparseView(); }
 
@@ -135,10 +136,17 @@ TEST(SolveJudge, ByHand) {
 }
 
 TEST(SolveJudge, Octagon) {
-  const FclibProblem file = SlidingContact();
+  FclibProblem file;  // the sliding contact, of one body
+  file.global = true;
+  file.mass = Sparse(Vector6{0.5, 0.5, 0.5, 1, 1, 1}.asDiagonal().toDenseMatrix());
+  file.coupling = Sparse(Eigen::MatrixXd::Identity(6, 3));
+  file.load = Vector6{-0.5, 1.5, 2, 0, 0, 0};
+  file.drift = Eigen::Vector3d::Zero();
+  file.friction = Eigen::VectorXd::Constant(1, 0.5);
   const SolveProblem problem = PrepareProblem("p", file);
+  ASSERT_TRUE(problem.rigid);
   for (const Model model : {Model::kConvex, Model::kCoulomb}) {
-    const SolveAnswer answer = SolveBy(false, problem, {model, Cone::kOctagon, 1e-7});
+    const SolveAnswer answer = SolveBy(true, problem, {model, Cone::kOctagon, 1e-7});
     EXPECT_LT(Judge(file, problem, answer, model, Cone::kOctagon).natural_map_max, 1e-6);
     EXPECT_GT(Judge(file, problem, answer, model, Cone::kCircular).natural_map_max, 1e-3);
   }

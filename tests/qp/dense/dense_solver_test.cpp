@@ -11,7 +11,6 @@
 namespace islet::testing {
 namespace {
 
-using qp::Cone;
 using qp::DenseProblem;
 using qp::DenseSolution;
 using qp::Model;
@@ -25,11 +24,9 @@ DenseProblem OneContact(const Vector3& q, double friction) {
   return problem;
 }
 
-DenseSolution Solve(const DenseProblem& problem, Model model, Cone cone = Cone::kCircular, double scale = 1,
-                    double tolerance = 1e-9) {
+DenseSolution Solve(const DenseProblem& problem, Model model, double scale = 1, double tolerance = 1e-9) {
   qp::Settings settings;
   settings.model = model;
-  settings.cone = cone;
   settings.tolerance = tolerance;
   settings.velocity_scale = scale;
   qp::DenseSolver solver;
@@ -101,18 +98,6 @@ TEST(DenseSolver, OneContactByHand) {
   ExpectNear(Solve(OneContact({-1, 3, 4}, 0), Model::kCoulomb).impulses, Vector3(1, 0, 0), 1e-9);
 }
 
-TEST(DenseSolver, OctagonByHand) {
-  // Slip along a facet's normal, angle 0: friction is that of the facet, mu cos(pi/8), in the middle between two edges.
-  const double facet = 0.5 * std::cos(std::acos(-1.0) / 8);
-  const DenseSolution solution = Solve(OneContact({-1, 5, 0}, 0.5), Model::kCoulomb, Cone::kOctagon, 1, 1e-7);
-  EXPECT_EQ(solution.status, Status::kSolved);
-  ExpectNear(solution.impulses, Vector3(1, -facet, 0), 1e-6);
-  // Convex: the projection of (1, -5, 0) on the facet's middle ray.
-  const Vector3 ray(1, -facet, 0);
-  ExpectNear(Solve(OneContact({-1, 5, 0}, 0.5), Model::kConvex, Cone::kOctagon, 1, 1e-7).impulses,
-             (1 + 5 * facet) / ray.squaredNorm() * ray, 1e-6);
-}
-
 TEST(DenseSolver, NothingToSolve) {
   const DenseSolution none = Solve(DenseProblem{Eigen::MatrixXd(0, 0), Eigen::VectorXd(0), {}}, Model::kCoulomb);
   EXPECT_EQ(none.status, Status::kSolved);
@@ -141,7 +126,7 @@ TEST(DenseSolver, IslandsOfRigidBodies) {
     if (problem.num_contacts() == 0) continue;
     ++islands;
     const double scale = VelocityScale(named.problem);
-    const DenseSolution convex = Solve(problem, Model::kConvex, Cone::kCircular, scale, 1e-8);
+    const DenseSolution convex = Solve(problem, Model::kConvex, scale, 1e-8);
     EXPECT_EQ(convex.status, Status::kSolved);
     EXPECT_LT(WorstMap(problem, convex, false), 1e-7 * scale);
     // The interior point on the bodies finds the same velocities.
@@ -155,7 +140,7 @@ TEST(DenseSolver, IslandsOfRigidBodies) {
       const Vector3 u = qp::ContactVelocity(named.problem.contacts[c], sparse.velocities.data());
       EXPECT_LT((convex.velocities.segment<3>(3 * c) - u).norm(), 1e-3 * scale) << "contact " << c;
     }
-    const DenseSolution coulomb = Solve(problem, Model::kCoulomb, Cone::kCircular, scale, 1e-7);
+    const DenseSolution coulomb = Solve(problem, Model::kCoulomb, scale, 1e-7);
     EXPECT_EQ(coulomb.status, Status::kSolved);
     EXPECT_LT(WorstMap(problem, coulomb, true), 1.01e-6 * scale);
   }
@@ -176,17 +161,17 @@ TEST(DenseSolver, Scales) {
   both.friction = pile.friction;
   both.friction.insert(both.friction.end(), pile.friction.begin(), pile.friction.end());
   for (const Model model : {Model::kConvex, Model::kCoulomb}) {
-    const DenseSolution reference = Solve(pile, model, Cone::kCircular, 1, 1e-8);
+    const DenseSolution reference = Solve(pile, model, 1, 1e-8);
     ASSERT_EQ(reference.status, Status::kSolved);
     for (const double unit : {1e-7, 1e7}) {  // of impulses
       DenseProblem other = pile;
       other.delassus /= unit;
-      const DenseSolution solution = Solve(other, model, Cone::kCircular, 1, 1e-8);
+      const DenseSolution solution = Solve(other, model, 1, 1e-8);
       EXPECT_EQ(solution.status, Status::kSolved);
       EXPECT_LT(WorstMap(other, solution, model == Model::kCoulomb), 1.01e-7);
       if (model == Model::kConvex) ExpectNear(solution.velocities, reference.velocities, 1e-6);
     }
-    const DenseSolution solution = Solve(both, model, Cone::kCircular, 1, 1e-8);
+    const DenseSolution solution = Solve(both, model, 1, 1e-8);
     EXPECT_EQ(solution.status, Status::kSolved);
     EXPECT_LT(WorstMap(both, solution, model == Model::kCoulomb), 1.01e-7);
     if (model == Model::kConvex) ExpectNear(solution.velocities, reference.velocities.replicate(2, 1), 1e-6);
@@ -203,12 +188,11 @@ TEST(DenseSolver, TellsWhatHasNoSolution) {
   problem.delassus.bottomLeftCorner(3, 3) = -Matrix3::Identity();
   problem.velocity = Vector3(-1, 0, 0).replicate(2, 1);
   problem.friction.assign(2, 0.5);
-  for (const Model model : {Model::kConvex, Model::kCoulomb})
-    for (const Cone cone : {Cone::kCircular, Cone::kOctagon}) {
-      const DenseSolution solution = Solve(problem, model, cone);
-      EXPECT_EQ(solution.status, Status::kInfeasible);
-      EXPECT_TRUE(solution.impulses.allFinite());
-    }
+  for (const Model model : {Model::kConvex, Model::kCoulomb}) {
+    const DenseSolution solution = Solve(problem, model);
+    EXPECT_EQ(solution.status, Status::kInfeasible);
+    EXPECT_TRUE(solution.impulses.allFinite());
+  }
 }
 
 }  // namespace

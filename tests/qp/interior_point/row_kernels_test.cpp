@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 
 #include "qp/interior_point/row_batches.h"
+#include "tests/support/cone_algebra.h"
 #include "tests/support/random_problems.h"
 
 namespace islet::testing {

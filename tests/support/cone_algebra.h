@@ -1,21 +1,22 @@
-// The definitions that the loops over contacts must be able to see through; included by cone.h alone.
+// The algebra of one contact's cone, plainly, as reference for the kernels that take eight contacts at once: Nesterov-Todd scaling W,
+// symmetric with W z = W^-1 s = lambda, and the Jordan product. `scale` holds the scaling point (d numbers) and, for the second-order
+// cone, eta.                                                                                                     [NT98, Van10]
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "qp/cone.h"
 
 namespace islet::qp {
 
-// Of the octagon, between the facets of [SM04 Eq. 8]: cosine and sine of pi/8 + k pi/4.
-extern const std::array<std::array<double, 2>, 8> kOctagonEdges;
+struct Scaling {
+  double* point;   // d numbers
+  double* lambda;  // d numbers
+  double eta;
+};
 
 inline double Square(double x) { return x * x; }
-
-inline int NumRows(ConeKind kind) { return kind == ConeKind::kRay ? 1 : kind == ConeKind::kCircular ? 3 : 8; }
-inline int Degree(ConeKind kind) { return kind == ConeKind::kOctagon ? 8 : 1; }
 
 // (x0 - |x1|)(x0 + |x1|), with less cancellation than x0^2 - |x1|^2.
 inline double Determinant(const double* x) {
@@ -33,30 +34,6 @@ inline void ApplyArrow(const double* w, double sign, const double* x, double fac
   out[0] = factor * first;
 }
 
-inline void MapToRows(const ContactCone& cone, const Vector3& w, double* s) {
-  s[0] = w[0];
-  if (cone.kind == ConeKind::kCircular) {
-    s[1] = cone.friction * w[1];
-    s[2] = cone.friction * w[2];
-  } else if (cone.kind == ConeKind::kOctagon) {
-    for (int k = 0; k < 8; ++k) s[k] = w[0] + cone.friction * (kOctagonEdges[k][0] * w[1] + kOctagonEdges[k][1] * w[2]);
-  }
-}
-
-inline Vector3 MapFromRows(const ContactCone& cone, const double* z) {
-  if (cone.kind == ConeKind::kRay) return {z[0], 0, 0};
-  if (cone.kind == ConeKind::kCircular) return {z[0], cone.friction * z[1], cone.friction * z[2]};
-  Vector3 j = Vector3::Zero();
-  for (int k = 0; k < 8; ++k)
-    j += Vector3(z[k], cone.friction * kOctagonEdges[k][0] * z[k], cone.friction * kOctagonEdges[k][1] * z[k]);
-  return j;
-}
-
-inline void Identity(ConeKind kind, double* e) {
-  e[0] = 1;
-  for (int i = 1; i < NumRows(kind); ++i) e[i] = kind == ConeKind::kOctagon ? 1 : 0;
-}
-
 inline void ApplyScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out) {
   if (kind == ConeKind::kCircular) return ApplyArrow(scaling.point, 1, x, scaling.eta, out);
   for (int i = 0; i < NumRows(kind); ++i) out[i] = scaling.point[i] * x[i];
@@ -65,6 +42,54 @@ inline void ApplyScaling(ConeKind kind, const Scaling& scaling, const double* x,
 inline void ApplyInverseScaling(ConeKind kind, const Scaling& scaling, const double* x, double* out) {
   if (kind == ConeKind::kCircular) return ApplyArrow(scaling.point, -1, x, 1 / scaling.eta, out);
   for (int i = 0; i < NumRows(kind); ++i) out[i] = x[i] / scaling.point[i];
+}
+
+// False if s or z is not inside the cone.
+inline bool UpdateScaling(ConeKind kind, const double* s, const double* z, Scaling* scaling) {
+  if (kind != ConeKind::kCircular) {
+    for (int i = 0; i < NumRows(kind); ++i) {
+      if (!(s[i] > 0) || !(z[i] > 0)) return false;
+      scaling->point[i] = std::sqrt(s[i] / z[i]);
+      scaling->lambda[i] = std::sqrt(s[i] * z[i]);
+    }
+    scaling->eta = 1;
+    return true;
+  }
+  const double det_s = Determinant(s), det_z = Determinant(z);
+  if (!(det_s > 0) || !(det_z > 0) || !(s[0] > 0) || !(z[0] > 0)) return false;
+  const double norm_s = std::sqrt(det_s), norm_z = std::sqrt(det_z);
+  double dot = 0;
+  for (int i = 0; i < 3; ++i) dot += (s[i] / norm_s) * (z[i] / norm_z);
+  const double gamma = std::sqrt((1 + dot) / 2);
+  double* w = scaling->point;
+  w[0] = (s[0] / norm_s + z[0] / norm_z) / (2 * gamma);
+  for (int i = 1; i < 3; ++i) w[i] = (s[i] / norm_s - z[i] / norm_z) / (2 * gamma);
+  w[0] = std::sqrt(1 + Square(w[1]) + Square(w[2]));  // exactly on the unit hyperboloid, whatever was rounded
+  scaling->eta = std::sqrt(norm_s / norm_z);
+  ApplyArrow(w, 1, z, scaling->eta, scaling->lambda);
+  return true;
+}
+
+inline Matrix3 ScalingBlock(const ContactCone& cone, const Scaling& scaling) {
+  Matrix3 block = Matrix3::Zero();
+  const double* w = scaling.point;
+  if (cone.kind == ConeKind::kRay) {
+    block(0, 0) = 1 / Square(w[0]);
+  } else if (cone.kind == ConeKind::kCircular) {
+    const double mu = cone.friction, factor = 1 / Square(scaling.eta);
+    const double v[3] = {w[0], -mu * w[1], -mu * w[2]};
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) block(i, j) = 2 * factor * v[i] * v[j];
+    block(0, 0) -= factor;
+    block(1, 1) += factor * mu * mu;
+    block(2, 2) += factor * mu * mu;
+  } else {
+    for (int k = 0; k < 8; ++k) {
+      const Vector3 g(1, cone.friction * kOctagonEdges[k][0], cone.friction * kOctagonEdges[k][1]);
+      block += g * g.transpose() / Square(w[k]);
+    }
+  }
+  return block;
 }
 
 inline void JordanProduct(ConeKind kind, const double* a, const double* b, double* out) {
