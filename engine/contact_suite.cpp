@@ -15,7 +15,6 @@
 namespace islet {
 namespace {
 
-constexpr int kPerTask = 512;        // contacts or bodies
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
 constexpr double kKnown = 1e-9;      // of a direction: what is left of one that others span
@@ -111,9 +110,9 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
   frame.rest_speed = settings.gravity.norm() * dt;
   frame.bodies = bodies;
   frame.frames.resize(contacts.size());
-  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { frame.frames[c] = ContactFrame(contacts[c].normal_W); });
+  pool->ForEachOf(contacts.size(), [&](size_t c) { frame.frames[c] = ContactFrame(contacts[c].normal_W); });
   approach_speeds.resize(contacts.size());
-  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) {
+  pool->ForEachOf(contacts.size(), [&](size_t c) {
     const Contact& contact = contacts[c];
     approach_speeds[c] = contact.touches ? -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) : 0;
   });
@@ -211,7 +210,7 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
 void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
-  pool->ForEachOf(contacts.size(), kPerTask, [&](size_t c) { catches[c] = Catches(c); });
+  pool->ForEachOf(contacts.size(), [&](size_t c) { catches[c] = Catches(c); });
   settled.assign(frame.bodies.size(), kInMotion);
   settles.assign(contacts.size(), 0);
   held_along.resize(frame.bodies.size());
@@ -299,14 +298,14 @@ void ContactSuite::Impl::Finish(StepReport* report) {
   const size_t nc = frame.contacts.contacts.size();
   for (const Contact& c : frame.contacts.contacts) report->contacts += c.touches;
   impulses_W.resize(nc);
-  pool->ForEachOf(nc, kPerTask, [&](size_t c) {
+  pool->ForEachOf(nc, [&](size_t c) {
     impulses_W[c] = frame.frames[c] * (frame.bounces[c] + frame.collisions[c] + frame.holding[c]);
   });
   previous_contacts.assign(frame.contacts.contacts.begin(), frame.contacts.contacts.end());
   previous_holding = frame.holding;
   previous_dt = frame.dt;
   energies.resize(frame.bodies.size());
-  pool->ForEachOf(frame.bodies.size(), kPerTask, [&](size_t i) { energies[i] = frame.bodies[i].KineticEnergy(); });
+  pool->ForEachOf(frame.bodies.size(), [&](size_t i) { energies[i] = frame.bodies[i].KineticEnergy(); });
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;

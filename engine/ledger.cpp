@@ -9,11 +9,11 @@
 
 #include "engine/rotation.h"
 #include "parallel/worker_pool.h"
+#include "qp/elementary.h"
 
 namespace islet {
 namespace {
 
-constexpr int kPerTask = 64;         // bodies
 constexpr double kTurn = 0.04;       // [rad] of one step of the rotation's integration
 constexpr double kCore = 0.9;        // of a shape: what no other body's centre may pass
 constexpr double kSameTime = 1e-13;  // of a step
@@ -144,7 +144,7 @@ Ledger LedgerKeeper::Judge(const LedgerStep& step) {
     places_[next[c.body_a]++] = places_[next[c.body_b]++] = static_cast<int>(k);
   }
   accounts_.resize(n);
-  pool_->ForEachOf(n, kPerTask, [&](size_t i) { JudgeBody(step, static_cast<int>(i), &accounts_[i]); });
+  pool_->ForEachOf(n, [&](size_t i) { JudgeBody(step, static_cast<int>(i), &accounts_[i]); });
   Ledger ledger;
   for (size_t i = 0; i < n; ++i) {
     if (!IsOurs(step.before[i]) || (step.before[i].frozen && step.after[i].frozen)) continue;
@@ -299,7 +299,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   account->angular = (momentum - momentum_after).norm() / std::max({momentum_before.norm(), momentum_after.norm(),
                                                                     turned, (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
-  const double angle = 2 * std::asin(std::min(1.0, off.vec().norm()));
+  const double angle = 2 * ArcTangent(off.vec().norm(), std::abs(off.w()));
   account->way = (end.position_W - after.position_W).norm() +
                  (step.shapes[number].kind() == ShapeKind::kSphere ? 0 : angle * before.radius);
   account->gain += energy_after - energy_before -
@@ -308,7 +308,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     const Quaternion turn = after.rotation_WB * before.rotation_WB.conjugate();
     const double sign = turn.w() < 0 ? -1 : 1, sine = turn.vec().norm();
     const double work =
-        sine > 0 ? 2 * std::atan2(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec()) : 0;
+        sine > 0 ? 2 * ArcTangent(sine, sign * turn.w()) / sine * sign * before.torque_W.dot(turn.vec()) : 0;
     account->gain -= work;
     account->allowed += std::abs(work - worked);  // a step knows no more of when the torque acted on what
   }

@@ -5,6 +5,8 @@
 
 #include <Eigen/LU>
 
+#include "qp/elementary.h"
+
 namespace islet {
 namespace {
 
@@ -45,7 +47,7 @@ Vector3 MidpointRotation(const Matrix3& inertia, const Matrix3& inverse, const V
   const Vector3 w = MidpointVelocity(inertia, inverse, momentum_B, dt);
   const double speed = w.norm();
   if (speed == 0) return dt * w;  // the squares of what is below 1e-162 rad/s vanish
-  return 2 * std::atan(0.5 * dt * speed) / speed * w;
+  return 2 * ArcTangent(0.5 * dt * speed) / speed * w;
 }
 
 }  // namespace
@@ -75,8 +77,8 @@ Quaternion Exp(const Vector3& v) {
   double cosine = 1 - squared / 8, share = 0.5 - squared / 48;
   if (squared > kTinyTurn * kTinyTurn) {
     const double angle = std::sqrt(squared);
-    cosine = std::cos(0.5 * angle);
-    share = std::sin(0.5 * angle) / angle;
+    cosine = Cosine(0.5 * angle);
+    share = Sine(0.5 * angle) / angle;
   }
   return Quaternion(cosine, share * v.x(), share * v.y(), share * v.z());
 }
@@ -90,7 +92,7 @@ Matrix3 TurnLessOne(const Vector3& v) {
 Vector3 Log(const Quaternion& q) {
   const double sign = q.w() < 0 ? -1 : 1;
   const double sine = q.vec().norm();
-  const double share = sine > 1e-9 ? 2 * std::atan2(sine, sign * q.w()) / sine : 2.0;
+  const double share = sine > 1e-9 ? 2 * ArcTangent(sine, sign * q.w()) / sine : 2.0;
   return sign * share * q.vec();
 }
 

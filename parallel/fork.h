@@ -40,10 +40,14 @@ void ForkTwo(const First& first, const Second& second) {
   Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
 }
 
-// run(first, last) for consecutive ranges of `size` numbers that cover 0 .. count-1; the ranges depend on these two alone.
+// Of things that take 0.1 to 1 us each: enough to pay for a hand-over, and few enough to share what an island has.
+inline constexpr int kAtOnce = 128;
+
+// run(first, last) for consecutive ranges of kAtOnce numbers that cover 0 .. count-1.
 template <typename Run>
-void ForkRanges(int count, int size, const Run& run) {
-  Fork((count + size - 1) / size, [&](int piece) { run(piece * size, std::min(count, (piece + 1) * size)); });
+void ForkRanges(int count, const Run& run) {
+  Fork((count + kAtOnce - 1) / kAtOnce,
+       [&](int piece) { run(piece * kAtOnce, std::min(count, (piece + 1) * kAtOnce)); });
 }
 
 // The workers of one call of WorkerPool::ForEach. Used by WorkerPool alone.

@@ -12,6 +12,7 @@
 #include <memory>
 #include <span>
 
+#include "parallel/fork.h"
 #include "parallel/schedule.h"
 
 namespace islet::parallel {
@@ -36,10 +37,10 @@ class WorkerPool {
   // first exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
 
-  // f(i) for i = 0 .. count-1, per_task of them in one task; what fits into one runs in the calling thread.
+  // f(i) for i = 0 .. count-1, kAtOnce of them in one task; what fits into one runs in the calling thread.
   template <typename F>
-  void ForEachOf(std::size_t count, int per_task, const F& f) {
-    const std::size_t size = static_cast<std::size_t>(per_task);
+  void ForEachOf(std::size_t count, const F& f) {
+    constexpr std::size_t size = kAtOnce;
     if (count <= size) {
       for (std::size_t i = 0; i < count; ++i) f(i);
       return;

@@ -10,7 +10,6 @@
 namespace islet::qp {
 
 // Range in which idle workers take up loops: big enough that handing one over costs nothing beside it.
-inline constexpr int kBodiesPerPiece = 256;
 
 using Velocity = Eigen::Map<Vector6>;
 using ConstVelocity = Eigen::Map<const Vector6>;

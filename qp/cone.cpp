@@ -4,13 +4,15 @@
 #include <cmath>
 #include <numbers>
 
+#include "qp/elementary.h"
+
 namespace islet::qp {
 
 const std::array<std::array<double, 2>, 8> kOctagonEdges = [] {
   std::array<std::array<double, 2>, 8> edges;
   for (int k = 0; k < 8; ++k) {
     const double angle = (0.5 + k) * std::numbers::pi / 4;
-    edges[k] = {std::cos(angle), std::sin(angle)};
+    edges[k] = {Cosine(angle), Sine(angle)};
   }
   return edges;
 }();

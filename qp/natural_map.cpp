@@ -9,13 +9,13 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRange = 256, kMostRanges = 64;  // contacts in a piece of work; pieces
+constexpr int kMostSums = 64;  // of pieces, which are added in their order
 
 }  // namespace
 
 void ImpulseScales(const Problem& problem, std::vector<double>* rho) {
   rho->resize(problem.contacts.size());
-  parallel::ForkRanges(problem.num_contacts(), kRange, [&](int from, int to) {
+  parallel::ForkRanges(problem.num_contacts(), [&](int from, int to) {
     for (int c = from; c < to; ++c) (*rho)[c] = 3 / DelassusTrace(problem, problem.contacts[c]);
   });
 }
@@ -32,11 +32,12 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
   struct Sums {
     double squares, largest;
   };
-  std::array<Sums, kMostRanges> sums;
-  const int count = problem.num_contacts(), range = std::max(kRange, (count + kMostRanges - 1) / kMostRanges);
-  parallel::ForkRanges(count, range, [&](int from, int to) {
+  std::array<Sums, kMostSums> sums;
+  const int count = problem.num_contacts(),
+            piece_size = std::max(2 * parallel::kAtOnce, (count + kMostSums - 1) / kMostSums);
+  parallel::Fork((count + piece_size - 1) / piece_size, [&](int piece) {
     Sums part{0, 0};
-    for (int c = from; c < to; ++c) {
+    for (int c = piece * piece_size; c < std::min(count, (piece + 1) * piece_size); ++c) {
       const ContactTerm& contact = problem.contacts[c];
       Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
       u[0] += contact.friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - contact.target;
@@ -44,10 +45,10 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
       part.squares += map.squaredNorm();
       part.largest = std::max(part.largest, map.squaredNorm());
     }
-    sums[from / range] = part;
+    sums[piece] = part;
   });
   Sums all{0, 0};
-  for (int k = 0; k * range < count; ++k) {
+  for (int k = 0; k * piece_size < count; ++k) {
     all.squares += sums[k].squares;
     all.largest = std::max(all.largest, sums[k].largest);
   }

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "qp/elementary.h"
 #include "scenes/families.h"
 #include "scenes/scene_builder.h"
 
@@ -17,7 +18,7 @@ BuiltScene BuildBalance(const Scene& scene, const SceneParameters& parameters, c
   SceneBuilder builder(scene, parameters, settings);
   builder.AddFloor();
   builder.AddFixedSphere({0, 0, 0.5});
-  builder.AddSphere({std::sin(angle), 0, 0.5 + std::cos(angle)});
+  builder.AddSphere({Sine(angle), 0, 0.5 + Cosine(angle)});
   builder.info().passed_z = 1;  // the top of the fixed sphere: who is lower has rolled off
   return builder.Finish();
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <numbers>
 
+#include "engine/rotation.h"
 #include "scenes/families.h"
 #include "scenes/scene_builder.h"
 
@@ -22,14 +23,14 @@ BuiltScene BuildCubejam(const Scene& scene, const SceneParameters& parameters, c
   builder.AddShaft(kHalfWidth, 0, std::max(kWallTop, grid.TopZ(builder.count()) + 2));
 
   const double eighth_turn = 0.25 * std::numbers::pi;
-  const Quaternion about_y(Eigen::AngleAxisd(eighth_turn, Vector3::UnitY()));
-  const Quaternion about_x(Eigen::AngleAxisd(eighth_turn, Vector3::UnitX()));
+  const Quaternion about_y = Exp(eighth_turn * Vector3::UnitY());
+  const Quaternion about_x = Exp(eighth_turn * Vector3::UnitX());
   builder.AddFixedBox({0.4, kHalfWidth, 0.4}, {-1.6, 0, 6}, about_y);
   builder.AddFixedBox({0.4, kHalfWidth, 0.4}, {1.6, 0, 6}, about_y);
   builder.AddFixedBox({kHalfWidth, 0.4, 0.4}, {0, 0, 9}, about_x);
   // The block stands on a corner: a body diagonal is vertical after a turn of atan(sqrt 2), here as the reference
   // rounds it.
-  const Quaternion on_corner(Eigen::AngleAxisd(0.9553, Vector3(1, 1, 0).normalized()));
+  const Quaternion on_corner = Exp(0.9553 * Vector3(1, 1, 0).normalized());
   builder.AddFixedBox({0.5, 0.5, 0.5}, {0, 0, 4}, on_corner);
 
   builder.AddGrid(grid, SceneBuilder::Piece::kCube);

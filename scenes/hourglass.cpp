@@ -12,6 +12,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/rotation.h"
+#include "qp/elementary.h"
 #include "scenes/families.h"
 #include "scenes/scene_builder.h"
 
@@ -27,7 +29,7 @@ constexpr double kPlankOverlap = 0.5;                  // [m] how far a plank re
 struct Glass {
   double half_width;    // [m]
   double half_orifice;  // [m]
-  double FunnelTop() const { return (half_width - half_orifice) * std::tan(kFunnelAngle); }
+  double FunnelTop() const { return (half_width - half_orifice) * Sine(kFunnelAngle) / Cosine(kFunnelAngle); }
 };
 
 constexpr Glass kWide{.half_width = 8, .half_orifice = 5};
@@ -36,17 +38,17 @@ constexpr Glass kNarrow{.half_width = 6.5, .half_orifice = 3.5};
 // One plank per side. In the plane of its slope (r outwards, z up) the inner face starts at the orifice's edge and runs
 // along u = (cos a, sin a); the plank lies on the other side of the inner normal n = (-sin a, cos a).
 void AddFunnel(const Glass& glass, SceneBuilder* builder) {
-  const double cosine = std::cos(kFunnelAngle), sine = std::sin(kFunnelAngle);
+  const double cosine = Cosine(kFunnelAngle), sine = Sine(kFunnelAngle);
   const double length = (glass.half_width - glass.half_orifice) / cosine + kPlankOverlap;
   const double r = glass.half_orifice + 0.5 * length * cosine + 0.5 * kPlankThickness * sine;
   const double z = 0.5 * length * sine - 0.5 * kPlankThickness * cosine;
   const double half_breadth = glass.half_width + 0.25;  // [m] into the walls at both ends
   for (const double side : {1.0, -1.0}) {
-    const Quaternion tilt(Eigen::AngleAxisd(-side * kFunnelAngle, Vector3::UnitY()));
+    const Quaternion tilt = Exp(-side * kFunnelAngle * Vector3::UnitY());
     builder->AddFixedBox({0.5 * length, half_breadth, 0.5 * kPlankThickness}, {side * r, 0, z}, tilt);
   }
   for (const double side : {1.0, -1.0}) {
-    const Quaternion tilt(Eigen::AngleAxisd(side * kFunnelAngle, Vector3::UnitX()));
+    const Quaternion tilt = Exp(side * kFunnelAngle * Vector3::UnitX());
     builder->AddFixedBox({half_breadth, 0.5 * length, 0.5 * kPlankThickness}, {0, side * r, z}, tilt);
   }
 }

@@ -1,5 +1,7 @@
 #include "scenes/random.h"
 
+#include "engine/rotation.h"
+
 namespace islet {
 
 std::uint64_t SplitMix64::Next() {
@@ -27,7 +29,7 @@ Vector3 SplitMix64::Direction() {
 Quaternion SplitMix64::Rotation(double largest_angle) {
   const Vector3 axis = Direction();
   const double angle = Uniform(-largest_angle, largest_angle);
-  return Quaternion(Eigen::AngleAxisd(angle, axis));
+  return Exp(angle * axis);
 }
 
 }  // namespace islet

@@ -7,8 +7,6 @@
 namespace islet {
 namespace {
 
-constexpr int kBodiesPerTask = 128;
-
 // [m] half extents in W of a shape's box about its centre of mass.
 Vector3 HalfExtentsW(const Shape& shape, const Matrix3& rotation) {
   if (shape.kind() == ShapeKind::kSphere) return shape.half_extents();
@@ -47,8 +45,7 @@ void BodyWatch::Update(std::span<const Body> bodies, std::span<const Shape> shap
   }
   half_spaces_changed_ = half_spaces_ != before_ || std::any_of(half_spaces_.begin(), half_spaces_.end(),
                                                                 [&](int i) { return other_shape_[i] != 0; });
-  pool->ForEachOf(bodies.size(), kBodiesPerTask,
-                  [&](size_t i) { UpdateOne(static_cast<int>(i), bodies[i], travel_W[i], margins[i]); });
+  pool->ForEachOf(bodies.size(), [&](size_t i) { UpdateOne(static_cast<int>(i), bodies[i], travel_W[i], margins[i]); });
 }
 
 void BodyWatch::UpdateOne(int number, const Body& body, const Vector3& travel, double margin) {

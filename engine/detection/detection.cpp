@@ -21,7 +21,6 @@ using BoundingBox = fcl::AABB<double>;
 using Tree = fcl::detail::HierarchyTree<BoundingBox>;
 using Node = Tree::NodeType;
 
-constexpr int kBodiesPerTask = 64;
 // Measured on 1,000 cubes: a refit takes 0.012 ms, a rebuild 0.4 ms. Refits alone let the tree grow bad as bodies mix; FCL's
 // incremental balancing instead of rebuilds allocates nothing, but all detection took 4 % longer.
 constexpr int kRefitsPerRebuild = 32;
@@ -171,13 +170,13 @@ void Detector::Impl::FindCandidates() {
   if (searching.empty()) return;
   UpdateTree();
   const int count = static_cast<int>(searching.size());
-  const int tasks = (count + kBodiesPerTask - 1) / kBodiesPerTask;
+  const int tasks = (count + parallel::kAtOnce - 1) / parallel::kAtOnce;
   if (static_cast<int>(found_by_task.size()) < tasks) found_by_task.resize(tasks);
   const auto work = [&](int task, int) {
     static thread_local std::vector<const Node*> stack;
     found_by_task[task].clear();
-    const int end = std::min(count, (task + 1) * kBodiesPerTask);
-    for (int k = task * kBodiesPerTask; k < end; ++k) {
+    const int end = std::min(count, (task + 1) * parallel::kAtOnce);
+    for (int k = task * parallel::kAtOnce; k < end; ++k) {
       if (leaves[searching[k]]) Query(searching[k], &stack, &found_by_task[task]);
     }
   };
@@ -189,7 +188,7 @@ void Detector::Impl::FindCandidates() {
 // By a with one counting pass, then by b inside each short run.
 void Detector::Impl::SortFound() {
   const int n = bodies.size();
-  const int tasks = (static_cast<int>(searching.size()) + kBodiesPerTask - 1) / kBodiesPerTask;
+  const int tasks = (static_cast<int>(searching.size()) + parallel::kAtOnce - 1) / parallel::kAtOnce;
   const std::span<const std::vector<CandidatePair>> found(found_by_task.data(), tasks);
   start.assign(n + 1, 0);
   for (const auto& part : found) {

@@ -8,8 +8,6 @@
 namespace islet {
 namespace {
 
-constexpr int kPairsPerChunk = 256;
-
 // Whether contacts of the two are wanted, see detection.h.
 bool Wanted(const WatchedBody& a, const WatchedBody& b, bool include_frozen) {
   if (a.moves || b.moves) return true;
@@ -82,14 +80,14 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, co
 void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, const PairRule* rule,
                            std::vector<CandidatePair>* pairs, std::vector<Contact>* contacts) {
   const int num_pairs = static_cast<int>(pairs->size());
-  const int chunks = (num_pairs + kPairsPerChunk - 1) / kPairsPerChunk;
+  const int chunks = (num_pairs + parallel::kAtOnce - 1) / parallel::kAtOnce;
   std::swap(now_, before_);
   if (static_cast<int>(now_.size()) < chunks) now_.resize(chunks);
   kept_.resize(chunks);
   // By reference: a function object that holds more than two words allocates.
   const auto collide = [&](int chunk, int) {
-    const int begin = chunk * kPairsPerChunk;
-    const int count = std::min(kPairsPerChunk, num_pairs - begin);
+    const int begin = chunk * parallel::kAtOnce;
+    const int count = std::min(parallel::kAtOnce, num_pairs - begin);
     CollideChunk(bodies, include_frozen, rule, std::span(*pairs).subspan(begin, count), chunk);
   };
   pool_->ForEach(chunks, std::cref(collide));

@@ -5,6 +5,8 @@
 #include <numbers>
 #include <utility>
 
+#include "qp/elementary.h"
+
 namespace islet {
 namespace {
 
@@ -16,7 +18,7 @@ struct Direction {
   double cosine, sine;
 };
 
-Direction DirectionAt(double angle) { return {std::cos(angle), std::sin(angle)}; }
+Direction DirectionAt(double angle) { return {Cosine(angle), Sine(angle)}; }
 
 // Cosines and sines, apart, since slopes are found of many at once.
 struct Samples {

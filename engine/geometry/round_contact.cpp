@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "engine/geometry/curve_distance.h"
+#include "qp/elementary.h"
 
 namespace islet {
 namespace {
@@ -22,7 +23,7 @@ bool LiesFlat(double cosine) { return cosine * cosine > 1 - kLevel * kLevel; }
 // One of the places on the rim of an end that stays with the body as it turns.
 Vector3 RimPoint(const Circle& rim, const Matrix3& rotation, std::uint32_t k) {
   const double angle = 2 * std::numbers::pi * k / kRimPoints;
-  return rim.centre + rim.radius * (std::cos(angle) * rotation.col(0) + std::sin(angle) * rotation.col(1));
+  return rim.centre + rim.radius * (Cosine(angle) * rotation.col(0) + Sine(angle) * rotation.col(1));
 }
 
 Contact MakeContact(const Vector3& point, const Vector3& normal, double gap, std::uint32_t feature) {

@@ -14,7 +14,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kPerTask = 256;     // bodies or contacts
 constexpr int kPasses = 8;        // of the carrying problem
 constexpr int kLevels = 3;        // times that a piece is halved
 constexpr int kLettingGo = 3;     // of these, that go on because something was let go
@@ -91,7 +90,7 @@ void Crowd::Load(double dt) {
   }
   floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
-  pool_->ForEachOf(n, kPerTask, [&](size_t i) {
+  pool_->ForEachOf(n, [&](size_t i) {
     const Body& b = bodies_[i];
     begin_[i] = StateOf(b);
     if (!b.Moves()) {
@@ -234,7 +233,7 @@ void Crowd::Carry(bool first, StepReport* report) {
     active_.push_back(static_cast<int>(c));
   }
   PartEdges();
-  pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
+  pool_->ForEachOf(bodies_.size(), [&](size_t i) {
     Body& p = posed_[i];
     p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
     if (cut_[i]) return;
@@ -355,7 +354,7 @@ void Crowd::Fly() {
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
-  pool_->ForEachOf(n, kPerTask, [&](size_t i) {
+  pool_->ForEachOf(n, [&](size_t i) {
     Body& b = bodies_[i];
     if (b.kind == BodyKind::kKinematic) {
       b.position_W = begin_[i].pose.position_W + dt_ * b.linear_velocity_W;
@@ -526,7 +525,7 @@ bool Crowd::Gains() {
   lost_.assign(bodies_.size(), INFINITY);
   gain_.resize(bodies_.size());
   at_hand_.resize(bodies_.size());
-  pool_->ForEachOf(bodies_.size(), kPerTask, [&](size_t i) {
+  pool_->ForEachOf(bodies_.size(), [&](size_t i) {
     if (cut_[i]) return;
     const double before = EnergyOf(i, false);
     gain_[i] = EnergyOf(i, true) - before;
@@ -774,7 +773,7 @@ void Crowd::Settle(StepReport* report) {
   }
   hits_.assign(problem_.size(), 0);
   targets_.assign(problem_.size(), 0.0);
-  pool_->ForEachOf(problem_.size(), kPerTask, [&](size_t c) {
+  pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
     targets_[c] = -YieldOf(contact);
     if (targets_[c] < 0) return;

@@ -13,7 +13,6 @@ namespace islet::motion {
 namespace {
 
 constexpr int kRounds = 12;         // of rooms and parts
-constexpr int kPerTask = 16;        // groups
 constexpr double kWider = 1.5;      // times what a body strayed out of its room
 constexpr double kMet = 5e-6;       // of a size: overlap that is none
 constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
@@ -173,7 +172,7 @@ void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> 
   }
   num_jobs_ = small_.size();
   if (jobs_.size() < num_jobs_) jobs_.resize(num_jobs_);
-  pool_->ForEachOf(num_jobs_, kPerTask, [&](size_t k) { FillJob(small_[k], bodies, shapes, memory, &jobs_[k]); });
+  pool_->ForEachOf(num_jobs_, [&](size_t k) { FillJob(small_[k], bodies, shapes, memory, &jobs_[k]); });
   // A group of the round before that is the same has its answer. Both are in order of their first bodies.
   Job* old = before_.data();
   Job* const end = old + num_before_;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "qp/elementary.h"
+
 namespace islet {
 namespace {
 
@@ -11,9 +13,9 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Vector2 = Eigen::Vector2d;
 
 // Facet normals of the octagonal friction cone in the plane of the tangents, and its edges.        [SM04 Eq. 8]
-Vector2 FacetDirection(int h) { return {std::cos(h * std::numbers::pi / 4), std::sin(h * std::numbers::pi / 4)}; }
+Vector2 FacetDirection(int h) { return {Cosine(h * std::numbers::pi / 4), Sine(h * std::numbers::pi / 4)}; }
 Vector2 EdgeDirection(int h) {
-  return {std::cos((h + 0.5) * std::numbers::pi / 4), std::sin((h + 0.5) * std::numbers::pi / 4)};
+  return {Cosine((h + 0.5) * std::numbers::pi / 4), Sine((h + 0.5) * std::numbers::pi / 4)};
 }
 
 Vector3 OnRay(const Vector3& x, const Vector3& ray) { return std::max(0.0, x.dot(ray) / ray.squaredNorm()) * ray; }
@@ -28,7 +30,7 @@ Vector3 ProjectOnCircular(const Vector3& x, double mu) {
 
 // Nearest point of the pyramid: inside, on one of its facets, or on one of its edges.
 Vector3 ProjectOnOctagon(const Vector3& x, double mu) {
-  const double slope = mu * std::cos(std::numbers::pi / 8);
+  const double slope = mu * Cosine(std::numbers::pi / 8);
   const auto facet = [&](int h) -> Vector3 {
     const Vector2 d = FacetDirection(h);
     return Vector3(slope, d[0], d[1]).normalized();

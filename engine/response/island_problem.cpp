@@ -5,8 +5,6 @@
 namespace islet {
 namespace {
 
-constexpr int kRange = 128;  // contacts in a piece of work
-
 Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;
   m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
@@ -38,7 +36,7 @@ void IslandGatherer::Gather(std::span<const Body> bodies, const ContactFrames& c
     problem->bodies.push_back(term);
   }
   problem->contacts.resize(island_contacts.size());
-  parallel::ForkRanges(static_cast<int>(island_contacts.size()), kRange, [&](int from, int to) {
+  parallel::ForkRanges(static_cast<int>(island_contacts.size()), [&](int from, int to) {
     for (int c = from; c < to; ++c) problem->contacts[c] = Term(bodies, contacts, island_contacts[c]);
   });
   for (const int number : island_bodies) local_[number] = -1;

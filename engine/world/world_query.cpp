@@ -6,6 +6,7 @@
 #include "engine/motion/groups.h"
 #include "engine/motion/meeting.h"
 #include "engine/query/ray.h"
+#include "engine/rotation.h"
 #include "engine/world/world_impl.h"
 
 namespace islet {
@@ -137,7 +138,8 @@ bool World::Impl::PassesThrough(int sensor, int i) {
   const int looks = static_cast<int>(std::min<double>(kMostLooks, std::ceil(2 * moved / size)));
   const auto at = [&](int k, double u) -> Placement {
     return {before[k].position_W + u * way(k),
-            before[k].rotation_WB.slerp(u, bodies[k].rotation_WB).toRotationMatrix()};
+            (Exp(u * Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate())) * before[k].rotation_WB)
+                .toRotationMatrix()};
   };
   for (int k = 1; k < looks; ++k) {
     const double u = static_cast<double>(k) / looks;

@@ -7,6 +7,7 @@
 
 #include <Eigen/LU>
 
+#include "qp/elementary.h"
 #include "qp/slip.h"
 
 namespace islet::qp {
@@ -17,7 +18,7 @@ constexpr double kMissed = 1e-11;  // relative: what rounding may leave of a con
 // The facet between the edges k - 1 and k faces this way.
 const std::array<Vector3, 8> kFacets = [] {
   std::array<Vector3, 8> facets;
-  for (int k = 0; k < 8; ++k) facets[k] = {0, std::cos(k * std::numbers::pi / 4), std::sin(k * std::numbers::pi / 4)};
+  for (int k = 0; k < 8; ++k) facets[k] = {0, Cosine(k * std::numbers::pi / 4), Sine(k * std::numbers::pi / 4)};
   return facets;
 }();
 
@@ -51,7 +52,7 @@ OctagonContact::Matrix OctagonContact::Opens(int face) const {
 double OctagonContact::Missed(const Vector3& q, const Vector3& impulse, const Vector3& dual) const {
   double outside = 0, below = 0;
   for (int k = 0; k < 8; ++k) {
-    outside = std::max(outside, kFacets[k].dot(impulse) - friction_ * std::cos(std::numbers::pi / 8) * impulse[0]);
+    outside = std::max(outside, kFacets[k].dot(impulse) - friction_ * Cosine(std::numbers::pi / 8) * impulse[0]);
     below = std::max(below, -Edge(k).dot(dual));
   }
   // (What is nearly zero is measured by what made it so.)

@@ -5,6 +5,8 @@
 
 #include <Eigen/LU>
 
+#include "qp/elementary.h"
+
 namespace islet::qp {
 namespace {
 
@@ -16,9 +18,9 @@ OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
   const double b = w(1, 2) - w(1, 0) * w(0, 2) / w(0, 0);
   const double c = w(2, 2) - w(2, 0) * w(0, 2) / w(0, 0);
-  const double angle = 0.5 * std::atan2(2 * b, a - c);
-  cosine_ = std::cos(angle);
-  sine_ = std::sin(angle);
+  const double angle = 0.5 * ArcTangent(2 * b, a - c);
+  cosine_ = Cosine(angle);
+  sine_ = Sine(angle);
   stiffness_[0] = a * cosine_ * cosine_ + 2 * b * cosine_ * sine_ + c * sine_ * sine_;
   stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
 }
@@ -92,7 +94,7 @@ Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target
     double energy, rise;  // rise: of the energy with the angle
   };
   const auto at = [&](double angle) -> Edge {
-    const Vector2 along(std::cos(angle), std::sin(angle)), across(-along[1], along[0]);
+    const Vector2 along(Cosine(angle), Sine(angle)), across(-along[1], along[0]);
     const double open = normal + friction * coupling.dot(along);
     if (!(open > 0)) return {Vector2::Zero(), INFINITY, 0};  // reaches to infinity
     const double length = friction * change / open;

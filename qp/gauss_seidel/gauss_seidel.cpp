@@ -12,7 +12,6 @@ namespace {
 using Block = Eigen::Map<Vector3>;
 using ConstBlock = Eigen::Map<const Vector3>;
 
-constexpr int kPrepareBatches = 32, kLoadBatches = 64, kLoadBodies = 128;  // in one piece
 // Nesterov's momentum wants a gradient; the law of friction is none, and full momentum circles around jammed piles for ever.
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
@@ -84,9 +83,7 @@ void GaussSeidel::Prepare(const Problem& problem) {
   MakeRoom(&plain_);
   for (size_t s = 0; s < order_.sections().size(); ++s) {
     const SweepOrder::Section& section = order_.sections()[s];
-    const int pieces = (section.num_batches + kPrepareBatches - 1) / kPrepareBatches;
-    parallel::Fork(pieces, [&](int piece) {
-      const int first = piece * kPrepareBatches, last = std::min(first + kPrepareBatches, section.num_batches);
+    parallel::ForkRanges(section.num_batches, [&](int first, int last) {
       for (int b = first; b < last; ++b)
         PrepareBatch(problem, section.first_batch + b, static_cast<int>(roots_.size() + s));
     });
@@ -264,11 +261,11 @@ template <typename Number>
 void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impulses,
                        const std::vector<double>& velocities, Field<Number>* field) const {
   const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
-  parallel::ForkRanges(batches, kLoadBatches, [&](int from, int to) {
+  parallel::ForkRanges(batches, [&](int from, int to) {
     for (int b = from; b < to; ++b) LoadBatch(impulses, b, &field->states[b]);
   });
   std::fill(field->velocities.begin() + bodies, field->velocities.end(), SweepVelocity<Number>{});
-  parallel::ForkRanges(bodies, kLoadBodies, [&](int from, int to) {
+  parallel::ForkRanges(bodies, [&](int from, int to) {
     for (int i = from; i < to; ++i) {
       const double* v = velocities.data() + 6 * i;
       const Vector3 linear = ConstBlock(v) / roots_[i].mass_root;
@@ -305,7 +302,7 @@ template <typename Number>
 void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impulses,
                          std::vector<double>* velocities) const {
   const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
-  parallel::ForkRanges(bodies, kLoadBodies, [&](int from, int to) {
+  parallel::ForkRanges(bodies, [&](int from, int to) {
     for (int i = from; i < to; ++i) {
       double* v = velocities->data() + 6 * i;
       const Number* y = field.velocities[order_.places()[i]].y;
@@ -313,7 +310,7 @@ void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impul
       Block(v + 3).noalias() = roots_[i].inertia_root * Vector3(y[3], y[4], y[5]);
     }
   });
-  parallel::ForkRanges(batches, kLoadBatches, [&](int from, int to) {
+  parallel::ForkRanges(batches, [&](int from, int to) {
     for (int b = from; b < to; ++b) UnloadBatch(field.states[b], b, impulses);
   });
 }

@@ -70,34 +70,38 @@ struct Law {
 // For the lanes in `slides`: j_t = t_k / (1 + lambda tangent_k^2) with lambda > 0 the root of mu j_n / |j_t| = 1, which is
 // nearly linear in lambda: Newton's method inside a bracket whose upper end may still be infinite. In contact coordinates
 // x_n is that of a contact that sticks, whatever x_t. The answer lies on the cone exactly, by its last scaling; lambda is
-// left one step better than the answer, for the next sweep.
+// left one step better than the answer, for the next sweep. A lane that has arrived stays, whoever else is still on the way: what a
+// contact gets must not depend on its neighbours in the vector.
 inline void Slide(const Law& law, Mask slides, Vec* x, Vec* lambda) {
   const Vec zero = {}, one = zero + 1, infinite = zero + Number(__builtin_inf());
   const Vec t1 = law.tangent[0] * x[1], t2 = law.tangent[1] * x[2], n = law.normal * x[0];
   const Vec a1 = law.tangent[0] * law.tangent[0], a2 = law.tangent[1] * law.tangent[1];
-  const Vec start = Inverse(a1 + a2);
+  const Vec start = one / (a1 + a2);
   const Mask seeks = slides & (law.friction > zero);
-  Vec l = *lambda, low = zero, high = infinite, d1, d2, fit;
+  Vec l = *lambda, low = zero, high = infinite, scale1 = zero, scale2 = zero;
+  Mask going = seeks;
   for (int i = 0; i < kNewtonSteps; ++i) {
-    const Vec q1 = one + l * a1, q2 = one + l * a2, r = Inverse(q1 * q2);
-    d1 = r * q2, d2 = r * q1;
-    const Vec j1 = t1 * d1, j2 = t2 * d2, sheared = law.shear[0] * j1 + law.shear[1] * j2, jn = n + sheared;
-    const Vec p1 = j1 * a1 * d1, p2 = j2 * a2 * d2, squared = j1 * j1 + j2 * j2, inverse = InverseRoot(squared);
+    const Vec q1 = one + l * a1, q2 = one + l * a2, r = one / (q1 * q2);
+    const Vec d1 = r * q2, d2 = r * q1, j1 = t1 * d1, j2 = t2 * d2, sheared = law.shear[0] * j1 + law.shear[1] * j2,
+              jn = n + sheared;
+    const Vec p1 = j1 * a1 * d1, p2 = j2 * a2 * d2, squared = j1 * j1 + j2 * j2, inverse = one / Root(squared);
     const Vec g = law.friction * inverse, value = g * jn - one;
     const Vec slope = g * (jn * (j1 * p1 + j2 * p2) * inverse * inverse - law.shear[0] * p1 - law.shear[1] * p2);
-    const Vec newton = l - value * Inverse(slope);
-    fit = law.friction * n * Inverse(squared * inverse - law.friction * sheared);
+    const Vec newton = l - value / slope;
+    const Vec fit = law.friction * n / (squared * inverse - law.friction * sheared);
+    scale1 = going ? fit * d1 : scale1;
+    scale2 = going ? fit * d2 : scale2;
     low = value < zero ? l : low;
     high = value < zero ? high : l;
     const Mask inside = (newton > low) & (newton < high);
     const Mask close = (value <= kNewtonTolerance) & (value >= -kNewtonTolerance);
     const Vec halved = high == infinite ? 4 * l + start : Number(0.5) * (low + high);
-    l = inside ? newton : (close ? l : halved);
-    if (!Any(seeks & ~close)) break;
+    l = going ? (inside ? newton : (close ? l : halved)) : l;
+    going &= ~close;
+    if (!Any(going)) break;
   }
-  fit = law.friction > zero ? fit : zero;
-  x[1] = slides ? fit * d1 * x[1] : x[1];
-  x[2] = slides ? fit * d2 * x[2] : x[2];
+  x[1] = slides ? scale1 * x[1] : x[1];
+  x[2] = slides ? scale2 * x[2] : x[2];
   *lambda = seeks ? l : zero;
 }
 
@@ -125,9 +129,11 @@ inline void AddCompliance(const Law& law, Vec compliance, const Vec* x, Vec* u) 
   u[2] += compliance * law.tangent[1] * (j2 + law.shear[1] * jn);
 }
 
+// Lane by lane of a batch, however many lanes a vector has: the bits of a sum depend on its order.
 struct Sums {
   Vec largest, change, ahead;
 };
+constexpr int kParts = kBatchLanes / kLanes;  // vectors in a batch
 
 inline void Visit(const Batch& batch, int lane, bool compliant, Vec momentum, State* state, Velocity* velocities,
                   Sums* sums) {
@@ -205,12 +211,14 @@ inline void VisitNormal(const Batch& batch, int lane, Vec momentum, State* state
 }
 
 // Over the lanes.
-SweepSums Total(const Sums& sums) {
+SweepSums Total(const Sums (&sums)[kParts]) {
   SweepSums out;
-  for (int i = 0; i < kLanes; ++i) {
-    out.largest = sums.largest[i] > out.largest ? sums.largest[i] : out.largest;
-    out.change += sums.change[i];
-    out.ahead += sums.ahead[i];
+  for (const Sums& part : sums) {
+    for (int i = 0; i < kLanes; ++i) {
+      out.largest = part.largest[i] > out.largest ? part.largest[i] : out.largest;
+      out.change += part.change[i];
+      out.ahead += part.ahead[i];
+    }
   }
 #ifdef __AVX__
   // The compiler forgets it on this path, and then all narrow code that follows runs at half its speed.
@@ -221,18 +229,18 @@ SweepSums Total(const Sums& sums) {
 
 SweepSums SweepCoulomb(int num_batches, const Batch* batches, bool compliant, Number momentum, State* states,
                        Velocity* velocities) {
-  Sums sums = {};
+  Sums sums[kParts] = {};
   for (int b = 0; b < num_batches; ++b)
     for (int lane = 0; lane < batches[b].used; lane += kLanes)
-      Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums);
+      Visit(batches[b], lane, compliant, Vec{} + momentum, states + b, velocities, &sums[lane / kLanes]);
   return Total(sums);
 }
 
 SweepSums SweepNormal(int num_batches, const Batch* batches, Number momentum, State* states, Velocity* velocities) {
-  Sums sums = {};
+  Sums sums[kParts] = {};
   for (int b = 0; b < num_batches; ++b)
     for (int lane = 0; lane < batches[b].used; lane += kLanes)
-      VisitNormal(batches[b], lane, Vec{} + momentum, states + b, velocities, &sums);
+      VisitNormal(batches[b], lane, Vec{} + momentum, states + b, velocities, &sums[lane / kLanes]);
   return Total(sums);
 }
 

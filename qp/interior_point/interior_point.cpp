@@ -38,6 +38,12 @@ constexpr int kSpare = 2;                               // numbers at the end of
 // bound: 1 / the longest step.
 double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / bound : limit; }
 
+double Power(double x, int exponent) {
+  double power = x;
+  for (int i = 1; i < exponent; ++i) power *= x;
+  return power;
+}
+
 }  // namespace
 
 void InteriorPoint::Solve(const Problem& problem, const Settings& settings, std::span<const double> slips,
@@ -195,7 +201,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
     const bool stuck = stalled >= kStuck;
     const bool careful = stuck || least_sigma > 0;
-    const double sigma = std::max(least_sigma, std::pow(1 - affine, careful ? kCarefulPower : kSigmaPower));
+    const double sigma = std::max(least_sigma, Power(1 - affine, careful ? kCarefulPower : kSigmaPower));
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
     const double least = kLeastShare * aim * (aim < tolerance ? motion : energy_scale_) / degree_;

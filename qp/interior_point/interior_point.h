@@ -28,8 +28,6 @@ class InteriorPoint {
   void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution);
 
  private:
-  static constexpr int kBatchesPerPiece = 64;
-
   // What one contact contributes: its cone, the constant part of its velocity, and where its rows are.
   struct Rows {
     int contact;
@@ -72,7 +70,7 @@ class InteriorPoint {
   // run(first, last) over the batches, side by side.
   template <typename Run>
   void ForBatches(const Run& run) {
-    parallel::ForkRanges(static_cast<int>(batches_.size()), kBatchesPerPiece, run);
+    parallel::ForkRanges(static_cast<int>(batches_.size()), run);
   }
   RowArrays Arrays();
 

@@ -21,13 +21,13 @@ RowArrays InteriorPoint::Arrays() {
 
 InteriorPoint::Residuals InteriorPoint::ComputeResiduals() {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
-  partial_.assign(2 * (batches_.size() / kBatchesPerPiece + 1), 0.0);
+  partial_.assign(2 * (batches_.size() / parallel::kAtOnce + 1), 0.0);
   ForBatches([&](int first, int last) {
     const RowSums sums = kernels_->residuals(Arrays(), first, last, y_.data(), forces_.data());
-    partial_[2 * (first / kBatchesPerPiece)] = sums.gap;
-    partial_[2 * (first / kBatchesPerPiece) + 1] = sums.worst;
+    partial_[2 * (first / parallel::kAtOnce)] = sums.gap;
+    partial_[2 * (first / parallel::kAtOnce) + 1] = sums.worst;
   });
-  parallel::ForkRanges(scaled_.num_bodies(), kBodiesPerPiece, [&](int first, int last) {
+  parallel::ForkRanges(scaled_.num_bodies(), [&](int first, int last) {
     batches_.Gather(*kernels_, first, last, forces_.data(), gathered_.data());
     for (int i = first; i < last; ++i) {
       const BodyTerm& body = scaled_.bodies[i];
@@ -82,10 +82,10 @@ double InteriorPoint::NaturalMap() const {
 // Scalings, what the matrix needs of them, and the target of the affine direction.
 bool InteriorPoint::UpdateScalings() {
   const bool kinetic = kkt_.num_fields() == 2;
-  partial_.assign(batches_.size() / kBatchesPerPiece + 1, 0.0);
+  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
   ForBatches([&](int first, int last) {
     if (!kernels_->scale(Arrays(), first, last, direction_.target.data(), scaling_blocks_.data()))
-      partial_[first / kBatchesPerPiece] = 1;
+      partial_[first / parallel::kAtOnce] = 1;
     for (int b = first; b < last; ++b) {
       const RowBatch& batch = batches_.batches()[b];
       const Lanes* block = &scaling_blocks_[9 * b];
@@ -112,14 +112,14 @@ void InteriorPoint::ComputeDirection(double weight, bool refine, Direction* dire
   const int unknowns = 6 * kkt_.num_fields();
   ForBatches(
       [&](int first, int last) { kernels_->start(Arrays(), direction->View(), first, last, weight, forces_.data()); });
-  parallel::ForkRanges(scaled_.num_bodies(), kBodiesPerPiece, [&](int first, int last) {
+  parallel::ForkRanges(scaled_.num_bodies(), [&](int first, int last) {
     batches_.Gather(*kernels_, first, last, forces_.data(), direction->dy.data());
     for (int i = unknowns * first; i < unknowns * last; ++i) direction->dy[i] -= weight * dual_[i];
   });
   kkt_.Solve(direction->dy.data());
-  partial_.assign(batches_.size() / kBatchesPerPiece + 1, 0.0);
+  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
   ForBatches([&](int first, int last) {
-    partial_[first / kBatchesPerPiece] =
+    partial_[first / parallel::kAtOnce] =
         kernels_->complete(Arrays(), direction->View(), first, last, weight, direction->dy.data());
   });
   direction->bound = *std::max_element(partial_.begin(), partial_.end());
@@ -137,9 +137,9 @@ void InteriorPoint::ComputeDirection(double weight, bool refine, Direction* dire
 // anew from dy it would carry rounding as large as W^-2 times the velocities, and no refinement could remove that.
 void InteriorPoint::Correct(Direction* direction) {
   for (size_t k = 0; k < direction->dy.size(); ++k) direction->dy[k] -= error_[k];
-  partial_.assign(batches_.size() / kBatchesPerPiece + 1, 0.0);
+  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
   ForBatches([&](int first, int last) {
-    partial_[first / kBatchesPerPiece] = kernels_->correct(Arrays(), direction->View(), first, last, error_.data());
+    partial_[first / parallel::kAtOnce] = kernels_->correct(Arrays(), direction->View(), first, last, error_.data());
   });
   direction->bound = *std::max_element(partial_.begin(), partial_.end());
 }
@@ -149,7 +149,7 @@ void InteriorPoint::Correct(Direction* direction) {
 double InteriorPoint::DirectionError(double weight, Direction* direction) {
   const int fields = kkt_.num_fields(), stride = 6 * fields;
   ForBatches([&](int first, int last) { kernels_->forces(Arrays(), direction->View(), first, last, forces_.data()); });
-  parallel::ForkRanges(scaled_.num_bodies(), kBodiesPerPiece, [&](int first, int last) {
+  parallel::ForkRanges(scaled_.num_bodies(), [&](int first, int last) {
     batches_.Gather(*kernels_, first, last, forces_.data(), gathered_.data());
     for (int i = first; i < last; ++i) {
       const BodyTerm& body = scaled_.bodies[i];

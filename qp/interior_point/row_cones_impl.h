@@ -8,14 +8,6 @@
 namespace islet::qp {
 namespace {
 
-#if ISLET_LANES == 8
-inline Vec Root(Vec a) { return (Vec)_mm512_maskz_sqrt_pd(0xff, (__m512d)a); }
-#elif ISLET_LANES == 4
-inline Vec Root(Vec a) { return (Vec)_mm256_sqrt_pd((__m256d)a); }
-#else
-inline Vec Root(Vec a) { return Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
-#endif
-
 template <int N>
 inline void LoadRows(const Lanes* from, int lane, Vec (&out)[N]) {
   for (int i = 0; i < N; ++i) out[i] = Load(from[i].at + lane);

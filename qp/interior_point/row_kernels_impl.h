@@ -55,7 +55,8 @@ inline void SoftenVelocity(const Lanes* softening, int lane, Vec (&u)[3]) {
 }
 
 RowSums Residuals(const RowArrays& arrays, int from, int to, const double* y, Lanes* forces) {
-  Vec gap = {}, worst = {};
+  constexpr int kParts = kRowLanes / kLanes;
+  Vec gap[kParts] = {}, worst = {};  // lane by lane of a batch: the bits of a sum depend on its order
   for (int b = from; b < to; ++b) {
     const RowBatch& batch = arrays.batches[b];
     ForBatch(batch, [&](auto rows, int lane) {
@@ -76,15 +77,14 @@ RowSums Residuals(const RowArrays& arrays, int from, int to, const double* y, La
         mapped[i] = s[i] - mapped[i];
         worst = Max(Abs(mapped[i]), worst);
       }
-      gap += Load(batch.used + lane) * product;
+      gap[lane / kLanes] += Load(batch.used + lane) * product;
       StoreRows(mapped, lane, arrays.primal + batch.first);
     });
   }
   RowSums sums;
-  for (int l = 0; l < kLanes; ++l) {
-    sums.gap += gap[l];
+  for (int l = 0; l < kRowLanes; ++l) sums.gap += gap[l / kLanes][l % kLanes];
+  for (int l = 0; l < kLanes; ++l)
     if (worst[l] > sums.worst) sums.worst = worst[l];
-  }
   return sums;
 }
 

@@ -79,54 +79,74 @@ ISLET_INLINE Vec LoadSome(const double* p, int from, int to) {
 #endif
 }
 
-// sum[p] = sum of column p times x over the lines [from, end).
-template <int N>
-ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
-  Vec sums[8] = {};
-  const auto add_some = [&](int line, int first, int last) {
-    const Vec v = LoadSome(x + line, first, last);
-    for (int p = 0; p < N; ++p) sums[p] += LoadSome(columns + line + p * stride, first, last) * v;
-  };
-  int line = from;
-  if (from % kLanes != 0) {
-    line = from - from % kLanes;
-    add_some(line, from % kLanes, end - line < kLanes ? end - line : kLanes);
-    line += kLanes;
-  }
-  for (; line + kLanes <= end; line += kLanes) {
-    const Vec v = Load(x + line);
-    for (int p = 0; p < N; ++p) sums[p] += Load(columns + line + p * stride) * v;
-  }
-  if (line < end) add_some(line, 0, end - line);
-#if ISLET_LANES == 8
 #define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
-  Vec pairs[4], fours[2];
+#if ISLET_LANES == 4
+// Of four vectors, each ((0 + 1) + (2 + 3)).
+ISLET_INLINE Vec SumsOfPairs(Vec a, Vec b, Vec c, Vec d) {
+  const Vec p = ISLET_SHUFFLE(a, b, 0, 4, 2, 6) + ISLET_SHUFFLE(a, b, 1, 5, 3, 7);
+  const Vec q = ISLET_SHUFFLE(c, d, 0, 4, 2, 6) + ISLET_SHUFFLE(c, d, 1, 5, 3, 7);
+  return ISLET_SHUFFLE(p, q, 0, 1, 4, 5) + ISLET_SHUFFLE(p, q, 2, 3, 6, 7);
+}
+#endif
+
+// Of kVector numbers each, ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)).
+template <int N>
+ISLET_INLINE void AddPairs(const Vec (&sums)[N][kVector / kLanes], double* out) {
+#if ISLET_LANES == 8
+  Vec all[8] = {}, pairs[4], fours[2];
+  for (int p = 0; p < N; ++p) all[p] = sums[p][0];
   for (int i = 0; i < 4; ++i)
-    pairs[i] = ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14) +
-               ISLET_SHUFFLE(sums[2 * i], sums[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+    pairs[i] = ISLET_SHUFFLE(all[2 * i], all[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14) +
+               ISLET_SHUFFLE(all[2 * i], all[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
   for (int i = 0; i < 2; ++i)
     fours[i] = ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 0, 1, 8, 9, 4, 5, 12, 13) +
                ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 2, 3, 10, 11, 6, 7, 14, 15);
-  const Vec all = ISLET_SHUFFLE(fours[0], fours[1], 0, 1, 2, 3, 8, 9, 10, 11) +
+  const Vec sum = ISLET_SHUFFLE(fours[0], fours[1], 0, 1, 2, 3, 8, 9, 10, 11) +
                   ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
-  for (int p = 0; p < N; ++p) sum[p] = all[p];
-#undef ISLET_SHUFFLE
+  for (int p = 0; p < N; ++p) out[p] = sum[p];
 #elif ISLET_LANES == 4
-#define ISLET_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
   for (int i = 0; i < N; i += 4) {
-    const Vec p = ISLET_SHUFFLE(sums[i], sums[i + 1], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i], sums[i + 1], 1, 5, 3, 7);
-    const Vec q =
-        ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 0, 4, 2, 6) + ISLET_SHUFFLE(sums[i + 2], sums[i + 3], 1, 5, 3, 7);
-    const Vec all = ISLET_SHUFFLE(p, q, 0, 1, 4, 5) + ISLET_SHUFFLE(p, q, 2, 3, 6, 7);
-    for (int k = i; k < N && k < i + 4; ++k) sum[k] = all[k - i];
+    Vec sum[2];
+    for (int t = 0; t < 2; ++t) {
+      const auto of = [&](int p) { return p < N ? sums[p][t] : Vec{}; };
+      sum[t] = SumsOfPairs(of(i), of(i + 1), of(i + 2), of(i + 3));
+    }
+    const Vec all = sum[0] + sum[1];
+    for (int p = i; p < N && p < i + 4; ++p) out[p] = all[p - i];
   }
-#undef ISLET_SHUFFLE
 #else
   for (int p = 0; p < N; ++p) {
-    sum[p] = 0;
-    for (int t = 0; t < kLanes; ++t) sum[p] += sums[p][t];
+    double pair[4];
+    for (int t = 0; t < 4; ++t) pair[t] = sums[p][t][0] + sums[p][t][1];
+    out[p] = (pair[0] + pair[1]) + (pair[2] + pair[3]);
   }
 #endif
+}
+#undef ISLET_SHUFFLE
+
+// sum[p] = sum of column p times x over the lines [from, end). A sum for each place in the widest vector, then in pairs, so that the bits
+// are those of any other width.
+template <int N>
+ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
+  constexpr int kParts = kVector / kLanes;
+  Vec sums[N][kParts] = {};
+  const auto add = [&](int line, const auto& load) {  // line: a multiple of kVector
+    for (int t = 0; t < kParts; ++t) {
+      const int first = line + t * kLanes;
+      if (first + kLanes <= from || first >= end) continue;
+      const Vec v = load(x, first);
+      for (int p = 0; p < N; ++p) sums[p][t] += load(columns + p * stride, first) * v;
+    }
+  };
+  const auto some = [&](const double* p, int first) {
+    return LoadSome(p + first, from > first ? from - first : 0, end - first < kLanes ? end - first : kLanes);
+  };
+  const auto whole = [](const double* p, int first) { return Load(p + first); };
+  int line = RoundDown(from);
+  if (line < from) add(line, some), line += kVector;
+  for (; line + kVector <= end; line += kVector) add(line, whole);
+  if (line < end) add(line, some);
+  AddPairs<N>(sums, sum);
 }
 
 // x[c] -= (column c below the panel block at j) x.

@@ -23,17 +23,8 @@ typedef double PairAt __attribute__((vector_size(2 * sizeof(double)), aligned(si
 ISLET_INLINE Vec Load(const double* p) { return *reinterpret_cast<const VecAt*>(p); }
 ISLET_INLINE void Store(double* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
 
-// a b + c with one rounding where the machine has that: left to the compiler, whether it fuses depends on the size of the
-// tile that it is in, and so would the bits on where lines are split.
-ISLET_INLINE Vec MultiplyAdd(Vec a, double b, Vec c) {
-#if ISLET_LANES == 8
-  return (Vec)_mm512_fmadd_pd((__m512d)a, _mm512_set1_pd(b), (__m512d)c);
-#elif ISLET_LANES == 4
-  return (Vec)_mm256_fmadd_pd((__m256d)a, _mm256_set1_pd(b), (__m256d)c);
-#else
-  return a * b + c;
-#endif
-}
+// a b + c with two roundings: not every machine can do it with one.
+ISLET_INLINE Vec MultiplyAdd(Vec a, double b, Vec c) { return a * b + c; }
 
 // C = C + A B for T vectors of rows and N columns: C from `in` to `out`, A column-major, B k x N row by row.
 template <int T, int N>

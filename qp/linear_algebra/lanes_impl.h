@@ -26,47 +26,22 @@ inline void Store(Number* p, Vec v) { *reinterpret_cast<VecAt*>(p) = v; }
 inline Vec Max(Vec a, Vec b) { return a > b ? a : b; }
 inline Vec Abs(Vec a) { return a < 0 ? -a : a; }
 
+// Whether any lane is true; square roots. Both are exact, so the bits are those of any other width.
 #if defined(ISLET_SINGLE) && ISLET_LANES == 8
 inline bool Any(Mask m) { return _mm256_movemask_ps((__m256)m) != 0; }
-#ifdef __AVX512VL__
-// One Newton step from 14 bits.
-inline Vec Inverse(Vec a) {
-  const Vec r = (Vec)_mm256_maskz_rcp14_ps(0xff, (__m256)a);
-  return r + r * (1 - a * r);
-}
-inline Vec InverseRoot(Vec a) {
-  const Vec r = (Vec)_mm256_maskz_rsqrt14_ps(0xff, (__m256)a);
-  return r + 0.5F * r * (1 - a * r * r);
-}
-#else
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_ps((__m256)a); }
-#endif
+inline Vec Root(Vec a) { return (Vec)_mm256_sqrt_ps((__m256)a); }
 #elif defined(ISLET_SINGLE)
 inline bool Any(Mask m) { return _mm_movemask_ps((__m128)m) != 0; }
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm_sqrt_ps((__m128)a); }
+inline Vec Root(Vec a) { return (Vec)_mm_sqrt_ps((__m128)a); }
 #elif ISLET_LANES == 8
 inline bool Any(Mask m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
-// Two Newton steps from 14 bits: rounding error as small as a division's, without the wait for the divider.
-inline Vec Inverse(Vec a) {
-  Vec r = (Vec)_mm512_maskz_rcp14_pd(0xff, (__m512d)a);
-  for (int i = 0; i < 2; ++i) r += r * (1 - a * r);
-  return r;
-}
-inline Vec InverseRoot(Vec a) {
-  Vec r = (Vec)_mm512_maskz_rsqrt14_pd(0xff, (__m512d)a);
-  for (int i = 0; i < 2; ++i) r += 0.5 * r * (1 - a * r * r);
-  return r;
-}
+inline Vec Root(Vec a) { return (Vec)_mm512_maskz_sqrt_pd(0xff, (__m512d)a); }
 #elif ISLET_LANES == 4
 inline bool Any(Mask m) { return _mm256_movemask_pd((__m256d)m) != 0; }
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / (Vec)_mm256_sqrt_pd((__m256d)a); }
+inline Vec Root(Vec a) { return (Vec)_mm256_sqrt_pd((__m256d)a); }
 #else
 inline bool Any(Mask m) { return (m[0] | m[1]) != 0; }
-inline Vec Inverse(Vec a) { return 1 / a; }
-inline Vec InverseRoot(Vec a) { return 1 / Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
+inline Vec Root(Vec a) { return Vec{__builtin_sqrt(a[0]), __builtin_sqrt(a[1])}; }
 #endif
 
 // Six numbers from address(i) on, lane i; on wider vectors two more are read there. A transposition in registers.

@@ -3,6 +3,8 @@
 #include <map>
 #include <string>
 
+#include "engine/rotation.h"
+
 namespace islet {
 namespace {
 
@@ -65,7 +67,7 @@ void Drives::Apply(double time, double dt, World* world) const {
       if (linear != body.linear_velocity_W || angular != body.angular_velocity_W)
         world->SetVelocity(d.body, linear, angular);
     } else if (const auto* pose = std::get_if<PoseDrive>(&what)) {
-      const Quaternion turn(Eigen::AngleAxisd(pose->angle.At(time + dt), pose->axis_W));
+      const Quaternion turn = Exp(pose->angle.At(time + dt) * pose->axis_W);
       const Vector3 centre = pose->centre.value_or(d.start.position_W);
       const Vector3 place = centre + turn * (d.start.position_W - centre) + At(pose->shift_W, time + dt);
       MoveOrHold(d.body, {place, (turn * d.start.rotation_WB).normalized()}, dt, world);

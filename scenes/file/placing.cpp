@@ -65,7 +65,7 @@ struct CentreRegion {
 
   double Volume() const {  // [m^3] of the region itself
     if (cloud.box) return (cloud.box->upper - cloud.box->lower).prod();
-    return 4.0 / 3 * std::numbers::pi * std::pow(cloud.radius, 3);
+    return 4.0 / 3 * std::numbers::pi * cloud.radius * cloud.radius * cloud.radius;
   }
   bool HasRoom() const {
     if (cloud.box) return (cloud.box->upper - cloud.box->lower).minCoeff() >= 2 * inset;
@@ -98,7 +98,7 @@ std::vector<Pose> CloudPoses(const BodyEntry& entry, const CloudRepetition& clou
                        " m does not fit into its region: " + why);
   };
   if (!region.HasRoom()) refuse("not even one does");
-  const double filled = cloud.count * 4.0 / 3 * std::numbers::pi * std::pow(radius, 3) / region.Volume();
+  const double filled = cloud.count * 4.0 / 3 * std::numbers::pi * radius * radius * radius / region.Volume();
   if (!(filled <= kMostFilled))
     refuse("their bounding spheres would fill " + ShortNumber(filled) + " of it; at random they fill at most " +
            ShortNumber(kMostFilled));

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "engine/rotation.h"
 #include "scenes/file/mesh_file.h"
 #include "scenes/file/number_format.h"
 #include "scenes/nearest_name.h"
@@ -65,7 +66,7 @@ Quaternion ReadRotation(const Field& field) {
   const Vector3 axis = turn.Need("axis").UnitVector();
   const std::string_view unit = turn.One({"degrees", "radians"});
   const double angle = turn.Need(unit).Number(-1e6, 1e6);
-  return Quaternion(Eigen::AngleAxisd(unit == "degrees" ? angle * std::numbers::pi / 180 : angle, axis));
+  return Exp((unit == "degrees" ? angle * std::numbers::pi / 180 : angle) * axis);
 }
 
 Matrix3 ReadInertia(const Field& field) {

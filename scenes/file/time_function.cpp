@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "qp/elementary.h"
+
 namespace islet {
 namespace {
 
@@ -21,7 +23,7 @@ double InTable(const std::vector<std::array<double, 2>>& table, double time) {
 double TimeFunction::At(double time) const {
   double value = constant;
   if (!table.empty()) value += InTable(table, time);
-  if (amplitude != 0) value += amplitude * std::sin(2 * std::numbers::pi * frequency * time + phase);
+  if (amplitude != 0) value += amplitude * Sine(2 * std::numbers::pi * frequency * time + phase);
   return value;
 }
 

@@ -33,9 +33,9 @@ TEST_P(WorkerPoolOf, RunsEveryIndexOnce) {
 
 TEST_P(WorkerPoolOf, ChunksHoldEveryIndexOnce) {
   WorkerPool pool(GetParam());
-  for (const std::size_t count : {0U, 1U, 63U, 64U, 65U, 1000U}) {
+  for (const std::size_t count : {0U, 1U, 127U, 128U, 129U, 1000U}) {
     std::vector<std::atomic<int>> runs(count);
-    pool.ForEachOf(count, 64, [&](std::size_t index) { ++runs.at(index); });
+    pool.ForEachOf(count, [&](std::size_t index) { ++runs.at(index); });
     for (const auto& times : runs) EXPECT_EQ(times, 1);
   }
 }

@@ -77,6 +77,26 @@ void ExpectLikePlainSweeps(const Problem& problem, int sweeps, double tolerance)
   }
 }
 
+// What one machine computes another one does, too.
+TEST(GaussSeidel, BitsAreThoseOfTheNarrowest) {
+  for (const NamedProblem& island : RandomIslands(79, 40, 100, true)) {
+    SCOPED_TRACE(island.name);
+    for (const qp::Precision precision : {qp::Precision::kDouble, qp::Precision::kSingle}) {
+      std::vector<double> narrowest;
+      for (const qp::SweepKernelSet& kernels : AllKernels()) {
+        SCOPED_TRACE(kernels.plain->name);
+        const Problem& problem = island.problem;
+        qp::GaussSeidel solver(kernels);
+        Swept swept{std::vector<Vector3>(problem.contacts.size(), Vector3::Zero()), FreeVelocities(problem), 0};
+        solver.Prepare(problem);
+        solver.Sweep(problem, 50, 0, &swept.impulses, &swept.velocities, qp::Pace::kMomentum, precision);
+        if (narrowest.empty()) narrowest = swept.velocities;
+        EXPECT_EQ(swept.velocities, narrowest);
+      }
+    }
+  }
+}
+
 TEST(GaussSeidel, LikePlainSweeps) {
   for (const NamedProblem& island : RandomIslands(74, 40, 100, true)) {
     SCOPED_TRACE(island.name);

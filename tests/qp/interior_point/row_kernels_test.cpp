@@ -299,6 +299,44 @@ TEST_P(RowKernelsOf, StepsMoveAllButEmptyLanes) {
   EXPECT_EQ(empty, 6);
 }
 
+// What one machine computes another one does, too.
+TEST_P(RowKernelsOf, BitsAreThoseOfTheNarrowest) {
+  const qp::RowKernels* const kernels[] = {kernels_, qp::FindRowKernels("sse2")};
+  std::vector<double> numbers[2];
+  const auto start = std::array{s_, z_, primal_, target_, ds_, dz_, plain_, other_};
+  for (int which = 0; which < 2; ++which) {
+    const qp::RowKernels& k = *kernels[which];
+    s_ = start[0], z_ = start[1], primal_ = start[2], target_ = start[3];
+    ds_ = start[4], dz_ = start[5], plain_ = start[6], other_ = start[7];
+    std::vector<double>& all = numbers[which];
+    const qp::RowSums sums = k.residuals(Arrays(), 0, End(), y_.data(), forces_.data());
+    all = {sums.gap, sums.worst};
+    ASSERT_TRUE(k.scale(Arrays(), 0, End(), target_.data(), d_.data()));
+    k.start(Arrays(), Direction(), 0, End(), 0.7, forces_.data());
+    all.push_back(k.complete(Arrays(), Direction(), 0, End(), 0.7, dy_.data()));
+    all.push_back(k.correct(Arrays(), Direction(), 0, End(), correction_.data()));
+    k.aim(Arrays(), Direction(), 0, End(), 0.3, 0.6);
+    qp::RowDirection next = Direction();
+    next.target = other_.data();
+    k.centre(Arrays(), Direction(), next, 0, End(), 0.8, 0.1, 0.15);
+    k.forces(Arrays(), Direction(), 0, End(), forces_.data());
+    std::vector<double> gathered(12 * kBodies);
+    batches_.Gather(k, 0, kBodies, forces_.data(), gathered.data());
+    all.insert(all.end(), gathered.begin(), gathered.end());
+    k.advance(Arrays(), Direction(), 0, End(), 0.5);
+    for (const auto* rows : {&s_, &z_, &point_, &inverse_, &lambda_, &primal_, &target_, &ds_, &dz_, &plain_, &other_})
+      for (const Entry& e : entries_) {
+        const Rows values = Get(*rows, e);
+        all.insert(all.end(), values.begin(), values.end());
+      }
+    for (const Entry& e : entries_) {
+      const Matrix3 block = Block(d_, e);
+      all.insert(all.end(), block.data(), block.data() + 9);
+    }
+  }
+  EXPECT_EQ(numbers[0], numbers[1]);
+}
+
 INSTANTIATE_TEST_SUITE_P(Sets, RowKernelsOf,
                          ::testing::Combine(::testing::Values("sse2", "avx2", "avx512"),
                                             ::testing::Values(Cone::kCircular, Cone::kOctagon)));

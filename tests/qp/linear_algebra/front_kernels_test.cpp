@@ -303,6 +303,43 @@ TEST_P(FrontKernels, AddProducts) {
   EXPECT_TRUE(std::isnan(out(6, 0)) && std::isnan(out(0, 6)));
 }
 
+// What one machine computes another one does, too.
+TEST_P(FrontKernels, BitsAreThoseOfTheNarrowest) {
+  const qp::FrontKernelSet& narrow = *qp::FindFrontKernels("sse2");
+  const auto check = [&](int n, int k, int block) {
+    SCOPED_TRACE(::testing::Message() << "n " << n << " k " << k << " block " << block);
+    const VectorXd signs = RandomSigns(n, true);
+    const MatrixXd a = RandomQuasiDefinite(&random_, signs);
+    const VectorXd b = VectorXd::NullaryExpr(n, [&] { return random_.Uniform(-1, 1); });
+    const auto all = [&](const qp::FrontKernels& kernels) {
+      TestFront front(a, k, block);
+      front.Factorise(kernels, signs);
+      VectorXd x = front.Lines(b), y = front.Lines(b);
+      kernels.forward(front.front, x.data());
+      kernels.backward(front.front, y.data());
+      std::vector<double> numbers;
+      for (const MatrixXd& part : {front.Lower(), front.Update(), MatrixXd(front.Rows(x)), MatrixXd(front.Rows(y))})
+        numbers.insert(numbers.end(), part.data(), part.data() + part.size());
+      return numbers;
+    };
+    EXPECT_EQ(all(set_->For(block)), all(narrow.For(block)));
+  };
+  for (int n = 1; n <= 26; ++n)
+    for (int k = 1; k <= n; ++k) check(n, k, 1);
+  for (const int block : {3, 6, 12})
+    for (int n = block; n <= 60; n += block)
+      for (int k = block; k <= n; k += block) check(n, k, block);
+  check(207, 105, 3);
+  check(300, 204, 6);
+  const qp::ContactProduct product{0, 1, 0};
+  std::vector<double> rows(2 * 24, 0.0), d(9), sums[2] = {std::vector<double>(36), std::vector<double>(36)};
+  for (double& value : d) value = random_.Uniform(-1, 1);
+  for (int i = 0; i < 36; ++i) rows[8 * (i / 6) + i % 6] = random_.Uniform(-1, 1);
+  set_->six->add_products(1, &product, rows.data(), d.data(), 1, sums[0].data(), 6);
+  narrow.six->add_products(1, &product, rows.data(), d.data(), 1, sums[1].data(), 6);
+  EXPECT_EQ(sums[0], sums[1]);
+}
+
 INSTANTIATE_TEST_SUITE_P(Sets, FrontKernels, ::testing::Values("sse2", "avx2", "avx512"),
                          [](const auto& set) { return std::string(set.param); });
 
