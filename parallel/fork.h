@@ -12,6 +12,8 @@
 #include <mutex>
 #include <type_traits>
 
+#include "parallel/schedule.h"
+
 namespace islet::parallel {
 
 // A piece of work by reference: what it points to must outlive the call it is handed to.
@@ -39,9 +41,6 @@ template <typename First, typename Second>
 void ForkTwo(const First& first, const Second& second) {
   Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
 }
-
-// Of things that take 0.1 to 1 us each: enough to pay for a hand-over, and few enough to share what an island has.
-inline constexpr int kAtOnce = 128;
 
 // run(first, last) for consecutive ranges of kAtOnce numbers that cover 0 .. count-1.
 template <typename Run>

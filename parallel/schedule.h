@@ -14,6 +14,9 @@
 
 namespace islet::parallel {
 
+// Of things that take 0.1 to 1 us each: enough to pay for a hand-over, and few enough to share what an island has.
+inline constexpr int kAtOnce = 128;
+
 // Indices of the costs, largest cost first; of equal costs, smaller index first.
 [[nodiscard]] std::vector<int> LargestFirst(std::span<const double> costs);
 

@@ -12,7 +12,6 @@
 #include <memory>
 #include <span>
 
-#include "parallel/fork.h"
 #include "parallel/schedule.h"
 
 namespace islet::parallel {

@@ -3,6 +3,7 @@
 //   allocation: none after warm-up
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <utility>
 #include <vector>
@@ -22,6 +23,12 @@ class ContactQueue {
   bool empty() const { return heap_.empty(); }
   int top() const { return heap_[0]; }
   double top_key() const { return keys_[heap_[0]]; }
+  // All whose key is no larger, in the order of their numbers.
+  void UpTo(double key, std::vector<int>* contacts) const {
+    contacts->clear();
+    Collect(0, key, contacts);
+    std::sort(contacts->begin(), contacts->end());
+  }
   void Update(int contact, double key) {
     keys_[contact] = key;
     SiftUp(place_[contact]);
@@ -30,6 +37,12 @@ class ContactQueue {
 
  private:
   bool Before(int a, int b) const { return keys_[a] != keys_[b] ? keys_[a] < keys_[b] : a < b; }
+  void Collect(size_t i, double key, std::vector<int>* contacts) const {
+    if (i >= heap_.size() || keys_[heap_[i]] > key) return;
+    contacts->push_back(heap_[i]);
+    Collect(2 * i + 1, key, contacts);
+    Collect(2 * i + 2, key, contacts);
+  }
   void Swap(int i, int j) {
     std::swap(heap_[i], heap_[j]);
     place_[heap_[i]] = i;

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include <Eigen/LU>
 
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-4;     // of the fastest approach: contacts that differ by less bounce at once
-constexpr size_t kMostTied = 32;  // contacts; more of them bounce one after the other
+constexpr double kTie = 1e-4;  // of the fastest approach: contacts that differ by less bounce at once
 constexpr int kMostSweeps = 400;
 constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change velocities by less
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
@@ -91,22 +91,20 @@ bool SequentialResolver::Answers(int c, double velocity) const {
   return walls_answer_ && wall && std::abs(velocity) <= threshold_;
 }
 
-// The fastest contact and those as fast that chains of bodies between such contacts join to it. What is left as it is may be faster.
+// All that are as fast as the fastest, wherever they are, or it would depend on the bounce limit who has bounced; and what answers to
+// them.
 void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
-  tied_.assign(1, queue_.top());
+  queue_.UpTo((1 - kTie) * queue_.top_key(), &tied_);
   tied_bodies_.clear();
-  const double slowest = (1 - kTie) * queue_.top_key(), fastest = (1 + kTie) * queue_.top_key();
-  for (size_t k = 0; k == 0 || (k < tied_.size() && tied_.size() <= kMostTied); ++k) {
+  is_tied_.assign(locals_.size(), 0);
+  const size_t fastest = tied_.size();
+  for (size_t k = 0; k < fastest; ++k) {
     for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
-      if (!locals_[side].moves() || std::find(tied_bodies_.begin(), tied_bodies_.end(), side) != tied_bodies_.end())
-        continue;
+      if (!locals_[side].moves() || std::exchange(is_tied_[side], 1)) continue;
       tied_bodies_.push_back(side);
-      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {
-        const int c = touches_[t];
-        const double velocity = NormalVelocityOf(c, contacts[group_contacts[c]]);
-        const bool ties = Answers(c, velocity) || (velocity <= slowest && velocity >= fastest);
-        if (ties && std::find(tied_.begin(), tied_.end(), c) == tied_.end()) tied_.push_back(c);
-      }
+      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)  // a wall is nobody else's
+        if (Answers(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]])))
+          tied_.push_back(touches_[t]);
     }
   }
 }
@@ -114,7 +112,9 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
 // The tied contacts and the bodies that move in them, as a problem of their own; walls' velocities as drift.
 void SequentialResolver::GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts) {
   tied_problem_.Clear();
+  place_.resize(locals_.size());
   for (const int side : tied_bodies_) {
+    place_[side] = tied_problem_.num_bodies();
     const BounceBody& body = locals_[side];
     qp::BodyTerm term;
     term.mass = 1 / body.inverse_mass;
@@ -129,11 +129,10 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     const auto [a, b] = sides_[c];
     qp::ContactTerm term;
     const auto add = [&](int side, double sign, int* body, qp::Jacobian* jacobian) {
-      const auto place = std::find(tied_bodies_.begin(), tied_bodies_.end(), side);
-      if (place == tied_bodies_.end()) {
+      if (!is_tied_[side]) {
         term.drift += sign * frame.transpose() * locals_[side].VelocityAt(contact.point_W);
       } else {
-        *body = static_cast<int>(place - tied_bodies_.begin());
+        *body = place_[side];
         *jacobian = PointJacobian(locals_[side].position_W, contact, frame, sign);
       }
     };
@@ -235,11 +234,12 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
     FindTies(group_contacts, contacts.contacts);
     const int c = queue_.top(), number = group_contacts[c];
     const Contact& contact = contacts.contacts[number];
-    const bool together =
-        exact && tied_.size() > 1 && tied_.size() <= kMostTied && BounceTogether(group_contacts, contacts, impulses);
+    const bool together = exact && tied_.size() > 1 && BounceTogether(group_contacts, contacts, impulses);
     if (!together) {
       const auto [a, b] = sides_[c];
-      tied_bodies_.resize(locals_[a].moves() + locals_[b].moves());  // its own come first
+      tied_bodies_.clear();
+      for (const int side : {a, b})
+        if (locals_[side].moves()) tied_bodies_.push_back(side);
       Contact as_it_bounces = contact;
       if (ReboundSpeed(contact, -queue_.top_key(), least_rebound_) == 0) as_it_bounces.restitution = 0;
       const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], as_it_bounces, contacts.frames[number], law);

@@ -1,8 +1,8 @@
 // Step 1: partial sequential collision resolution (PQ). The fastest collision first, one at a time, until all contacts
 // separate or the bounce limit is reached; what is left goes to the collision QP.                     [SM04 Sec. 5.1]
 //
-// Contacts that tie for the fastest and share bodies bounce at once, by a small Coulomb problem of their own: a cube that
-// lands flat does not spin, and a symmetric hit stays symmetric.
+// Contacts that tie for the fastest bounce at once, however many, by a Coulomb problem of their own: a cube that lands flat does not
+// spin, a tray of glasses stops with them, and a symmetric hit stays symmetric.
 //
 //   in:  one group of bodies joined by contacts (cut at fixed bodies only: frozen ones bounce like dynamic ones)
 //   out: velocities of the group's bodies and the impulses, written in place
@@ -10,6 +10,7 @@
 //   allocation: none after warm-up
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
@@ -66,6 +67,8 @@ class SequentialResolver {
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
+  std::vector<std::uint8_t> is_tied_;    // per body
+  std::vector<int> place_;               // of it in the problem of what is tied
   std::vector<std::pair<int, int>> tied_pairs_;
   qp::Problem tied_problem_;
   qp::Solution tied_solution_;

@@ -10,8 +10,6 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRefiningSteps =
-    6;  // of Newton, in a proximal step near the end: with more a near-critical arch creeps (T17)
 constexpr double kStepShare = 0.03;  // of the natural map: residual of a proximal step that is as good as none
 constexpr int kHalvings = 8;
 constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
@@ -171,8 +169,7 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
     if (reached() || before >= max_factorisations || !pace.GoesOn(refines_)) break;
     const double residual = kStepShare * best.rms;
     stiffness_ = pace.Stiffness(residual, Speed());
-    const int most = refines_ ? kRefiningSteps : ProximalPace::kMostNewtonSteps;
-    const bool solved = Step(residual, std::min(most, max_factorisations - before));
+    const bool solved = Step(residual, std::min(ProximalPace::kMostNewtonSteps, max_factorisations - before));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
     if (map.rms < best.rms) best = map, *impulses = impulses_;

@@ -57,7 +57,7 @@ TEST(Client, BinComesToRest) {
     EXPECT_LT(islet.coulomb_error, 0.1);
     EXPECT_LT(islet.coulomb_end, 1e-4);
     EXPECT_LT(islet.jitter, 1e-2);
-    EXPECT_LT(islet.energy_gain, 1e-9);
+    EXPECT_LT(islet.energy_gain, 2e-4);  // of some 200 J: where overlaps are undone
     EXPECT_LE(islet.overlap_mean, own.overlap_mean);
     EXPECT_LE(islet.overlap_max, own.overlap_max);
     EXPECT_LE(islet.coulomb_error, own.coulomb_error);

@@ -149,10 +149,8 @@ TEST(CertifiedFreezing, PileThatIsStruckMovesAsIfItHadNeverBeenFrozen) {
   EXPECT_TRUE(worlds[0].body(1).frozen && worlds[0].body(41).frozen);
   bool touched = false;
   for (int frame = 0; frame < 30; ++frame) {
-    int frozen = 0;
     for (World& world : worlds) testing::Step(&world, kDt);
-    for (int i = 1; i <= 41; ++i) frozen += worlds[0].body(i).frozen;
-    touched = touched || frozen < 41;
+    touched = touched || worlds[0].body(42).linear_velocity_W.z() > -2;
     for (int i = 1; i <= 42; ++i)
       EXPECT_LT((worlds[0].body(i).position_W - worlds[1].body(i).position_W).norm(), 1e-4) << frame << ", " << i;
   }
