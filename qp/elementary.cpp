@@ -1,6 +1,7 @@
 #include "qp/elementary.h"
 
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
 
 namespace islet {
@@ -18,17 +19,21 @@ double Reduce(double angle, int* quarter) {
   return ((angle - multiple * first) - multiple * second) - multiple * third;
 }
 
-// Taylor's series, of |x| <= pi/4: what is left out is below 5e-17.
+// Taylor's series, of |x| <= pi/4: what is left out is below 5e-17. Each term is the one before times -x^2 / (k (k - 1)).
 double SineNear(double x) {
   const double square = x * x;
   double sum = 0;
-  for (int k = 17; k >= 3; k -= 2) sum = -(1 + sum) * square / ((k - 1) * k);
+  for (const double per : {1.0 / (17 * 16), 1.0 / (15 * 14), 1.0 / (13 * 12), 1.0 / (11 * 10), 1.0 / (9 * 8),
+                           1.0 / (7 * 6), 1.0 / (5 * 4), 1.0 / (3 * 2)})
+    sum = -(1 + sum) * (square * per);
   return x + x * sum;
 }
 double CosineNear(double x) {
   const double square = x * x;
   double sum = 0;
-  for (int k = 18; k >= 4; k -= 2) sum = -(1 + sum) * square / ((k - 1) * k);
+  for (const double per : {1.0 / (18 * 17), 1.0 / (16 * 15), 1.0 / (14 * 13), 1.0 / (12 * 11), 1.0 / (10 * 9),
+                           1.0 / (8 * 7), 1.0 / (6 * 5), 1.0 / (4 * 3)})
+    sum = -(1 + sum) * (square * per);
   return 1 - (0.5 * square + 0.5 * square * sum);
 }
 
@@ -36,7 +41,9 @@ double CosineNear(double x) {
 double ArcTangentNear(double x) {
   const double square = x * x;
   double sum = 0;
-  for (int k = 25; k >= 3; k -= 2) sum = (1.0 / k - sum) * square;
+  for (const double per : {1.0 / 25, 1.0 / 23, 1.0 / 21, 1.0 / 19, 1.0 / 17, 1.0 / 15, 1.0 / 13, 1.0 / 11, 1.0 / 9,
+                           1.0 / 7, 1.0 / 5, 1.0 / 3})
+    sum = (per - sum) * square;
   return x - x * sum;
 }
 

@@ -378,17 +378,22 @@ Vector3 Crowd::MeanVelocity(int i, const Vector3& point) const {
   return mean_W_[i] + mean_spin_W_[i].cross(point - middle_[i].position_W);
 }
 
-// [m] where a held contact is at the end.
-Vector3 Crowd::PlaceAtEnd(size_t c) const {
-  const int a = held_[c].body_a, b = held_[c].body_b;
-  return acted_at_[c] +
-         0.5 * (bodies_[a].position_W - middle_[a].position_W + bodies_[b].position_W - middle_[b].position_W);
+// [m] that a body takes a held contact on from halfway to the end.
+Vector3 Crowd::TakesOn(int i, size_t c) const {
+  const Vector3 moved = bodies_[i].position_W - middle_[i].position_W;
+  if (TurnsInItself(i)) return moved;
+  const Vector3 turn = 0.5 * dt_ * VisibleSpin(shapes_[i], bodies_[i].rotation_WB, mean_spin_W_[i]);
+  const Vector3 along = turn.cross(acted_at_[c] - middle_[i].position_W);
+  return moved + along + 0.5 * turn.cross(along);
 }
 
-// [m] that a held contact may be from there: as far as its bodies may have moved against each other.
-double Crowd::MovedAtMost(size_t c) const {
+// Where a held contact is at the end: between where its two bodies took it, or as far from there as they may have moved against each other.
+Crowd::Place Crowd::PlaceAtEnd(size_t c) const {
   const int a = held_[c].body_a, b = held_[c].body_b;
-  return dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() + (mean_W_[b] - mean_W_[a]).norm() + SlipOf(c).norm());
+  const Vector3 with_a = TakesOn(a, c), with_b = TakesOn(b, c);
+  return {acted_at_[c] + 0.5 * (with_a + with_b),
+          0.5 * (with_a - with_b).norm() + dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() +
+                                                  (mean_W_[b] - mean_W_[a]).norm() + SlipOf(c).norm())};
 }
 
 // Where held contacts are found again, what they carried, and the overlap that each pair began with.
@@ -401,7 +406,8 @@ void Crowd::FollowHeld() {
     for (size_t c = h; c < h_end; ++c) {
       const std::span<const Contact> of_pair = std::span(*near_).subspan(e, e_end - e);
       const double far = kSamePlace * Size(held_[c]);
-      const int found = FindAgain(of_pair, held_[c].feature, PlaceAtEnd(c), far + MovedAtMost(c), far);
+      const Place place = PlaceAtEnd(c);
+      const int found = FindAgain(of_pair, held_[c].feature, place.point_W, far + place.reach, far);
       if (found < 0) continue;
       follows_[c] = static_cast<int>(e) + found;
       carried_W_[follows_[c]] += impulse_W_[c];

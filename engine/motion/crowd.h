@@ -114,8 +114,12 @@ class Crowd {
   void PartEdges();
   void Carry(bool first, StepReport* report);
   void Fly();
-  Vector3 PlaceAtEnd(size_t c) const;
-  double MovedAtMost(size_t c) const;
+  Vector3 TakesOn(int i, size_t c) const;
+  struct Place {
+    Vector3 point_W;  // [m]
+    double reach;     // [m] that it may be from there
+  };
+  Place PlaceAtEnd(size_t c) const;
   void FollowHeld();
   bool Judge(int pass);
   void Disturb(const Contact& contact);

@@ -18,9 +18,15 @@ OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
   const double b = w(1, 2) - w(1, 0) * w(0, 2) / w(0, 0);
   const double c = w(2, 2) - w(2, 0) * w(0, 2) / w(0, 0);
-  const double angle = 0.5 * ArcTangent(2 * b, a - c);
-  cosine_ = Cosine(angle);
-  sine_ = Sine(angle);
+  // Half of the angle whose tangent is 2 b / (a - c).
+  const double length = std::sqrt((a - c) * (a - c) + 4 * b * b), cosine = length > 0 ? (a - c) / length : 1;
+  if (cosine >= 0) {
+    cosine_ = std::sqrt(0.5 * (1 + cosine));
+    sine_ = length > 0 ? b / (length * cosine_) : 0;
+  } else {
+    sine_ = std::copysign(std::sqrt(0.5 * (1 - cosine)), b);
+    cosine_ = b / (length * sine_);
+  }
   stiffness_[0] = a * cosine_ * cosine_ + 2 * b * cosine_ * sine_ + c * sine_ * sine_;
   stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
 }

@@ -391,6 +391,21 @@ TEST(Crowd, PistonPushesWhatWasFrozen) {
   }
 }
 
+// A box that turns with a round table: its contacts are found again where it is, or what they carried would stay, and its rate would go to
+// and fro about the table's for ever.
+TEST(Crowd, WhatTurnsWithATableTurnsAsItDoes) {
+  World world(testing::AsCrowd(Awake()));
+  world.Add({.shape = Shape::Cylinder(1, 0.1),
+             .kind = BodyKind::kKinematic,
+             .position_W = {0, 0, -0.1},
+             .angular_velocity_W = {0, 0, 4}});
+  const int box = world.Add({.shape = Shape::Box({0.025, 0.025, 0.025}), .position_W = {0, 0, 0.025}});
+  for (int frame = 0; frame < 60; ++frame) {
+    EXPECT_FALSE(world.Step(1.0 / 30).Failed());
+    if (frame > 0) EXPECT_NEAR(world.body(box).angular_velocity_W.z(), 4, 1e-6) << frame;
+  }
+}
+
 // [m] between two cubes, by their faces alone; below zero they overlap.
 double Apart(const Body& a, const Body& b, double half) {
   const Matrix3 axes[2] = {a.rotation_WB.toRotationMatrix(), b.rotation_WB.toRotationMatrix()};
