@@ -312,7 +312,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     account->gain -= work;
     account->allowed += std::abs(work - worked);  // a step knows no more of when the torque acted on what
   }
-  account->at_hand = energy_before + energy_after + 0.5 * fall * fall / before.mass;
+  account->at_hand = energy_before + energy_after + 0.5 * fall * fall / before.mass * (step.whole_dt / step.dt);
 }
 
 void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {

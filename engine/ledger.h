@@ -39,6 +39,8 @@ struct LedgerImpulse {
 
 struct LedgerStep {
   double dt = 0;  // [s]
+  double whole_dt =
+      0;  // [s] of the step that this is a part of: what is at hand in it does not depend on into how many parts it was cut
   Vector3 gravity_W = Vector3::Zero();
   std::span<const Body> before, after;
   std::span<const Shape> shapes;

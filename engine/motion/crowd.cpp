@@ -90,6 +90,7 @@ void Crowd::Load(double dt) {
   }
   floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
+  least_energy_ = 0.5 * std::max(floor_ * floor_, settings_.gravity.squaredNorm() * dt * whole_dt_);
   pool_->ForEachOf(n, [&](size_t i) {
     const Body& b = bodies_[i];
     begin_[i] = StateOf(b);
@@ -535,7 +536,7 @@ bool Crowd::Gains() {
     if (cut_[i]) return;
     const double before = EnergyOf(i, false);
     gain_[i] = EnergyOf(i, true) - before;
-    at_hand_[i] = before + 0.5 * bodies_[i].mass * floor_ * floor_;
+    at_hand_[i] = before + bodies_[i].mass * least_energy_;
   });
   bool gains = false;
   for (int island = 0; island < gaining_.num_islands(); ++island) {
@@ -668,7 +669,9 @@ void Crowd::Aim(size_t e) {
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
                                                                                      : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);
-  held.target = std::min(TargetOf(contact, contact.gap, held.allowed), kFast * floor_);
+  // What is asked to part may gain by it: who did in this piece is not asked again.
+  const double most = gained_[a] || gained_[b] ? 0 : kFast * floor_;
+  held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
   next_.push_back(contact);
   next_of_.push_back(held);
   next_impulse_W_.push_back(WithinCone(contact, carried_W_[e]));
@@ -848,9 +851,8 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   }
   for (size_t k = 0; k < bodies.size(); ++k) {
     const Body& left = bodies_[bodies[k]];
-    worker->gains[parts.Find(static_cast<int>(k))] += posed_[bodies[k]].KineticEnergy() -
-                                                      (1 + kGain) * left.KineticEnergy() -
-                                                      kGain * 0.5 * left.mass * floor_ * floor_;
+    worker->gains[parts.Find(static_cast<int>(k))] +=
+        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * left.mass * least_energy_;
   }
   for (const int c : contacts) {
     const int part = parts.Find(first_of(c));

@@ -53,6 +53,8 @@ class Crowd {
  public:
   Crowd(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
+  // [s] of the step that those to come are parts of.
+  void SetWholeStep(double dt) { whole_dt_ = dt; }
 
   void Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies,
             std::span<const Shape> shapes, std::vector<Contact>* near, CrowdMemory* memory, StepReport* report);
@@ -189,7 +191,9 @@ class Crowd {
   std::vector<double> first_lost_;
   std::vector<Yield> yields_;  // few
   // Of the piece, where it begins.
-  double dt_ = 0;                       // [s]
+  double dt_ = 0, whole_dt_ = 0;  // [s]; of the whole step
+  double least_energy_ =
+      0;  // [J/kg] that what rests has at hand, as its weight gives it: a piece's share of the step's
   double floor_ = 0, threshold_ = 0;    // [m/s] least v_ref; approaches below it are none
   bool driven_ = false;                 // walls move
   std::vector<Contact> start_;          // near ones

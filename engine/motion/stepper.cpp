@@ -1137,7 +1137,7 @@ void Stepper::KeepAccounts(double h) {
     act(end_[e], end_[e].point_W, strike_W_[e], true);
   }
   islands::BuildPartition({cut_, edges_}, &partition_);
-  gains_ = loses_ = false;
+  gains_ = creates_ = loses_ = false;
   for (int island = 0; island < partition_.num_islands(); ++island) {
     Account sum;
     for (const int i : partition_.bodies_of(island)) {
@@ -1146,6 +1146,7 @@ void Stepper::KeepAccounts(double h) {
       sum.allowed += accounts_[i].allowed;
     }
     gains_ = gains_ || sum.gain > sum.allowed;
+    creates_ = creates_ || sum.gain > sum.allowed + Ledger::kMostEnergy * sum.at_hand;
     loses_ = loses_ || sum.gain < -kStopped * sum.at_hand;
   }
 }
@@ -1353,7 +1354,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       most = 0.5 * h;
       continue;
     }
-    if (deep) {  // no way on: they stay where they are for the rest of the step
+    if (deep || (creates_ && !yields)) {  // no way on: they stay where they are for the rest of the step
       out_->unstepped = dt - t;
       break;
     }

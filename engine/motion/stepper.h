@@ -201,6 +201,7 @@ class Stepper {
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false, loses_ = false;  // some of them more than allowed; what a jam takes
+  bool creates_ = false;                // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;  // per pair: whether that is enough

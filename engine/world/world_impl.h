@@ -46,6 +46,7 @@ struct WorldState {
   std::vector<std::uint8_t> unchecked;  // per body: added, and not yet checked for initial overlap
   double time = 0;                      // [s]
   double dt_hint = 1.0 / 30;            // [s] of the last step
+  double whole_dt = 0;                  // [s] that was asked for; dt_hint may be a part of it
 };
 
 struct WorldSnapshot::Data {

@@ -211,8 +211,8 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
     if (j.corrects >= 0) j.corrects += own;
     ledger_impulses.push_back(j);
   }
-  report->ledger = ledger.Judge(
-      {dt, settings.gravity, before, bodies, shapes, ledger_impulses, &filter, report->certificate.coulomb_map_max});
+  report->ledger = ledger.Judge({dt, whole_dt, settings.gravity, before, bodies, shapes, ledger_impulses, &filter,
+                                 report->certificate.coulomb_map_max});
   report->energy_gain = ledger.energy_gain();
 }
 
@@ -290,7 +290,8 @@ void World::Impl::ForgetAll() {
 
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
-  dt_hint = dt;
+  dt_hint = whole_dt = dt;
+  crowd_motion.SetWholeStep(dt);
   const double start_seconds = Seconds();
   CheckNewcomers();
   hits.clear();

@@ -31,7 +31,7 @@ class LedgerTest : public ::testing::Test {
     after[1].position_W += kDt * box.linear_velocity_W + 0.5 * kDt * kDt * kGravity;
     after[1].linear_velocity_W += kDt * kGravity;
   }
-  Ledger Judge() { return keeper.Judge({kDt, kGravity, before, after, shapes, impulses, 0}); }
+  Ledger Judge() { return keeper.Judge({kDt, kDt, kGravity, before, after, shapes, impulses, 0}); }
 
   parallel::WorkerPool pool{1};
   LedgerKeeper keeper{&pool};
