@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 
@@ -12,9 +12,6 @@
 namespace islet {
 
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 void RequirePositive(const char* field, double value) {
   if (value > 0 && std::isfinite(value)) return;
@@ -79,7 +76,7 @@ Solid Integrate(const Polytope& polytope) {
 }
 
 double SmallestWidth(const Polytope& polytope) {  // over the directions of the faces
-  double width = kInfinity;
+  double width = INFINITY;
   for (size_t f = 0; f < polytope.faces.size(); ++f) {
     const Vector3& corner = polytope.vertices[polytope.faces[f][0]];
     double depth = 0;
@@ -107,7 +104,7 @@ Shape Shape::Sphere(double radius) {
   data->girth = radius;
   data->half_extents.setConstant(radius);
   data->size = 2 * radius;
-  data->volume = 4.0 / 3.0 * kPi * radius * radius * radius;
+  data->volume = 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
   data->inertia_per_mass = 0.4 * radius * radius * Matrix3::Identity();
   return Shape(std::move(data));
 }
@@ -131,10 +128,10 @@ Shape Shape::Box(const Vector3& half_extents) {
 Shape Shape::HalfSpace() {
   auto data = std::make_shared<Data>();
   data->kind = ShapeKind::kHalfSpace;
-  data->radius = kInfinity;
-  data->half_extents.setConstant(kInfinity);
-  data->size = kInfinity;
-  data->volume = kInfinity;
+  data->radius = INFINITY;
+  data->half_extents.setConstant(INFINITY);
+  data->size = INFINITY;
+  data->volume = INFINITY;
   return Shape(std::move(data));
 }
 
@@ -146,7 +143,8 @@ Shape Shape::Capsule(double radius, double half_length) {
   data->half_extents = {radius, radius, half_length + radius};
   data->size = 2 * radius;
   const double r2 = radius * radius, h2 = half_length * half_length;
-  const double middle = 2 * kPi * r2 * half_length, caps = 4.0 / 3.0 * kPi * r2 * radius;  // [m^3]
+  const double middle = 2 * std::numbers::pi * r2 * half_length,
+               caps = 4.0 / 3.0 * std::numbers::pi * r2 * radius;  // [m^3]
   data->volume = middle + caps;
   // Half a ball has its centre of mass 3/8 of the radius from its flat side.
   const double along = middle * 0.5 * r2 + caps * 0.4 * r2;
@@ -164,7 +162,7 @@ Shape Shape::Cylinder(double radius, double half_length) {
   data->half_extents = {radius, radius, half_length};
   data->size = 2 * std::min(radius, half_length);
   const double r2 = radius * radius, h2 = half_length * half_length;
-  data->volume = 2 * kPi * r2 * half_length;
+  data->volume = 2 * std::numbers::pi * r2 * half_length;
   data->inertia_per_mass = Vector3(0.25 * r2 + h2 / 3, 0.25 * r2 + h2 / 3, 0.5 * r2).asDiagonal();
   return Shape(std::move(data));
 }

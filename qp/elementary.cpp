@@ -7,14 +7,12 @@
 namespace islet {
 namespace {
 
-constexpr double kHalfPi = std::numbers::pi / 2;
-
 // What is left of an angle beyond a multiple of pi/2, within +-pi/4, and that multiple modulo 4. pi/2 in three parts, of which
 // the first two have zeros at their ends: times a multiple below 2^20 they are exact.                          [CW80]
 double Reduce(double angle, int* quarter) {
   constexpr double first = 0x1.921fb544p+0, second = 0x1.0b4611a6p-34, third = 0x1.3198a2e037073p-69;
   if (std::abs(angle) > 1e5) angle = std::fmod(angle, 2 * std::numbers::pi);
-  const double multiple = std::floor(angle / kHalfPi + 0.5);
+  const double multiple = std::floor(angle / (std::numbers::pi / 2) + 0.5);
   *quarter = static_cast<int>(static_cast<long long>(multiple) & 3);
   return ((angle - multiple * first) - multiple * second) - multiple * third;
 }
@@ -65,7 +63,7 @@ double Cosine(double angle) {
 
 // Twice half the angle, twice: tan(a / 2) = t / (1 + sqrt(1 + t^2)).
 double ArcTangent(double x) {
-  if (std::abs(x) > 1) return std::copysign(kHalfPi, x) - ArcTangent(1 / x);
+  if (std::abs(x) > 1) return std::copysign((std::numbers::pi / 2), x) - ArcTangent(1 / x);
   double t = x;
   for (int i = 0; i < 2; ++i) t /= 1 + std::sqrt(1 + t * t);
   return 4 * ArcTangentNear(t);
@@ -74,7 +72,7 @@ double ArcTangent(double x) {
 double ArcTangent(double y, double x) {
   if (std::isnan(x) || std::isnan(y)) return NAN;
   if (y == 0) return x < 0 ? std::copysign(std::numbers::pi, y) : 0;
-  if (std::abs(y) > std::abs(x)) return std::copysign(kHalfPi, y) - ArcTangent(x / y);
+  if (std::abs(y) > std::abs(x)) return std::copysign((std::numbers::pi / 2), y) - ArcTangent(x / y);
   const double angle = ArcTangent(y / x);
   return x > 0 ? angle : angle + std::copysign(std::numbers::pi, y);
 }

@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 namespace islet {
 namespace {
 
 constexpr int kCorners = 8, kEdges = 12;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Vector3 NearestOnBox(const Vector3& half, const Vector3& query) { return query.cwiseMax(-half).cwiseMin(half); }
 
@@ -35,7 +33,7 @@ ClosestPoints ClosestOfBoxes(const Shape& a, const Shape& b, const Matrix3& rota
   const Polytope &polytope_a = a.polytope(), &polytope_b = b.polytope();
   std::array<Vector3, kCorners> corners_b;
   std::array<double, kCorners> depth_a, height_b;  // [m] under a's top, over b's bottom
-  double top = -kInfinity, bottom = kInfinity;
+  double top = -INFINITY, bottom = INFINITY;
   for (int v = 0; v < kCorners; ++v) {
     corners_b[v] = position_ab + rotation_ab * polytope_b.vertices[v];
     depth_a[v] = n.dot(polytope_a.vertices[v]);
@@ -47,7 +45,7 @@ ClosestPoints ClosestOfBoxes(const Shape& a, const Shape& b, const Matrix3& rota
     depth_a[v] = top - depth_a[v];
     height_b[v] -= bottom;
   }
-  ClosestPoints best{Vector3::Zero(), Vector3::Zero(), kInfinity, 0};
+  ClosestPoints best{Vector3::Zero(), Vector3::Zero(), INFINITY, 0};
   double best_distance = limit;
   const auto consider = [&](const Vector3& on_a, const Vector3& on_b, int feature) {
     const double square = (on_b - on_a).squaredNorm();

@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 namespace islet {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Vector3 NearestOnSegment(const Vector3& from, const Vector3& to, const Vector3& query) {
   const Vector3 along = to - from;
@@ -22,7 +19,7 @@ Vector3 NearestOnFace(const Polytope& polytope, int face, double height, const V
   const Vector3& normal = polytope.face_normals[face];
   bool inside = true;
   Vector3 best = Vector3::Zero();
-  double best_square = kInfinity;
+  double best_square = INFINITY;
   for (size_t k = 0; k < loop.size(); ++k) {
     const Vector3& from = polytope.vertices[loop[k]];
     const Vector3& to = polytope.vertices[loop[(k + 1) % loop.size()]];
@@ -57,9 +54,9 @@ bool NearestOfSegments(const Segment& p, const Segment& q, Vector3* on_p, Vector
 
 NearestPoint NearestOnPolytope(const Polytope& polytope, double size, const Vector3& query_B) {
   const int num_faces = static_cast<int>(polytope.faces.size());
-  NearestPoint nearest{Vector3::Zero(), Vector3::Zero(), kInfinity};
+  NearestPoint nearest{Vector3::Zero(), Vector3::Zero(), INFINITY};
   int top = 0;
-  double top_height = -kInfinity;
+  double top_height = -INFINITY;
   for (int f = 0; f < num_faces; ++f) {
     const double height = polytope.face_normals[f].dot(query_B - polytope.vertices[polytope.faces[f][0]]);
     if (height > top_height) top_height = height, top = f;
@@ -84,13 +81,13 @@ ClosestPoints ClosestOfApart(const Polytope& a, double size_a, const Polytope& b
   static thread_local std::vector<Vector3> vertices_b;  // in a's frame
   static thread_local std::vector<Segment> edges_b;
   vertices_b.clear();
-  double top = -kInfinity, bottom = kInfinity;
+  double top = -INFINITY, bottom = INFINITY;
   for (const Vector3& v : a.vertices) top = std::max(top, n.dot(v));
   for (const Vector3& v : b.vertices) {
     vertices_b.push_back(position_ab + rotation_ab * v);
     bottom = std::min(bottom, n.dot(vertices_b.back()));
   }
-  ClosestPoints best{Vector3::Zero(), Vector3::Zero(), kInfinity, 0};
+  ClosestPoints best{Vector3::Zero(), Vector3::Zero(), INFINITY, 0};
   auto near_top = [&](double height) { return top - height <= best.distance - separation; };
   auto near_bottom = [&](double height) { return height - bottom <= best.distance - separation; };
   const int num_a = static_cast<int>(a.vertices.size()), num_b = static_cast<int>(b.vertices.size());

@@ -28,7 +28,6 @@ constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back
 constexpr double kAstray = 0.01;  // of a size: an overlap whose way out begins so far inside is not that of the way in
 constexpr double kFast = 20;      // times |g| dt: fastest that a way out of an overlap may ask for
 constexpr double kAlike = 0.999;  // cosine: normals that are the same
-constexpr double kSamePlace = 1e-2;  // of a size: how far from where it is looked for a contact is found again
 
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
 

@@ -31,6 +31,9 @@ Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB);
 // What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
 
+// Of a size: how far from where it is looked for a contact is found again.
+inline constexpr double kSamePlace = 1e-2;
+
 // Of a pair's contacts the place of the one with that feature, if it is within `moved` of a point [m], else of the nearest within `far`;
 // -1: none. (Farther away the same feature is another place: of level faces detection names now this corner so and now that.)
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,

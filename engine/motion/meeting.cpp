@@ -11,7 +11,6 @@ constexpr int kTouches = 12;    // of them in a row without leaving: they touch
 constexpr int kHalvings = 40;
 constexpr double kInside =
     0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
-constexpr double kFar = 1e300;  // [m] gap of what is out of reach
 
 // [m/s] fastest closing of the gap along the normal (from a to b) from t on: a relative velocity that changes linearly is
 // fastest at an end; a turn moves no point along the normal faster than |rate x normal| radius.

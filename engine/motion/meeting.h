@@ -17,6 +17,8 @@
 
 namespace islet::motion {
 
+inline constexpr double kFar = 1e300;  // [m] gap of a pair that is out of reach
+
 struct MeetingQuery {
   const Shape *a, *b;
   Path path_a, path_b;

@@ -10,7 +10,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kFar = 1e300;  // [m] gap of a pair that is out of reach
 constexpr double kNear = 5e-5;  // of a size: overlap by which what rests on each other has met anew
 constexpr double kOverlap =
     5e-6;  // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
@@ -29,7 +28,6 @@ constexpr int kSolveWork = 32;
 constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
 constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
 constexpr double kNearby = 0.1;      // of a size: how far what presses is looked for
-constexpr double kSamePlace = 1e-2;  // of a size: how far from where a contact is looked for it is found again
 constexpr double kPolished = 1e-13;  // of a size: gap at the moment of a blow
 constexpr int kGuardRounds = 4;      // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
