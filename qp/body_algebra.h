@@ -9,8 +9,6 @@
 
 namespace islet::qp {
 
-// Range in which idle workers take up loops: big enough that handing one over costs nothing beside it.
-
 using Velocity = Eigen::Map<Vector6>;
 using ConstVelocity = Eigen::Map<const Vector6>;
 

@@ -36,7 +36,9 @@ extern const std::array<std::array<double, 2>, 8> kOctagonEdges;
 ContactCone ChooseCone(double friction, Cone cone);
 
 inline int NumRows(ConeKind kind) { return kind == ConeKind::kRay ? 1 : kind == ConeKind::kCircular ? 3 : 8; }  // d
-inline int Degree(ConeKind kind) { return kind == ConeKind::kOctagon ? 8 : 1; }  // of the barrier
+inline int Degree(ConeKind kind) {
+  return kind == ConeKind::kOctagon ? 8 : 1;
+}  // of the barrier: 1 for the second-order cone, else d
 
 void MapToRows(const ContactCone& cone, const Vector3& w, double* s);  // s = T w
 Vector3 MapFromRows(const ContactCone& cone, const double* z);         // j = T^T z

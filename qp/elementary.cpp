@@ -17,21 +17,21 @@ double Reduce(double angle, int* quarter) {
   return ((angle - multiple * first) - multiple * second) - multiple * third;
 }
 
-// Taylor's series, of |x| <= pi/4: what is left out is below 5e-17. Each term is the one before times -x^2 / (k (k - 1)).
-double SineNear(double x) {
-  const double square = x * x;
+// Of Taylor's series for |x| <= pi/4, what follows its first term, over that: each term is the one before times -x^2 / (k (k - 1)). What
+// is left out is below 5e-17.
+double Alternating(double square, std::initializer_list<double> shares) {
   double sum = 0;
-  for (const double per : {1.0 / (17 * 16), 1.0 / (15 * 14), 1.0 / (13 * 12), 1.0 / (11 * 10), 1.0 / (9 * 8),
-                           1.0 / (7 * 6), 1.0 / (5 * 4), 1.0 / (3 * 2)})
-    sum = -(1 + sum) * (square * per);
-  return x + x * sum;
+  for (const double share : shares) sum = -(1 + sum) * (square * share);
+  return sum;
+}
+double SineNear(double x) {
+  return x + x * Alternating(x * x, {1.0 / (17 * 16), 1.0 / (15 * 14), 1.0 / (13 * 12), 1.0 / (11 * 10), 1.0 / (9 * 8),
+                                     1.0 / (7 * 6), 1.0 / (5 * 4), 1.0 / (3 * 2)});
 }
 double CosineNear(double x) {
   const double square = x * x;
-  double sum = 0;
-  for (const double per : {1.0 / (18 * 17), 1.0 / (16 * 15), 1.0 / (14 * 13), 1.0 / (12 * 11), 1.0 / (10 * 9),
-                           1.0 / (8 * 7), 1.0 / (6 * 5), 1.0 / (4 * 3)})
-    sum = -(1 + sum) * (square * per);
+  const double sum = Alternating(square, {1.0 / (18 * 17), 1.0 / (16 * 15), 1.0 / (14 * 13), 1.0 / (12 * 11),
+                                          1.0 / (10 * 9), 1.0 / (8 * 7), 1.0 / (6 * 5), 1.0 / (4 * 3)});
   return 1 - (0.5 * square + 0.5 * square * sum);
 }
 
