@@ -209,8 +209,8 @@ struct Figure {
   std::vector<Vector3> corners;  // on the surface
   double radius = 0;             // of a round face, about its middle; 0: its corners are all there is
   double girth = 0;              // of a long side, about its core
-  double ball = 0;               // around its ends
-  std::array<Vector3, 2> core, ends;
+  bool blunt = false;            // its ends are flat
+  std::array<Vector3, 2> core;
   Vector3 middle, normal;  // of a face
 
   bool IsFace() const { return corners.size() > 2; }
@@ -219,7 +219,8 @@ struct Figure {
 
 void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
   figure->corners.clear();
-  figure->radius = figure->girth = figure->ball = 0;
+  figure->radius = figure->girth = 0;
+  figure->blunt = false;
   const Shape& shape = *solid.shape;
   if (shape.kind() == ShapeKind::kSphere) return;
   if (shape.HasAxis()) {
@@ -236,8 +237,7 @@ void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
       const bool capsule = shape.kind() == ShapeKind::kCapsule;
       const Vector3 across = capsule ? n : Vector3((n - along * solid.axis()).normalized());
       for (const Vector3& end : figure->core) figure->corners.push_back(end + figure->girth * across);
-      figure->ball = capsule ? figure->girth : 0;
-      figure->ends = capsule ? figure->core : std::array{figure->corners[0], figure->corners[1]};
+      figure->blunt = !capsule;
     }
     return;
   }
@@ -259,7 +259,7 @@ void FindFigure(const Solid& solid, const Vector3& n, Figure* figure) {
     if (h > height) height = h, side = &edge;
   }
   if (!side) return;
-  figure->core = figure->ends = {side->from, side->from + side->way};
+  figure->core = {side->from, side->from + side->way};
   figure->corners.assign(figure->core.begin(), figure->core.end());
 }
 
@@ -301,21 +301,22 @@ class Manifold {
     contacts_->push_back(MakeContact(point, n, gap, feature));
   }
 
-  // The ends of one long side beside the other, if they lie along each other.
+  // The ends of one long side beside the other, if they lie along each other: of a cylinder, where the other passes the plane of its end.
   void AlongSides(const Figure& ends, const Figure& side, double sign) {
     const Vector3 way = side.core[1] - side.core[0], own = ends.core[1] - ends.core[0];
     if (own.cross(way).norm() > kLevel * own.norm() * way.norm()) return;
+    const Vector3& across = ends.blunt ? own : way;
     for (std::uint32_t k = 0; k < 2; ++k) {
-      const Vector3& end = ends.ends[k];
-      const double along = (end - side.core[0]).dot(way) / way.squaredNorm();
+      const Vector3& end = ends.core[k];
+      const double along = (end - side.core[0]).dot(across) / way.dot(across);
       if (along < 0 || along > 1) continue;
       const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
       if (between.dot(nearest_.normal) <= kTie * size_) continue;
       const double apart = between.norm();
-      const Vector3 n = between / apart, own_surface = end + sign * ends.ball * n,
+      const Vector3 n = between / apart, own_surface = end + sign * ends.girth * n,
                     surface = on_core - sign * side.girth * n;
       Add(1 + (sign > 0 ? 0 : 2) + k, sign > 0 ? own_surface : surface, sign > 0 ? surface : own_surface, n,
-          apart - ends.ball - side.girth);
+          apart - ends.girth - side.girth);
     }
   }
 

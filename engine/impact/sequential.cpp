@@ -17,6 +17,7 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // other for ever.
 constexpr int kPolish = 30;
 constexpr double kRounding = 1e-14;     // of the fastest approach
+constexpr int kFrictionRounds = 10;     // of a search for the friction of a tie, each leaves 0.62 of the interval
 constexpr double kTiedMap = 1e-9;       // of the fastest approach: natural map
 constexpr double kEnergySlack = 1e-13;  // of the work: rounding
 
@@ -145,10 +146,13 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
   }
 }
 
-// Coulomb contacts with Newton's rebounds, all at once. Whether there is an answer, which
-// must not hold more energy. Sweeps, if they settle, end nearer to rounding than the solver does.
-bool SequentialResolver::SolveTies() {
+// Coulomb contacts with Newton's rebounds, all at once, at this share of their friction. [J] energy that the answer makes; infinite if
+// there is none. Sweeps, if they settle, end nearer to rounding than the solver does.
+double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts,
+                                     double friction_share) {
   const double approach = -queue_.top_key();
+  for (size_t k = 0; k < tied_.size(); ++k)
+    tied_problem_.contacts[k].friction = friction_share * contacts[group_contacts[tied_[k]]].friction;
   const qp::Problem& problem = tied_problem_;
   qp::Solution& solution = tied_solution_;
   solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
@@ -167,7 +171,7 @@ bool SequentialResolver::SolveTies() {
     settings.tolerance = kTiedMap;
     settings.velocity_scale = approach;
     tie_solver_.Solve(problem, settings, &solution);
-    if (solution.status != qp::Status::kSolved) return false;
+    if (solution.status != qp::Status::kSolved) return INFINITY;
   }
   double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
@@ -181,14 +185,33 @@ bool SequentialResolver::SolveTies() {
     work += std::abs(j.dot(before));
     if (Answers(tied_[k], before[0])) left += std::abs(j[0] * before[0]);
   }
-  return gain <= kEnergySlack * work + left;
+  return gain - kEnergySlack * work - left;
+}
+
+// Where all of its friction would make energy, the share of it that leaves least: without friction Newton's rebounds make none. Returns
+// whether there is an answer.
+bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  constexpr double kGolden = 0.6180339887498949;
+  const auto gain_at = [&](double share) { return SolveTies(group_contacts, contacts, share); };
+  double low = 0, high = 1, left = 1 - kGolden, right = kGolden, at_left = gain_at(left), at_right = gain_at(right);
+  for (int k = 0; k < kFrictionRounds; ++k) {
+    if (at_left <= at_right) {
+      high = right, right = left, at_right = at_left;
+      at_left = gain_at(left = high - kGolden * (high - low));
+    } else {
+      low = left, left = right, at_left = at_right;
+      at_right = gain_at(right = low + kGolden * (high - low));
+    }
+  }
+  return gain_at(at_left <= at_right ? left : right) <= 0 || gain_at(0) <= 0;
 }
 
 // False, and nothing has changed, if there is no answer.
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
   GatherTies(group_contacts, contacts);
-  if (!SolveTies()) return false;
+  if (SolveTies(group_contacts, contacts.contacts, 1) > 0 && !LowerFriction(group_contacts, contacts.contacts))
+    return false;
   for (size_t k = 0; k < tied_.size(); ++k) {
     const int number = group_contacts[tied_[k]];
     impulses[number] += tied_solution_.impulses[k];

@@ -51,7 +51,8 @@ class SequentialResolver {
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
-  bool SolveTies();
+  double SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts, double friction_share);
+  bool LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
   int TiedPairs(std::span<const int> group_contacts, std::span<const Contact> contacts);

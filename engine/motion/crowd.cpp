@@ -863,7 +863,7 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   worker->gaining.assign(bodies.size(), 0);
   for (size_t k = 0; k < bodies.size(); ++k) {
     const int part = parts.Find(static_cast<int>(k));
-    worker->gaining[k] = worker->gains[part] + std::min(0.0, worker->works[part]) > 0;
+    worker->gaining[k] = worker->gains[part] + (1 + kGain) * std::min(0.0, worker->works[part]) > 0;
     any = any || worker->gaining[k];
   }
   return any;
@@ -925,6 +925,13 @@ void Crowd::Strike(int island, Worker* worker) {
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
   struck_[island] = {};
   if (worker->contacts.size() == contacts.size()) return;
+  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
+  for (const int c : contacts) {
+    Contact& contact = problem_[c];
+    contact.restitution = (*near_)[closed_[c]].restitution;
+    const double approach = -NormalVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
+    if (hits_[c] && approach > 0) contact.restitution = std::min(contact.restitution, rebounds_[c] / approach);
+  }
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
                                                    {threshold_, settings_.bounce_limit, true}, posed_, blows_);
   struck_[island] =
