@@ -57,27 +57,33 @@ CurvePlaces Minima(const Circle& circle, const Matrix3& axes, const Slope& slope
   std::array<double, kSamples + 1> slopes;
   for (int k = 0; k <= kSamples; ++k) slopes[k] = slope({samples.cosines[k], samples.sines[k]});
   CurvePlaces places;
-  const double step = 2 * std::numbers::pi / kSamples;
   for (int k = 1; k <= kSamples && places.count < static_cast<int>(places.place.size()); ++k) {
     if (!(slopes[k - 1] < 0 && slopes[k] >= 0)) continue;
-    double low = (k - 1) * step, high = k * step, at_low = slopes[k - 1], at_high = slopes[k], angle = high;
+    const Direction from = {samples.cosines[k - 1], samples.sines[k - 1]}, to = {samples.cosines[k], samples.sines[k]};
+    // A share of the chord stands for the angle: no series to sum.
+    const auto direction_at = [&](double share) -> Direction {
+      const double c = from.cosine + share * (to.cosine - from.cosine), s = from.sine + share * (to.sine - from.sine);
+      const double norm = std::sqrt(c * c + s * s);
+      return {c / norm, s / norm};
+    };
+    double low = 0, high = 1, at_low = slopes[k - 1], at_high = slopes[k], share = high;
     // Secants, of which the end that stays counts half [Illinois]; the middle where they take too little off.
     int stays = 0;
     for (int b = 0; b < kRounds && high - low > 4e-16 * high; ++b) {
-      angle = b % 8 == 7 ? 0.5 * (low + high) : low - at_low * (high - low) / (at_high - at_low);
-      const double here = slope(DirectionAt(angle));
+      share = b % 8 == 7 ? 0.5 * (low + high) : low - at_low * (high - low) / (at_high - at_low);
+      const double here = slope(direction_at(share));
       if (here == 0) break;
       if (here < 0) {
-        low = angle, at_low = here;
+        low = share, at_low = here;
         if (stays > 0) at_high /= 2;
         stays = 1;
       } else {
-        high = angle, at_high = here;
+        high = share, at_high = here;
         if (stays < 0) at_low /= 2;
         stays = -1;
       }
     }
-    const Direction d = DirectionAt(angle);
+    const Direction d = direction_at(share);
     const Vector3 radial = d.cosine * axes.col(0) + d.sine * axes.col(1), at = circle.centre + circle.radius * radial;
     const auto [on_q, tangent_q] = nearest(at);
     places.place[places.count++] = {at, on_q, circle.axis.cross(radial), tangent_q};

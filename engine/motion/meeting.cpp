@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/support.h"
+
 namespace islet::motion {
 namespace {
 
@@ -27,6 +29,7 @@ double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) 
 
 double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal) {
   ++looks_;
+  last_look_ = t;
   contacts_.clear();
   CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
   double least = kFar;
@@ -37,10 +40,35 @@ double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3
   return least;
 }
 
+// From t on, at least until the gap is half of what it was: the separation along any direction is no more than the gap. Those tried are
+// the normal as it was seen last, as it would turn with the one body, and with the other.
+double Meeting::Glance(const MeetingQuery& query, double t, double gap, double floor, const Vector3& normal) const {
+  const double seen = last_look_;
+  const Vector3 in_a = query.path_a.At(seen).rotation_WB.conjugate() * normal,
+                in_b = query.path_b.At(seen).rotation_WB.conjugate() * normal;
+  for (int k = 0; k < kAdvances && t < query.duration; ++k) {
+    const Pose a = query.path_a.At(t), b = query.path_b.At(t);
+    const Placement at_a = a.placement(), at_b = b.placement();
+    double longest = 0;
+    for (const Vector3& n : {normal, Vector3(at_a.rotation_WB * in_a), Vector3(at_b.rotation_WB * in_b)}) {
+      const double left = SeparationAlong(*query.a, at_a, *query.b, at_b, n) - floor;
+      if (left < 0.5 * (gap - floor)) continue;
+      const double closing = ClosingSpeed(query, t, n);
+      longest = std::max(longest, closing > 0 ? left / closing : query.duration);
+    }
+    if (longest == 0) break;
+    t += longest;
+  }
+  return t;
+}
+
 double Meeting::First(const MeetingQuery& query) {
   const double h = query.duration;
   double t = 0, reach = kFar, floor = query.gap - query.deep;
   Vector3 normal = Vector3::UnitZ();
+  // Where bodies are round, looks are dear.
+  const bool round = query.a->HasAxis() || query.b->HasAxis(),
+             glances = round && HasSupport(*query.a) && HasSupport(*query.b);
   for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
     const double gap = GapAt(query, t, reach, &normal);
     if (gap >= kFar) return h;
@@ -52,6 +80,7 @@ double Meeting::First(const MeetingQuery& query) {
     touches = gap < query.gap + query.deep ? touches + 1 : 0;
     if (closing <= 0) return h;
     t += std::max(gap - floor, 0.0) / closing;
+    if (glances) t = Glance(query, t, gap, floor, normal);
     if (t >= h) return h;
     reach = closing * (h - t) + 2 * query.deep;
   }

@@ -1,0 +1,40 @@
+#include "engine/geometry/support.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace islet {
+namespace {
+
+// [m] from the centre, along a unit vector.
+double Reach(const Shape& shape, const Matrix3& rotation_WB, const Vector3& direction_W) {
+  const double axial = std::abs(rotation_WB.col(2).dot(direction_W));
+  switch (shape.kind()) {
+    case ShapeKind::kSphere:
+      return shape.girth();
+    case ShapeKind::kCapsule:
+      return shape.half_length() * axial + shape.girth();
+    case ShapeKind::kCylinder:
+      return shape.half_length() * axial + shape.girth() * std::sqrt(std::max(0.0, 1 - axial * axial));
+    default: {
+      const Vector3 direction_B = rotation_WB.transpose() * direction_W;
+      double farthest = -INFINITY;
+      for (const Vector3& v : shape.polytope().vertices) farthest = std::max(farthest, direction_B.dot(v));
+      return farthest;
+    }
+  }
+}
+
+}  // namespace
+
+bool HasSupport(const Shape& shape) {
+  return shape.kind() != ShapeKind::kHalfSpace && shape.kind() != ShapeKind::kCustom;
+}
+
+double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                       const Vector3& direction_W) {
+  return direction_W.dot(pose_b.position_W - pose_a.position_W) - Reach(a, pose_a.rotation_WB, direction_W) -
+         Reach(b, pose_b.rotation_WB, -direction_W);
+}
+
+}  // namespace islet

@@ -1,0 +1,16 @@
+// How far shapes reach along a direction.
+//   threads: pure functions
+#pragma once
+
+#include "engine/geometry/narrow_phase.h"
+
+namespace islet {
+
+// Whether it is known of this shape: of all but half-spaces and custom ones.
+bool HasSupport(const Shape& shape);
+
+// [m] the gap between what two such shapes reach along a unit vector from a to b: never more than the gap of the shapes.
+double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                       const Vector3& direction_W);
+
+}  // namespace islet
