@@ -1,6 +1,7 @@
 #include "engine/impact/sequential.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -19,6 +20,8 @@ constexpr int kPolish = 30;
 constexpr double kRounding = 1e-14;     // of the fastest approach
 constexpr int kFrictionRounds = 10;     // of a search for the friction of a tie, each leaves 0.62 of the interval
 constexpr double kTiedMap = 1e-9;       // of the fastest approach: natural map
+constexpr double kMostBlows = 2;        // that a body takes from the queue, by the automatic limit
+constexpr double kPassedOn = 1e-3;      // of one: an elastic one
 constexpr double kEnergySlack = 1e-13;  // of the work: rounding
 
 BounceBody MakeBounceBody(const Body& body) {
@@ -40,7 +43,7 @@ int BounceLimit(int setting, int num_bodies, int num_contacts) {
   return num_bodies < 50 ? num_bodies : num_contacts / 10;
 }
 
-double BounceCost(double restitution, int num_bodies) { return 1 - restitution + restitution / (4 * num_bodies); }
+double BounceCost(double restitution) { return 1 - restitution + kPassedOn * restitution; }
 
 void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
                               const ContactFrames& contacts, std::span<const Body> bodies) {
@@ -220,40 +223,39 @@ bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, con
   return true;
 }
 
-// Of bodies, among the tied contacts: however many points two faces meet at, it is one blow.
-int SequentialResolver::TiedPairs(std::span<const int> group_contacts, std::span<const Contact> contacts) {
-  tied_pairs_.clear();
-  for (const int c : tied_)
-    tied_pairs_.emplace_back(contacts[group_contacts[c]].body_a, contacts[group_contacts[c]].body_b);
-  std::sort(tied_pairs_.begin(), tied_pairs_.end());
-  return static_cast<int>(std::unique(tied_pairs_.begin(), tied_pairs_.end()) - tied_pairs_.begin());
+// Whether one of its bodies has had its blows; what comes then is left to the collision problem.
+bool SequentialResolver::IsSpent(int c) const {
+  return by_body_ && std::max(spent_[sides_[c].first], spent_[sides_[c].second]) >= kMostBlows * (1 - 1e-12);
 }
 
 // After a bounce: all contacts of the bodies that it moved.
 void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   for (const int side : tied_bodies_)
     for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
-      queue_.Update(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+      queue_.Update(touches_[t], IsSpent(touches_[t])
+                                     ? INFINITY
+                                     : NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
                                 const ContactFrames& contacts, BounceLaw law, const BounceRule& rule,
                                 std::span<Body> bodies, std::span<Vector3> impulses) {
   const int num_bodies = static_cast<int>(group_bodies.size());
-  const double limit = BounceLimit(rule.limit, num_bodies, static_cast<int>(group_contacts.size()));
-  if (limit == 0 || group_contacts.empty()) return 0;
   const bool exact = law == BounceLaw::kExact;
-  const bool by_cost = exact && rule.limit == kAutoBounceLimit;
+  by_body_ = exact && rule.limit == kAutoBounceLimit;
+  const int limit = by_body_ ? INT_MAX : BounceLimit(rule.limit, num_bodies, static_cast<int>(group_contacts.size()));
+  if (limit == 0 || group_contacts.empty()) return 0;
   Load(group_bodies, group_contacts, contacts, bodies);
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
   least_rebound_ = rule.least_rebound;
+  spent_.assign(locals_.size(), 0.0);
   keys_.resize(group_contacts.size());
   for (size_t c = 0; c < keys_.size(); ++c)
     keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
-  for (double spent = 0; spent < limit * (1 - 1e-12) && queue_.top_key() < -rule.threshold;) {
+  while (bounces < limit && queue_.top_key() < -rule.threshold) {
     FindTies(group_contacts, contacts.contacts);
     const int c = queue_.top(), number = group_contacts[c];
     const Contact& contact = contacts.contacts[number];
@@ -269,11 +271,8 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
       impulses[number] += impulse;
       ApplyAt(c, contact, contacts.frames[number] * impulse);
     }
-    const int count = together ? static_cast<int>(tied_.size()) : 1;
-    bounces += count;
-    spent += by_cost ? (together ? TiedPairs(group_contacts, contacts.contacts) : 1) *
-                           BounceCost(contact.restitution, num_bodies)
-                     : count;
+    bounces += together ? static_cast<int>(tied_.size()) : 1;
+    for (const int side : tied_bodies_) spent_[side] += BounceCost(contact.restitution);
     Requeue(group_contacts, contacts.contacts);
   }
   for (size_t i = 0; i < group_bodies.size() && bounces > 0; ++i) {

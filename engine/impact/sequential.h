@@ -26,9 +26,10 @@ namespace islet {
 
 // c_b of a group: the given limit, or the paper's heuristic.                                         [SM04 Sec. 5.1]
 int BounceLimit(int setting, int num_bodies, int num_contacts);
-// What a bounce uses up of the automatic limit. Inelastic ones share a blow among bodies, which the QP does better: 1. Elastic
-// ones pass it on, which only the queue can do: n in a stack on a floor take about n^2 of them, unequal ones more: 1 / (4 n).
-double BounceCost(double restitution, int num_bodies);
+// The automatic limit of exact bounces is each body's own, or who only touches would change what a blow does. What one uses up of it:
+// inelastic ones share a blow among bodies, which the QP does better: 1. Elastic ones pass it on, which only the queue can do: next to
+// nothing, since n in a stack on a floor take about n^2 of them. All that bounces at once is one.
+double BounceCost(double restitution);
 
 // Which contacts of a group bounce, and how often.
 struct BounceRule {
@@ -55,7 +56,7 @@ class SequentialResolver {
   bool LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
-  int TiedPairs(std::span<const int> group_contacts, std::span<const Contact> contacts);
+  bool IsSpent(int local_contact) const;
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
 
   std::vector<int> local_;                  // world body -> place in the group
@@ -70,7 +71,8 @@ class SequentialResolver {
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
   std::vector<std::uint8_t> is_tied_;    // per body
   std::vector<int> place_;               // of it in the problem of what is tied
-  std::vector<std::pair<int, int>> tied_pairs_;
+  bool by_body_ = false;
+  std::vector<double> spent_;  // per body: of the limit
   qp::Problem tied_problem_;
   qp::Solution tied_solution_;
   qp::GaussSeidel tie_sweeps_;

@@ -1,5 +1,6 @@
 // Blows that come at once are one blow, however many: what lands flat does not turn, and what is symmetric stays so.
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -76,6 +77,51 @@ TEST(AtOnce, RowHitAtBothEndsStaysSymmetric) {
   EXPECT_GT(world.body(9).linear_velocity_W.x(), 0.05);
   for (int k = 0; k < 11; ++k)
     EXPECT_NEAR(world.body(k).linear_velocity_W.x(), -world.body(10 - k).linear_velocity_W.x(), 1e-9) << k;
+}
+
+// Friction at the edge would make energy (Kane's paradox): less of it then, at both its corners alike. One after the other, they turned
+// the cube by 2.4 rad/s about an axis about which nothing had turned it.
+TEST(AtOnce, ElasticCubeLandsOnALevelEdge) {
+  World world(Awake());
+  world.Add(Floor(0.5, 0));
+  world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
+             .position_W = {0, 0, 0.6},
+             .rotation_WB = Turn(0.3, Vector3::UnitY()),
+             .linear_velocity_W = {3, 0, 0},
+             .angular_velocity_W = {0, 4, 0},
+             .restitution = 1});
+  for (int i = 0; i < 300; ++i) {
+    EXPECT_FALSE(Step(&world, 1.0 / 240).Failed());
+    const Body& cube = world.body(1);
+    EXPECT_LT(std::max(std::abs(cube.angular_velocity_W.x()), std::abs(cube.angular_velocity_W.z())), 1e-6) << i;
+    EXPECT_LT(std::abs(cube.linear_velocity_W.y()), 1e-6) << i;
+  }
+}
+
+// Columns that touch at the side, where nothing presses, do what one of them does alone. The limit of bounces was the island's: 25 columns
+// had less of it each, and kept twice the energy.
+TEST(AtOnce, ColumnsDoNotMindTheirNeighbours) {
+  const auto speeds = [](int side) {
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    world.Add(Floor(0, 0.5));
+    for (int layer = 0; layer < 2; ++layer)
+      for (int k = 0; k < side * side; ++k) {
+        BodyDefinition ball = Ball({0.2 * (k % side), 0.2 * (k / side), 0.5 + 0.2 * layer}, 0.1, 0, 0.5);
+        ball.linear_velocity_W = {0, 0, -3};
+        world.Add(ball);
+      }
+    for (int i = 0; i < 60; ++i) EXPECT_FALSE(world.Step(1.0 / 60).Failed());
+    std::vector<double> out;
+    for (int i = 1; i <= 2 * side * side; ++i) out.push_back(world.body(i).linear_velocity_W.z());
+    return out;
+  };
+  for (const int side : {1, 3, 5}) {
+    const std::vector<double> out = speeds(side);
+    for (size_t k = 0; k < out.size(); ++k)  // by hand: five blows a column
+      EXPECT_NEAR(out[k], k < out.size() / 2 ? 0.515625 : 0.796875, 1e-6) << side << " " << k;
+  }
 }
 
 TEST(AtOnce, BricksInBondStayMirrored) {

@@ -140,6 +140,33 @@ TEST(Round, CoinsNeverGainEnergy) {
   }
 }
 
+// The edge is along its axis: it stays so. Where the side had sunk by a hair below the edge only one of its ends was found, and ten steps
+// of stairs laid it on its end.
+TEST(Round, RollsDownStairsInTheirPlane) {
+  for (const double e : {0.0, 0.3, 0.5}) {
+    for (const double dt : {1.0 / 60, 1.0 / 240}) {
+      World world(Awake());
+      for (int k = 0; k < 8; ++k)
+        world.Add({.shape = Shape::Box({0.1, 0.5, 0.1}),
+                   .kind = BodyKind::kFixed,
+                   .position_W = {0.2 * k, 0, -0.1 - 0.1 * k},
+                   .friction = 0.5});
+      BodyDefinition roller = Lying(Shape::Cylinder(0.12, 0.2), 0.12);
+      roller.linear_velocity_W = {1, 0, 0};
+      roller.angular_velocity_W = {0, 1 / 0.12, 0};
+      roller.friction = 0.5;
+      roller.restitution = e;
+      world.Add(roller);
+      for (double t = 0; t < 1.5; t += dt) {
+        EXPECT_FALSE(world.Step(dt).Failed());
+        const Body& b = world.body(8);
+        EXPECT_LT(std::abs(b.position_W.y()), 1e-6) << e << " " << t;
+        EXPECT_LT((b.rotation_WB * Vector3::UnitZ()).cross(Vector3::UnitY()).norm(), 1e-6) << e << " " << t;
+      }
+    }
+  }
+}
+
 TEST(Round, HeapsSettle) {
   // From the shifted starts a small group once created energy: a contact found deeper than a moment before, in a piece of 3e-6 s.
   for (const auto& [crowd, shift] : {std::pair{false, 0.0}, {false, 0.003}, {false, 0.009}, {true, 0.0}}) {
