@@ -293,15 +293,18 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   }
   rotation = Turn(before, rotation, momentum, step.dt - t);
   const double fall = before.mass * step.gravity_W.norm() * step.dt;
+  const double rounding = 1e-15 * std::max(before.position_W.norm(), after.position_W.norm());  // [m]
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
                       std::max({before.mass * before.linear_velocity_W.norm(),
                                 before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
-  account->angular = (momentum - momentum_after).norm() / std::max({momentum_before.norm(), momentum_after.norm(),
-                                                                    turned, (pushed + fall) * before.radius, 1e-300});
+  account->angular =
+      std::max(0.0, (momentum - momentum_after).norm() - rounding * pushed) /
+      std::max({momentum_before.norm(), momentum_after.norm(), turned, (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
   const double angle = 2 * ArcTangent(off.vec().norm(), std::abs(off.w()));
   account->way = (end.position_W - after.position_W).norm() +
                  (step.shapes[number].kind() == ShapeKind::kSphere ? 0 : angle * before.radius);
+  account->allowed += rounding * (before.mass * step.gravity_W + before.force_W).norm();
   account->gain += energy_after - energy_before -
                    (before.mass * step.gravity_W + before.force_W).dot(after.position_W - before.position_W);
   if (!before.torque_W.isZero(0)) {

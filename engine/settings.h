@@ -32,7 +32,7 @@ struct Region {
   Vector3 lower, upper;  // [m] corners, W; lower <= upper
 };
 
-// Value of Settings::bounce_limit: chosen for each island.
+// Value of Settings::bounce_limit: chosen by islet.
 inline constexpr int kAutoBounceLimit = -1;
 
 struct Settings {
@@ -42,7 +42,7 @@ struct Settings {
   Cone cone = Cone::kCircular;               // of friction
   BounceLaw bounce_law = BounceLaw::kExact;  // of blows
   int bounce_limit =
-      kAutoBounceLimit;  // c_b per island; auto: bodies if < 50 of them, else 10 % of the contacts [SM04 Sec. 5.1]
+      kAutoBounceLimit;  // c_b per island; auto: two a body; eq5, eq6: as in [SM04 Sec. 5.1]
   Freezing freezing = Freezing::kCertified;  // when bodies are frozen
   int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
   double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still

@@ -49,6 +49,7 @@ struct Solid {
   void Load(const Shape& of, const Vector3& at, const Matrix3& turned);
   Vector3 Farthest(const Vector3& direction) const;
   double Extent(const Vector3& direction) const { return direction.dot(Farthest(direction)); }
+  bool HasUnder(const Vector3& face, const Vector3& point, double depth) const;
 };
 
 void Solid::Load(const Shape& of, const Vector3& at, const Matrix3& turned) {
@@ -90,6 +91,17 @@ Vector3 Solid::Farthest(const Vector3& direction) const {
   return points[best] + girth * direction;
 }
 
+// Whether a point of a face, or one this deep below it, is at least as deep inside of all that is beside the face.
+bool Solid::HasUnder(const Vector3& face, const Vector3& point, double depth) const {
+  if (shape->kind() == ShapeKind::kCylinder) {
+    const Vector3 r = point - 0.5 * (circles[0].centre + circles[1].centre);
+    return depth <= shape->half_length() && (r - axis().dot(r) * axis()).norm() <= shape->girth() - depth;
+  }
+  for (size_t f = 0; f < faces.size(); ++f)
+    if (faces[f] != face && faces[f].dot(point - points[shape->polytope().faces[f][0]]) > -depth) return false;
+  return true;
+}
+
 // The direction that separates best, and where the bodies are nearest along it.
 struct Nearest {
   Vector3 normal = Vector3::UnitZ(), on_a = Vector3::Zero(), on_b = Vector3::Zero();
@@ -102,13 +114,13 @@ class Search {
 
   // Beyond `reach` [m] it stops at the first direction that says so; `between` is one: from centre to centre.
   Nearest Find(double reach, const Vector3& between) {
-    for (const Vector3& n : a_.faces) TryFace(n, true);
-    for (const Vector3& n : b_.faces) TryFace(-n, false);
-    if (best_.gap > reach) return best_;
+    for (const Vector3& n : a_.faces) TryFace(a_, n, true);
+    for (const Vector3& n : b_.faces) TryFace(b_, n, false);
+    if (best_.gap > reach || settled_) return best_;
     if (between.squaredNorm() > 0)
       if (const double gap = GapAlong(between.normalized()); gap > reach) return {.gap = gap};
     TryAll();
-    if (best_.gap == -INFINITY) TryFace(a_.rotation.col(0), false);  // a ball in the middle of a capsule
+    if (best_.gap == -INFINITY) TryDirection(a_.rotation.col(0), false);  // a ball in the middle of a capsule
     return best_;
   }
 
@@ -137,12 +149,21 @@ class Search {
   double GapAlong(const Vector3& n) const { return -b_.Extent(-n) - a_.Extent(n); }
   bool Better(double gap) const { return gap > best_.gap + kTie * size_; }
 
-  // A face of one meets what of the other is nearest along its normal.
-  void TryFace(const Vector3& n, bool of_a) {
+  // A face of one meets what of the other is nearest along its normal. Where that is over the face, no direction separates more; nor where
+  // it is in the body, and as deep below all else as below the face.
+  void TryFace(const Solid& of, const Vector3& face, bool of_a) {
+    if (!TryDirection(of_a ? face : Vector3(-face), of_a)) return;
+    const Vector3& other = of_a ? best_.on_b : best_.on_a;
+    settled_ = of.HasUnder(face, other - std::max(0.0, best_.gap) * face, std::max(0.0, -best_.gap));
+  }
+
+  // Returns whether it is better than what is known. The nearest point is one of the other body than that.
+  bool TryDirection(const Vector3& n, bool of_a) {
     const Vector3 on_a = a_.Farthest(n), on_b = b_.Farthest(-n);
     const double gap = n.dot(on_b - on_a);
-    if (!Better(gap)) return;
+    if (!Better(gap)) return false;
     best_ = of_a ? Nearest{n, on_b - gap * n, on_b, gap} : Nearest{n, on_a, on_a + gap * n, gap};
+    return true;
   }
 
   // Points on the surfaces that are farthest along n, as those of two bodies are where they are nearest.
@@ -202,6 +223,7 @@ class Search {
   Nearest best_;
   // These points are as far apart as the bodies are along the normal: no direction separates more.
   bool nearest_ = false;
+  bool settled_ = false;  // no other direction can be better than that of the face
 };
 
 // What of a body lies flat along the normal: nothing, the two ends of a long side, or the corners of a face.

@@ -8,7 +8,6 @@
 namespace islet {
 namespace {
 
-constexpr double kEnergySlack = 1e-13;   // of the work: an elastic bounce gains nothing, up to rounding
 constexpr double kSmallestSlip = 1e-12;  // relative to the approach: less is none
 
 // [1/kg] contact velocity per impulse, in `frame`: W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies.

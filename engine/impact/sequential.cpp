@@ -17,12 +17,15 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
 // other for ever.
 constexpr int kPolish = 30;
-constexpr double kRounding = 1e-14;     // of the fastest approach
-constexpr int kFrictionRounds = 10;     // of a search for the friction of a tie, each leaves 0.62 of the interval
-constexpr double kTiedMap = 1e-9;       // of the fastest approach: natural map
-constexpr double kMostBlows = 2;        // that a body takes from the queue, by the automatic limit
-constexpr double kPassedOn = 1e-3;      // of one: an elastic one
-constexpr double kEnergySlack = 1e-13;  // of the work: rounding
+constexpr double kRounding = 1e-14;  // of the fastest approach
+constexpr int kFrictionRounds = 10;  // of a search for the friction of a tie, each leaves 0.62 of the interval
+constexpr double kTiedMap = 1e-9;    // of the fastest approach: natural map
+constexpr double kMostBlows = 2;     // that a body takes from the queue, by the automatic limit
+constexpr double kPassedOn = 1e-3;   // of one: an elastic one
+
+// What a bounce uses up of that. Inelastic ones share a blow among bodies, which the QP does better. Elastic ones pass it on, which only
+// the queue can do: n in a stack on a floor take about n^2 of them. All that bounces at once is one.
+double BounceCost(double restitution) { return 1 - restitution + kPassedOn * restitution; }
 
 BounceBody MakeBounceBody(const Body& body) {
   BounceBody out;
@@ -42,8 +45,6 @@ int BounceLimit(int setting, int num_bodies, int num_contacts) {
   if (setting != kAutoBounceLimit) return setting;
   return num_bodies < 50 ? num_bodies : num_contacts / 10;
 }
-
-double BounceCost(double restitution) { return 1 - restitution + kPassedOn * restitution; }
 
 void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const int> group_contacts,
                               const ContactFrames& contacts, std::span<const Body> bodies) {
@@ -194,16 +195,16 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
 // Where all of its friction would make energy, the share of it that leaves least: without friction Newton's rebounds make none. Returns
 // whether there is an answer.
 bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts) {
-  constexpr double kGolden = 0.6180339887498949;
+  const double golden = 0.5 * (std::sqrt(5.0) - 1);
   const auto gain_at = [&](double share) { return SolveTies(group_contacts, contacts, share); };
-  double low = 0, high = 1, left = 1 - kGolden, right = kGolden, at_left = gain_at(left), at_right = gain_at(right);
+  double low = 0, high = 1, left = 1 - golden, right = golden, at_left = gain_at(left), at_right = gain_at(right);
   for (int k = 0; k < kFrictionRounds; ++k) {
     if (at_left <= at_right) {
       high = right, right = left, at_right = at_left;
-      at_left = gain_at(left = high - kGolden * (high - low));
+      at_left = gain_at(left = high - golden * (high - low));
     } else {
       low = left, left = right, at_left = at_right;
-      at_right = gain_at(right = low + kGolden * (high - low));
+      at_right = gain_at(right = low + golden * (high - low));
     }
   }
   return gain_at(at_left <= at_right ? left : right) <= 0 || gain_at(0) <= 0;

@@ -24,12 +24,9 @@
 
 namespace islet {
 
-// c_b of a group: the given limit, or the paper's heuristic.                                         [SM04 Sec. 5.1]
+// c_b of a group: the given limit, or the paper's heuristic. The automatic limit of exact bounces is each body's own: two, or who only
+// touches would change what a blow does.                                                              [SM04 Sec. 5.1]
 int BounceLimit(int setting, int num_bodies, int num_contacts);
-// The automatic limit of exact bounces is each body's own, or who only touches would change what a blow does. What one uses up of it:
-// inelastic ones share a blow among bodies, which the QP does better: 1. Elastic ones pass it on, which only the queue can do: next to
-// nothing, since n in a stack on a floor take about n^2 of them. All that bounces at once is one.
-double BounceCost(double restitution);
 
 // Which contacts of a group bounce, and how often.
 struct BounceRule {

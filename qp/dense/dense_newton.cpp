@@ -9,8 +9,6 @@ namespace islet::qp {
 namespace {
 
 constexpr double kInnerShare = 1e-14;  // of the velocities: residual of a proximal step that is as good as none
-constexpr int kMaxHalvings = 8;
-constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
 
 double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
 
@@ -77,7 +75,7 @@ bool DenseNewton::Step(int most, int* factorisations) {
     Factorise();
     const Eigen::VectorXd step = factors_.solve(-residual_), from = v;
     double share = 1, next = 0;
-    for (int halving = 0; halving <= kMaxHalvings; ++halving, share /= 2) {
+    for (int halving = 0; halving <= kHalvings; ++halving, share /= 2) {
       v = from + share * step;
       next = Residual(v);
       if (next <= (1 - kLeastDescent * share) * size) break;

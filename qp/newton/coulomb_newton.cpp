@@ -11,8 +11,6 @@ namespace islet::qp {
 namespace {
 
 constexpr double kStepShare = 0.03;  // of the natural map: residual of a proximal step that is as good as none
-constexpr int kHalvings = 8;
-constexpr double kLeastDescent = 1e-4;  // of the residual, times the share of the step
 constexpr int kKrylov = 20;             // of GMRES, steps
 constexpr double kForcing = 1e-2;       // of the residual, what GMRES may leave
 constexpr double kUseful = 0.3;         // of the residual, what it may leave at the end

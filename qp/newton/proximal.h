@@ -11,6 +11,10 @@
 
 namespace islet::qp {
 
+// Of Newton's method inside a step: a shorter way where the residual does not fall by this share of what the slope promises.
+inline constexpr int kHalvings = 8;
+inline constexpr double kLeastDescent = 1e-4;
+
 Vector3 SpringLaw(const Vector3& pull, double friction);
 
 // An element of its generalised derivative. The first column below the diagonal is what a normal pull does to friction.
