@@ -850,8 +850,9 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   }
   for (size_t k = 0; k < bodies.size(); ++k) {
     const Body& left = bodies_[bodies[k]];
+    const double at_hand = left.KineticEnergy() + EnergyOf(bodies[k], false) + left.mass * least_energy_;
     worker->gains[parts.Find(static_cast<int>(k))] +=
-        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * left.mass * least_energy_;
+        posed_[bodies[k]].KineticEnergy() - left.KineticEnergy() - kGain * at_hand;
   }
   for (const int c : contacts) {
     const int part = parts.Find(first_of(c));
@@ -863,7 +864,7 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   worker->gaining.assign(bodies.size(), 0);
   for (size_t k = 0; k < bodies.size(); ++k) {
     const int part = parts.Find(static_cast<int>(k));
-    worker->gaining[k] = worker->gains[part] + (1 + kGain) * std::min(0.0, worker->works[part]) > 0;
+    worker->gaining[k] = worker->gains[part] + std::min(0.0, worker->works[part]) > 0;
     any = any || worker->gaining[k];
   }
   return any;

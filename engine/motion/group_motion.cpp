@@ -193,7 +193,6 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::s
     Job& job = jobs_[k];
     if (!job.done) {
       for (Body& b : job.group.bodies) b.frozen = false;
-      job.group.share = whole_dt_ > 0 ? dt / whole_dt_ : 1;
       job.outcome.Clear();
       job.outcome.record = record;
       job.outcome.record_paths = !groups_.parted().empty();

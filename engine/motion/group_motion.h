@@ -44,8 +44,6 @@ class GroupMotion {
  public:
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
-  // [s] of the step that those to come are parts of.
-  void SetWholeStep(double dt) { whole_dt_ = dt; }
 
   // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
   // crowd race or leave their rooms, and `races` are refused: only in a shorter step, in which there may be no crowd, are they kept on
@@ -102,7 +100,6 @@ class GroupMotion {
   std::vector<int> job_of_;                  // per body that moves
   Meeting meeting_;
   std::vector<double> rooms_;
-  double whole_dt_ = 0;  // [s]
   std::vector<std::uint8_t> crowd_, was_frozen_, gave_up_;
   bool any_crowd_ = false;
   std::vector<LedgerImpulse> impulses_;

@@ -23,7 +23,7 @@ constexpr double kGain = 1e-11;    // of the energy at hand: a piece that gains 
 constexpr double kRounding = 1e-15;  // of a position
 constexpr double kLeft = 0.02;       // of the tolerance: velocities that solves leave, in what they may gain
 constexpr int kLevels = 10;          // times that a piece is halved
-constexpr int kMostWork = 60000;     // of a step: looks at a pair, and contacts solved, which are so much dearer
+constexpr int kMostWork = 200000;    // of a step: looks at a pair, and contacts solved, which are so much dearer
 constexpr int kSolveWork = 32;
 constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
 constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
@@ -1265,7 +1265,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     ++out_->pieces;
-    if (work_ > kMostWork * group->share) {
+    if (work_ > kMostWork) {
       out_->unstepped = dt - t;
       break;
     }

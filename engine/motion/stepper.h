@@ -56,7 +56,6 @@ struct Group {
   std::vector<GroupPair> pairs;     // ascending
   std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
-  double share = 1;  // of the work that a whole step may be: the step is a part of one
 };
 
 struct GroupOutcome {

@@ -292,7 +292,6 @@ StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   dt_hint = whole_dt = dt;
   crowd_motion.SetWholeStep(dt);
-  group_motion.SetWholeStep(dt);
   const double start_seconds = Seconds();
   CheckNewcomers();
   hits.clear();
