@@ -178,7 +178,11 @@ Fields::Fields(const Field& object, std::span<const char* const> known) : Fields
   for (const auto& [name, field] : members_) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     const std::string_view nearest = NearestName(name, known);
-    field.Refuse("there is no such key here; did you mean \"" + std::string(nearest) + "\"?");
+    if (EditDistance(name, nearest) <= std::max<int>(1, static_cast<int>(name.size()) / 3))
+      field.Refuse("there is no such key here; did you mean \"" + std::string(nearest) + "\"?");
+    std::string all;
+    for (const char* const key : known) all += (all.empty() ? "" : ", ") + std::string(key);
+    field.Refuse("there is no such key here; there are " + all);
   }
 }
 

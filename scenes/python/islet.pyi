@@ -42,6 +42,7 @@ class Settings:
     freeze_travel: float
     tolerance: float  # of the contact problems, relative to v_ref
     effort: Any  # 'quick', 'normal', 'thorough' or a number of sweeps
+    bounce_limit: int  # of the queue of a crowd's or group's blows; -1: two a body
     touch_gap: float
     overlap_tolerance: float
     stateless: bool

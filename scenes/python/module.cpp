@@ -250,6 +250,7 @@ void BindSettings(py::module_& m) {
               throw std::invalid_argument("effort = '" + name +
                                           "' must be 'quick', 'normal', 'thorough' or a number of sweeps");
           })
+      .def_readwrite("bounce_limit", &Settings::bounce_limit)
       .def_readwrite("touch_gap", &Settings::touch_gap)
       .def_readwrite("overlap_tolerance", &Settings::overlap_tolerance)
       .def_readwrite("stateless", &Settings::stateless)
