@@ -64,7 +64,8 @@ int NewtonSteps(const Task& task) {
 // From the impulses of the frame before as far as the effort goes; where that has lost its way, or the ladder has no rung for it, from
 // the interior point. What stands, and every small island, is improved even where it meets the goal: Newton's method stops where it starts if
 // nothing is left to do.
-void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solution) {
+void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& map_of_tried, ConvexSolver* convex,
+                          Solution* solution) {
   const Problem& problem = task.problem;
   const double goal = task.goal();
   const bool exact = !MayBeRough(task),
@@ -74,7 +75,7 @@ void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solu
   factorisations_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
-    map = Start(task);
+    map = Start(task, tried, map_of_tried);
     if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
@@ -88,12 +89,15 @@ void CoulombSearch::Solve(const Task& task, ConvexSolver* convex, Solution* solu
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
 // contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
 // Newton's method finds from there depends on no order of contacts.
-NaturalMap CoulombSearch::Start(const Task& task) {
+NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried) {
   const Problem& problem = task.problem;
   double map_of_start = INFINITY;
   if (task.start.size() == problem.contacts.size() && !AllZero(task.start)) {
-    now_.TakeOver(problem, task.start);
-    const NaturalMap map = now_.MapOf(task);
+    if (tried)
+      std::swap(now_, *tried);
+    else
+      now_.TakeOver(problem, task.start);
+    const NaturalMap map = tried ? map_of_tried : now_.MapOf(task);
     if (map.Meets(task.goal())) return map;
     map_of_start = map.rms;
     std::swap(now_, before_);

@@ -15,12 +15,13 @@ namespace islet::qp {
 
 class CoulombSearch {
  public:
-  // solution->rung says where the answer came from.
-  void Solve(const Task& task, ConvexSolver* convex, Solution* solution);
+  // tried: what the task starts from and its map, where that is known; it is taken. solution->rung says where the answer came from.
+  void Solve(const Task& task, Candidate* tried, const NaturalMap& map_of_tried, ConvexSolver* convex,
+             Solution* solution);
   int factorisations() const { return factorisations_; }  // of Newton's method, in the last call
 
  private:
-  NaturalMap Start(const Task& task);
+  NaturalMap Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried);
   NaturalMap Improve(const Task& task, NaturalMap map);
   NaturalMap Search(const Task& task, NaturalMap best);
   NaturalMap TryAgain(const Task& task, const NaturalMap& found);

@@ -58,6 +58,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   int iterations = 0;
   convex_.Begin();
   scales_.clear();
+  tried_ = false;
   const Task task{problem, settings, start, scales_};
   for (const Strategy& strategy : kStrategies) {
     if (problem.contacts.empty()) break;
@@ -124,7 +125,9 @@ bool IslandSolver::StillHolds(const Task& task) {
       task.settings.cone != Cone::kCircular || !IsConvex(task) || AllZero(task.start))
     return false;
   candidate_.TakeOver(task.problem, task.start);
-  return candidate_.MapOf(task).max <= kHeldShare * task.goal();
+  map_of_tried_ = candidate_.MapOf(task);
+  tried_ = true;
+  return map_of_tried_.max <= kHeldShare * task.goal();
 }
 
 bool IslandSolver::Hold(const Task& task, Solution* solution) {
@@ -132,7 +135,7 @@ bool IslandSolver::Hold(const Task& task, Solution* solution) {
 }
 
 bool IslandSolver::SolveExactFriction(const Task& task, Solution* solution) {
-  coulomb_search_.Solve(task, &convex_, solution);
+  coulomb_search_.Solve(task, tried_ ? &candidate_ : nullptr, map_of_tried_, &convex_, solution);
   solution->iterations = coulomb_search_.factorisations() + convex_.iterations();
   if (!task.coulomb()) std::fill(solution->slips.begin(), solution->slips.end(), 0.0);
   return true;

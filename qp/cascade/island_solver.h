@@ -56,6 +56,8 @@ class IslandSolver {
   CoulombSearch coulomb_search_;
   SlipRounds slip_rounds_;
   Candidate candidate_;  // of column and held
+  bool tried_ = false;   // of this call: the candidate is what it starts from
+  NaturalMap map_of_tried_{};
   std::vector<double> scales_;
 };
 
