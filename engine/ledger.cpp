@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -293,7 +294,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
   }
   rotation = Turn(before, rotation, momentum, step.dt - t);
   const double fall = before.mass * step.gravity_W.norm() * step.dt;
-  const double rounding = 1e-15 * std::max(before.position_W.norm(), after.position_W.norm());  // [m]
+  const double rounding = 4 * std::numeric_limits<double>::epsilon() *
+                          std::max(before.position_W.norm(), after.position_W.norm());  // [m] of positions
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /
                       std::max({before.mass * before.linear_velocity_W.norm(),
                                 before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/geometry/support.h"
 
@@ -25,25 +26,9 @@ double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) 
          query.path_b.TurnSpeed(t, query.duration);
 }
 
-}  // namespace
-
-double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal) {
-  ++looks_;
-  last_look_ = t;
-  contacts_.clear();
-  CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
-  double least = kFar;
-  for (const Contact& c : contacts_) {
-    least = std::min(least, c.gap);
-    *normal = c.normal_W;
-  }
-  return least;
-}
-
-// From t on, at least until the gap is half of what it was: the separation along any direction is no more than the gap. Those tried are
-// the normal as it was seen last, as it would turn with the one body, and with the other.
-double Meeting::Glance(const MeetingQuery& query, double t, double gap, double floor, const Vector3& normal) const {
-  const double seen = last_look_;
+// From t on, at least until the gap is half of what it was when seen last: the separation along any direction is no more than the gap. Those
+// tried are the normal that was seen, as it was, as it would turn with the one body, and with the other.
+double Glance(const MeetingQuery& query, double seen, double t, double gap, double floor, const Vector3& normal) {
   const Vector3 in_a = query.path_a.At(seen).rotation_WB.conjugate() * normal,
                 in_b = query.path_b.At(seen).rotation_WB.conjugate() * normal;
   for (int k = 0; k < kAdvances && t < query.duration; ++k) {
@@ -60,6 +45,20 @@ double Meeting::Glance(const MeetingQuery& query, double t, double gap, double f
     t += longest;
   }
   return t;
+}
+
+}  // namespace
+
+double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal) {
+  ++looks_;
+  contacts_.clear();
+  CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
+  double least = kFar;
+  for (const Contact& c : contacts_) {
+    least = std::min(least, c.gap);
+    *normal = c.normal_W;
+  }
+  return least;
 }
 
 double Meeting::First(const MeetingQuery& query) {
@@ -79,8 +78,8 @@ double Meeting::First(const MeetingQuery& query) {
     const double closing = ClosingSpeed(query, t, normal);
     touches = gap < query.gap + query.deep ? touches + 1 : 0;
     if (closing <= 0) return h;
-    t += std::max(gap - floor, 0.0) / closing;
-    if (glances) t = Glance(query, t, gap, floor, normal);
+    const double seen = std::exchange(t, t + std::max(gap - floor, 0.0) / closing);
+    if (glances) t = Glance(query, seen, t, gap, floor, normal);
     if (t >= h) return h;
     reach = closing * (h - t) + 2 * query.deep;
   }

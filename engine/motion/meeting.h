@@ -44,12 +44,10 @@ class Meeting {
 
  private:
   double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
-  double Glance(const MeetingQuery& query, double t, double gap, double floor, const Vector3& normal) const;
   double AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;
   std::int64_t looks_ = 0;
-  double last_look_ = 0;  // [s] when
 };
 
 // Whether the gap falls below query.gap - query.deep, or is below query.gap as they begin. Spheres around them tell of most that do not.

@@ -119,7 +119,7 @@ TEST(AtOnce, ColumnsDoNotMindTheirNeighbours) {
   };
   for (const int side : {1, 3, 5}) {
     const std::vector<double> out = speeds(side);
-    for (size_t k = 0; k < out.size(); ++k)  // by hand: five blows a column
+    for (size_t k = 0; k < out.size(); ++k)  // by hand: floor, pair, floor, pair
       EXPECT_NEAR(out[k], k < out.size() / 2 ? 0.515625 : 0.796875, 1e-6) << side << " " << k;
   }
 }

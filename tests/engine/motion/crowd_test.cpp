@@ -18,8 +18,8 @@ using testing::Awake;
 using testing::Ball;
 using testing::Cube;
 using testing::Energy;
-using testing::kGravity;
 using testing::Floor;
+using testing::kGravity;
 
 Settings ByLaw(int threads = 2) {
   Settings settings;
