@@ -392,8 +392,15 @@ class Manifold {
     AddColumn(name, p.from + s * p.way, of_a, of_b);
   }
 
+  // Where the line along the normal through a point meets the plane of a face.
+  Vector3 OnFace(const Figure& face, const Vector3& point) const {
+    const Vector3& n = nearest_.normal;
+    return point + face.normal.dot(face.middle - point) / face.normal.dot(n) * n;
+  }
+
   void CrossCircle(std::uint32_t name, const Line& edge, const Figure& round, const Figure& of_a, const Figure& of_b) {
-    const Eigen::Vector2d way = Flat(edge.way), from = Flat(edge.from - round.middle);
+    const Vector3 from = OnFace(round, edge.from) - round.middle,
+                  way = OnFace(round, edge.from + edge.way) - round.middle - from;
     const double a = way.squaredNorm(), b = way.dot(from), c = from.squaredNorm() - round.radius * round.radius;
     const double discriminant = b * b - a * c;
     if (a <= 0 || discriminant <= 0) return;
@@ -422,7 +429,7 @@ class Manifold {
   void AddColumn(std::uint32_t feature, const Vector3& point, const Figure& of_a, const Figure& of_b) {
     const Vector3& n = nearest_.normal;
     const auto surface = [&](const Figure& f) -> Vector3 {
-      if (f.IsFace()) return point + f.normal.dot(f.middle - point) / f.normal.dot(n) * n;
+      if (f.IsFace()) return OnFace(f, point);
       const Line side = Edge(f, 0);
       const Eigen::Vector2d way = Flat(side.way);
       return side.from + Flat(point - side.from).dot(way) / way.squaredNorm() * side.way;

@@ -44,8 +44,8 @@ peers::Setting Own() {
   return own;
 }
 
-// (With rows of two or three Bullet's detector may keep a point with the normal that it was found with, though its body has turned
-// since: the Coulomb error stays at 0.05.)
+// (With rows of three Bullet's detector keeps a point with the normal that it was found with, though its body has turned since: the Coulomb
+// error stays at 0.03 to 0.05. With rows of two it stays at 0.07, for which that cause was not shown.)
 TEST(Client, BinComesToRest) {
   for (const int side : {4, 6}) {
     const peers::WorldPlan plan = Bin(30, side);
