@@ -850,9 +850,8 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   }
   for (size_t k = 0; k < bodies.size(); ++k) {
     const Body& left = bodies_[bodies[k]];
-    const double at_hand = left.KineticEnergy() + EnergyOf(bodies[k], false) + left.mass * least_energy_;
     worker->gains[parts.Find(static_cast<int>(k))] +=
-        posed_[bodies[k]].KineticEnergy() - left.KineticEnergy() - kGain * at_hand;
+        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * left.mass * least_energy_;
   }
   for (const int c : contacts) {
     const int part = parts.Find(first_of(c));

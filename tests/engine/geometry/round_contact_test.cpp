@@ -109,6 +109,31 @@ TEST(RoundContact, OneMiddleOverlapsBeyondAnyReach) {
   EXPECT_NEAR(LeastGap(contacts), -0.1, 1e-12);
 }
 
+// A cylinder that lies across a sharp edge, nearly along it, a hair above or below: both its ends touch, on its surface and on the edge.
+TEST(RoundContact, CylinderLiesOnAnEdgeAtBothEnds) {
+  const Shape cylinder = Shape::Cylinder(0.12, 0.2), box = Shape::Box({0.5, 0.5, 0.1});
+  const Placement at_box{{-0.5, 0, -0.1}, Matrix3::Identity()};  // the edge is the y axis
+  for (const double tilt : {0.0, 0.1, 0.2}) {
+    for (const double gap : {1e-3, 1e-7, 0.0, -1e-7, -1e-5}) {
+      const Vector3 out = Vector3(1, 0, 1).normalized();
+      Placement at{(0.12 + gap) * out, Matrix3::Identity()};
+      at.rotation_WB =
+          (Eigen::AngleAxisd(tilt, out) * Eigen::AngleAxisd(M_PI / 2, Vector3::UnitX())).toRotationMatrix();
+      std::vector<Contact> contacts;
+      CollideShapes(box, at_box, cylinder, at, 0.05, &contacts);
+      int ends = 0;
+      for (const Contact& c : contacts) {
+        const Vector3 on_edge = c.point_W - 0.5 * c.gap * c.normal_W,
+                      on_cylinder = c.point_W + 0.5 * c.gap * c.normal_W;
+        EXPECT_LT(Vector3(on_edge.x(), 0, on_edge.z()).norm(), 1e-9) << tilt << " " << gap;
+        EXPECT_NEAR(Outside(cylinder, at, on_cylinder), 0, 1e-9) << tilt << " " << gap;
+        ends += std::abs(std::abs((at.rotation_WB.transpose() * (on_cylinder - at.position_W)).z()) - 0.2) < 1e-9;
+      }
+      EXPECT_EQ(ends, 2) << tilt << " " << gap;
+    }
+  }
+}
+
 TEST(RoundContact, GapIsTheLargestSeparation) {
   Random random(3);
   const std::vector<Shape> shapes = Shapes();

@@ -449,8 +449,8 @@ TEST(Crowd, BallsThatAreDroppedReboundByTheirRestitution) {
   }
 }
 
-// Newton's cradle of more than 20: as many leave as came, as fast. What carrying left of the energy is a tenth of what was at hand, and
-// rounding of the whole, measured by that, once made the blow a plastic one.
+// Newton's cradle of more than 20: as many leave as came, as fast. They rebound by the speed at which they came, to the last bit: one that
+// what was carried and taken back had rounded up made more energy than a blow may, and all ended as one.
 TEST(Crowd, AsManyLeaveALongCradleAsCame) {
   for (const auto& [row, hitting] : {std::pair{19, 2}, {19, 3}, {15, 8}, {25, 3}}) {
     for (const bool boxes : {false, true}) {
