@@ -14,7 +14,6 @@
 namespace islet {
 
 // What the length of a normal or a rotation that a caller hands in may be off 1.
-inline constexpr double kUnitError = 1e-6;
 
 struct Contact {
   int body_a = -1;                      // body_a < body_b always

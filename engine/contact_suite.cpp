@@ -11,13 +11,12 @@
 #include "engine/rotation.h"
 #include "engine/suite/contact_suite_impl.h"
 #include "engine/suite/suite_input.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
-constexpr double kRounding = 1e-9;   // of the weight times dt: an impulse that is none
-constexpr double kKnown = 1e-9;      // of a direction: what is left of one that others span
 
 bool SameContact(const Contact& x, const Contact& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
@@ -226,7 +225,7 @@ bool ContactSuite::Impl::Catches(size_t c) const {
     return twist.linear_W + twist.angular_W.cross(contact.point_W - frame.bodies[i].position_W);
   };
   const auto pushes = [&](int i) {
-    return frame.bodies[i].Moves() && frame.holding[c][0] > kRounding * frame.bodies[i].mass * frame.rest_speed;
+    return frame.bodies[i].Moves() && frame.holding[c][0] > kNegligible * frame.bodies[i].mass * frame.rest_speed;
   };
   if (!(pushes(contact.body_a) || pushes(contact.body_b))) return false;
   return !contact.touches ||
@@ -261,7 +260,7 @@ void ContactSuite::Impl::HoldAlong(const Contact& contact, int number) {
   const double length = direction.norm();
   for (int twice = 0; twice < 2; ++twice)
     for (int k = 0; k < along.rank; ++k) direction -= along.directions.col(k).dot(direction) * along.directions.col(k);
-  if (along.rank == 6 || direction.norm() <= kKnown * length) return;
+  if (along.rank == 6 || direction.norm() <= kNegligible * length) return;
   direction.normalize();
   along.directions.col(along.rank++) = direction;
   Twist& before = frame.before_gravity[number];

@@ -11,13 +11,13 @@
 #include "engine/rotation.h"
 #include "parallel/worker_pool.h"
 #include "qp/elementary.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
-constexpr double kTurn = 0.04;       // [rad] of one step of the rotation's integration
-constexpr double kCore = 0.9;        // of a shape: what no other body's centre may pass
-constexpr double kSameTime = 1e-13;  // of a step
+constexpr double kTurn = 0.04;  // [rad] of one step of the rotation's integration
+constexpr double kCore = 0.9;   // of a shape: what no other body's centre may pass
 constexpr int kMostLooks =
     100000;  // at one pair in a step; a way that needs more cannot be judged, and is not taken for a clean one
 constexpr double kLook = 0.2;  // [rad] by which the other body turns at most between two looks at what goes through it
@@ -178,7 +178,7 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     times.push_back(step.impulses[k].time + step.impulses[k].duration);
   }
   std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kSameTime * step.dt; }),
+  times.erase(std::unique(times.begin(), times.end(), [&](double x, double y) { return y - x < kExact * step.dt; }),
               times.end());
   // Every impulse between the moments that its own fall together with, so that none of it is lost where they do.
   thread_local std::vector<std::pair<size_t, size_t>> when;
@@ -461,7 +461,7 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
       Spin then = last;
       const Vector3 middle = inside(t + 0.5 * h, &then), b = inside(t + h, &then), chord = 0.5 * (a + b);
       const double sag = (middle - chord).norm();
-      if (sag > allowed && chord.norm() < shape.radius() + 0.5 * (b - a).norm() + sag && h > kSameTime * step.dt) {
+      if (sag > allowed && chord.norm() < shape.radius() + 0.5 * (b - a).norm() + sag && h > kExact * step.dt) {
         h *= 0.25;  // a half, once doubled
         continue;
       }

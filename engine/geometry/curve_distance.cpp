@@ -6,13 +6,12 @@
 #include <utility>
 
 #include "qp/elementary.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
-constexpr int kSamples = 32;        // of a circle: the distance from a line or circle has at most two minima on it
-constexpr int kRounds = 60;         // each takes at least an eighth of a halving off
-constexpr double kParallel = 1e-9;  // sine: directions closer than this have no common normal
+constexpr int kSamples = 32;  // of a circle: the distance from a line or circle has at most two minima on it
 
 struct Direction {
   double cosine, sine;
@@ -69,7 +68,7 @@ CurvePlaces Minima(const Circle& circle, const Matrix3& axes, const Slope& slope
     double low = 0, high = 1, at_low = slopes[k - 1], at_high = slopes[k], share = high;
     // Secants, of which the end that stays counts half [Illinois]; the middle where they take too little off.
     int stays = 0;
-    for (int b = 0; b < kRounds && high - low > 4e-16 * high; ++b) {
+    for (int b = 0; b < kHalvings && high - low > 4e-16 * high; ++b) {
       share = b % 8 == 7 ? 0.5 * (low + high) : low - at_low * (high - low) / (at_high - at_low);
       const double here = slope(direction_at(share));
       if (here == 0) break;
@@ -96,7 +95,7 @@ CurvePlaces Minima(const Circle& circle, const Matrix3& axes, const Slope& slope
 CurvePlaces NearestOfLines(const Line& p, const Line& q) {
   const Vector3 cross = p.way.cross(q.way), between = q.from - p.from;
   const double square = cross.squaredNorm();
-  if (square <= kParallel * kParallel * p.way.squaredNorm() * q.way.squaredNorm()) return {};
+  if (square <= kNegligible * kNegligible * p.way.squaredNorm() * q.way.squaredNorm()) return {};
   const double s = between.cross(q.way).dot(cross) / square, t = between.cross(p.way).dot(cross) / square;
   CurvePlaces places;
   places.count = 1;
@@ -126,7 +125,7 @@ CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
   const Matrix3 axes = AxesOf(p), of_q = AxesOf(q);
   const Vector3 centre = of_q.transpose() * (p.centre - q.centre), x = of_q.transpose() * axes.col(0),
                 y = of_q.transpose() * axes.col(1);
-  const double r = p.radius, rim = q.radius, least = kParallel * (p.radius + centre.norm());
+  const double r = p.radius, rim = q.radius, least = kNegligible * (p.radius + centre.norm());
   return Minima(
       p, axes,
       [=](const Direction& d) {
@@ -145,7 +144,7 @@ CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
 Vector3 FarthestOnCircle(const Circle& circle, const Vector3& direction, const Vector3& fallback) {
   const Vector3 across = direction - circle.axis.dot(direction) * circle.axis;
   const double norm = across.norm();
-  if (norm <= kParallel * direction.norm()) return circle.centre + circle.radius * fallback;
+  if (norm <= kNegligible * direction.norm()) return circle.centre + circle.radius * fallback;
   return circle.centre + circle.radius / norm * across;
 }
 

@@ -9,6 +9,7 @@
 #include "engine/geometry/round_contact.h"
 #include "engine/geometry/sphere_contact.h"
 #include "engine/shape_data.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
@@ -44,7 +45,7 @@ void CollideCustom(const Shape& custom, const Placement& pose, const Shape& othe
     const Contact& contact = (*contacts)[c];
     const char* wrong = !std::isfinite(contact.gap)                             ? "gap is not finite"
                         : !contact.point_W.allFinite()                          ? "point is not finite"
-                        : !(std::abs(contact.normal_W.norm() - 1) < kUnitError) ? "normal is not of unit length"
+                        : !(std::abs(contact.normal_W.norm() - 1) < kSamePoint) ? "normal is not of unit length"
                                                                                 : nullptr;
     if (wrong)
       throw std::invalid_argument("collide of a custom shape: contact " + std::to_string(c - first) + ": its " + wrong);

@@ -7,15 +7,14 @@
 
 #include "engine/geometry/curve_distance.h"
 #include "qp/elementary.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
 // Of a size: what separates by no more than this separates as well, and points as near have no direction between them.
-constexpr double kTie = 1e-9;
 constexpr double kLevel = 0.3;  // sine: a face that is as far off the plane of contact, or a long side, may lie flat
 constexpr std::uint32_t kRimPoints = 8;  // of an end that stands flat, beside its lowest point
-constexpr double kSame = 1e-6;           // of a size: points of contact as near as this are one
 
 // Whether a face whose normal has this cosine with the contact's lies flat, to kLevel.
 bool LiesFlat(double cosine) { return cosine * cosine > 1 - kLevel * kLevel; }
@@ -147,7 +146,7 @@ class Search {
   }
 
   double GapAlong(const Vector3& n) const { return -b_.Extent(-n) - a_.Extent(n); }
-  bool Better(double gap) const { return gap > best_.gap + kTie * size_; }
+  bool Better(double gap) const { return gap > best_.gap + kNegligible * size_; }
 
   // A face of one meets what of the other is nearest along its normal. Where that is over the face, no direction separates more; nor where
   // it is in the body, and as deep below all else as below the face.
@@ -170,9 +169,9 @@ class Search {
   // `real`: they are points of the bodies, not of what goes on beyond them.
   void TryPlace(const Vector3& n, const Vector3& on_a, const Vector3& on_b, bool real) {
     const double gap = GapAlong(n);
-    if (!Better(gap) || std::abs(n.dot(on_b - on_a) - gap) > kTie * size_) return;
+    if (!Better(gap) || std::abs(n.dot(on_b - on_a) - gap) > kNegligible * size_) return;
     best_ = {n, on_a, on_b, gap};
-    nearest_ = real && gap > kTie * size_ && (on_b - on_a - gap * n).norm() <= kTie * size_;
+    nearest_ = real && gap > kNegligible * size_ && (on_b - on_a - gap * n).norm() <= kNegligible * size_;
   }
 
   // Whether a point of a line that goes on beyond its ends lies between these.
@@ -187,7 +186,7 @@ class Search {
     for (int k = 0; k < places.count; ++k) {
       const CurvePlace& place = places.place[k];
       const Vector3 cross = place.tangent_p.cross(place.tangent_q);
-      if (cross.norm() < kTie) continue;
+      if (cross.norm() < kNegligible) continue;
       const Vector3 &p = swapped ? place.on_q : place.on_p, &q = swapped ? place.on_p : place.on_q;
       for (const double sign : {1.0, -1.0}) {
         const Vector3 n = sign * cross.normalized();
@@ -199,7 +198,7 @@ class Search {
 
   void TryPoints(const Vector3& p, const Vector3& q, double radius_a, double radius_b) {
     const double apart = (q - p).norm();
-    if (apart <= kTie * size_) return;
+    if (apart <= kNegligible * size_) return;
     const Vector3 n = (q - p) / apart;
     TryPlace(n, p + radius_a * n, q - radius_b * n, true);
   }
@@ -310,7 +309,7 @@ class Manifold {
     }
     // The nearest points lead, unless one of those found is as near.
     for (size_t c = first_; c < contacts_->size(); ++c)
-      if ((*contacts_)[c].gap <= nearest_.gap + kTie * size_) return;
+      if ((*contacts_)[c].gap <= nearest_.gap + kNegligible * size_) return;
     Add(0, nearest_.on_a, nearest_.on_b, n, nearest_.gap);
   }
 
@@ -319,7 +318,7 @@ class Manifold {
     if (gap > reach_) return;
     const Vector3 point = 0.5 * (on_a + on_b);
     for (size_t c = first_; c < contacts_->size(); ++c)
-      if (((*contacts_)[c].point_W - point).norm() <= kSame * size_) return;
+      if (((*contacts_)[c].point_W - point).norm() <= kSamePoint * size_) return;
     contacts_->push_back(MakeContact(point, n, gap, feature));
   }
 
@@ -333,7 +332,7 @@ class Manifold {
       const double along = (end - side.core[0]).dot(across) / way.dot(across);
       if (along < 0 || along > 1) continue;
       const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
-      if (between.dot(nearest_.normal) <= kTie * size_) continue;
+      if (between.dot(nearest_.normal) <= kNegligible * size_) continue;
       const double apart = between.norm();
       const Vector3 n = between / apart, own_surface = end + sign * ends.girth * n,
                     surface = on_core - sign * side.girth * n;
@@ -372,13 +371,13 @@ class Manifold {
 
   bool IsInside(const Vector3& point, const Figure& figure) const {
     if (!figure.IsFace()) return false;
-    if (figure.radius > 0) return Flat(point - figure.middle).norm() <= figure.radius + kTie * size_;
+    if (figure.radius > 0) return Flat(point - figure.middle).norm() <= figure.radius + kNegligible * size_;
     // A face is seen from outside of its body: counter-clockwise along its own normal.
     const double sense = figure.normal.dot(nearest_.normal) > 0 ? 1 : -1;
     for (size_t k = 0; k < figure.corners.size(); ++k) {
       const Line edge = Edge(figure, k);
       const Eigen::Vector2d way = Flat(edge.way);
-      if (sense * Cross(way, Flat(point - edge.from)) < -kTie * size_ * way.norm()) return false;
+      if (sense * Cross(way, Flat(point - edge.from)) < -kNegligible * size_ * way.norm()) return false;
     }
     return true;
   }
@@ -386,7 +385,7 @@ class Manifold {
   void CrossEdges(std::uint32_t name, const Line& p, const Line& q, const Figure& of_a, const Figure& of_b) {
     const Eigen::Vector2d u = Flat(p.way), v = Flat(q.way), d = Flat(q.from - p.from);
     const double cross = Cross(u, v);
-    if (std::abs(cross) <= kTie * u.norm() * v.norm()) return;
+    if (std::abs(cross) <= kNegligible * u.norm() * v.norm()) return;
     const double s = Cross(d, v) / cross, t = Cross(d, u) / cross;
     if (s < 0 || s > 1 || t < 0 || t > 1) return;
     AddColumn(name, p.from + s * p.way, of_a, of_b);
@@ -414,7 +413,7 @@ class Manifold {
   void CrossCircles(const Figure& of_a, const Figure& of_b) {
     const Eigen::Vector2d between = Flat(of_b.middle - of_a.middle);
     const double apart = between.norm();
-    if (apart <= kTie * size_) return;
+    if (apart <= kNegligible * size_) return;
     const double along = (apart * apart + of_a.radius * of_a.radius - of_b.radius * of_b.radius) / (2 * apart);
     const double square = of_a.radius * of_a.radius - along * along;
     if (square <= 0) return;
@@ -437,7 +436,7 @@ class Manifold {
     const Vector3 on_a = surface(of_a), on_b = surface(of_b);
     const double gap = n.dot(on_b - on_a);
     // What lies deeper than the separation is beside what they share.
-    if (gap < nearest_.gap - kTie * size_) return;
+    if (gap < nearest_.gap - kNegligible * size_) return;
     Add(feature, on_a, on_b, n, gap);
   }
 
@@ -465,7 +464,7 @@ void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, cons
     const Circle rim{(along > 0 ? -1 : 1) * shape.half_length() * axis, axis, shape.girth()};
     for (std::uint32_t k = 0; k < kRimPoints; ++k) add(2 + k, RimPoint(rim, pose.rotation_WB, k));
     const Vector3 down = -normal + along * axis;
-    if (down.norm() > kTie) add(along > 0 ? 0 : 1, rim.centre + rim.radius * down.normalized());
+    if (down.norm() > kNegligible) add(along > 0 ? 0 : 1, rim.centre + rim.radius * down.normalized());
     return;
   }
   for (const std::uint32_t k : {0u, 1u}) {

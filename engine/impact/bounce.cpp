@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "qp/direct/one_contact.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
-
-constexpr double kSmallestSlip = 1e-12;  // relative to the approach: less is none
 
 // [1/kg] contact velocity per impulse, in `frame`: W = F^T (m^-1 I - [r]x I^-1 [r]x) F summed over both bodies.
 Matrix3 ContactResponse(const BounceBody& a, const BounceBody& b, const Contact& contact, const Matrix3& frame) {
@@ -32,7 +31,7 @@ double EnergyGain(const Matrix3& response, const Vector3& u, const Vector3& j) {
 Vector3 ExactImpulse(const Matrix3& response, const Vector3& u, double friction, double rebound) {
   const qp::OneContact law(response);
   const Vector3 j = law.SolveCoulomb(u - rebound * Vector3::UnitX(), friction);
-  if (rebound == 0 || EnergyGain(response, u, j) <= kEnergySlack * std::abs(j.dot(u))) return j;
+  if (rebound == 0 || EnergyGain(response, u, j) <= kExact * std::abs(j.dot(u))) return j;
   return law.LeastEnergy(u, friction, rebound);
 }
 
@@ -52,7 +51,7 @@ Vector3 BounceImpulse(const BounceBody& a, const BounceBody& b, const Contact& c
   if (law == BounceLaw::kExact) return ExactImpulse(response, u, contact.friction, ReboundSpeed(contact, -u[0]));
   const double slip = u.tail<2>().norm();
   // Rounding has a direction too, but no friction.
-  const double share = slip > kSmallestSlip * -u[0] ? -contact.friction / slip : 0;
+  const double share = slip > kExact * -u[0] ? -contact.friction / slip : 0;
   const Vector3 direction(1, share * u[1], share * u[2]);
   // Eq. 2: along the normal alone; Eq. 6: along the normal with friction's share. Both then act along `direction`.
   const double per_impulse = law == BounceLaw::kEq5 ? response(0, 0) : response.row(0).dot(direction);

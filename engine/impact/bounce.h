@@ -11,8 +11,6 @@
 
 namespace islet {
 
-inline constexpr double kEnergySlack = 1e-13;  // of the work: what an elastic bounce may gain, by rounding
-
 // A body as one bounce sees it; infinite mass is inverse_mass 0.
 struct BounceBody {
   double inverse_mass = 0;                       // [1/kg]

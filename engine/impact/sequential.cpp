@@ -8,6 +8,8 @@
 
 #include <Eigen/LU>
 
+#include "qp/smallness.h"
+
 namespace islet {
 namespace {
 
@@ -17,9 +19,7 @@ constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change 
 // Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
 // other for ever.
 constexpr int kPolish = 30;
-constexpr double kRounding = 1e-14;  // of the fastest approach
 constexpr int kFrictionRounds = 10;  // of a search for the friction of a tie, each leaves 0.62 of the interval
-constexpr double kTiedMap = 1e-9;    // of the fastest approach: natural map
 constexpr double kMostBlows = 2;     // that a body takes from the queue, by the automatic limit
 constexpr double kPassedOn = 1e-3;   // of one: an elastic one
 
@@ -172,7 +172,7 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
     sweep(kPolish, kRounding);
   } else {
     qp::Settings settings;
-    settings.tolerance = kTiedMap;
+    settings.tolerance = kNegligible;
     settings.velocity_scale = approach;
     tie_solver_.Solve(problem, settings, &solution);
     if (solution.status != qp::Status::kSolved) return INFINITY;
@@ -189,7 +189,7 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
     work += std::abs(j.dot(before));
     if (Answers(tied_[k], before[0])) left += std::abs(j[0] * before[0]);
   }
-  return gain - kEnergySlack * work - left;
+  return gain - kExact * work - left;
 }
 
 // Where all of its friction would make energy, the share of it that leaves least: without friction Newton's rebounds make none. Returns

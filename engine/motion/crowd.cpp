@@ -5,28 +5,26 @@
 #include <utility>
 
 #include "engine/freezing/paper_freezing.h"
+#include "engine/motion/tuning.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/rotation.h"
 #include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "islands/disjoint_sets.h"
+#include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
 
-constexpr int kPasses = 8;        // of the carrying problem
 constexpr int kLevels = 3;        // times that a piece is halved
 constexpr int kLettingGo = 3;     // of these, that go on because something was let go
 constexpr double kDeep = 2e-3;    // of a size: overlap that a piece may not make
 constexpr int kOpenings = 2;      // of a pair that an old plane presses: then that plane is let go
-constexpr double kTouch = 1e-6;   // of a size: contacts so near are closed; others that do not press may close
 constexpr double kMoving = 0.1;   // of the tolerance: what of their speed answers may be wrong by where bodies move
 constexpr int kAttempts = 3;      // of blows, before none rebounds
 constexpr double kReach = 0.02;   // of a size: contacts nearer than that may carry in a pass
 constexpr double kGain = 1e-7;    // of the energy at hand: what a piece may make
-constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back
 constexpr double kAstray = 0.01;  // of a size: an overlap whose way out begins so far inside is not that of the way in
-constexpr double kFast = 20;      // times |g| dt: fastest that a way out of an overlap may ask for
 constexpr double kAlike = 0.999;  // cosine: normals that are the same
 
 bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
@@ -124,7 +122,7 @@ void Crowd::Recall(const CrowdMemory& memory) {
 }
 
 // [m] what a piece takes back of an overlap.
-double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFast * floor_ * dt_); }
+double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFastest * floor_ * dt_); }
 
 // Overlaps are pushed out by who lost as much energy in the piece before as that costs.
 void Crowd::AllowPushes(const CrowdMemory& memory) {
@@ -142,7 +140,7 @@ void Crowd::AllowPushes(const CrowdMemory& memory) {
 // What may close within the step, on the course that the velocities of its start give.
 void Crowd::Select() {
   const double near =
-      settings_.model == Model::kCoulomb ? kTouch : INFINITY;  // by the convex models what comes near parts
+      settings_.model == Model::kCoulomb ? kSamePoint : INFINITY;  // by the convex models what comes near parts
   held_.clear();
   held_of_.clear();
   impulse_W_.clear();
@@ -433,7 +431,7 @@ bool Crowd::Judge(int pass) {
     // deeper.
     const double tolerance = settings_.overlap_tolerance * size;
     const bool rolls = shapes_[end[e].body_a].HasAxis() || shapes_[end[e].body_b].HasAxis();
-    const double deepest = before_[e] - (rolls && before_[e] < -tolerance ? kTouch * size : tolerance);
+    const double deepest = before_[e] - (rolls && before_[e] < -tolerance ? kSamePoint * size : tolerance);
     if (end[e].gap >= deepest - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
@@ -669,7 +667,7 @@ void Crowd::Aim(size_t e) {
                                                                                      : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);
   // What is asked to part may gain by it: who did in this piece is not asked again.
-  const double most = gained_[a] || gained_[b] ? 0 : kFast * floor_;
+  const double most = gained_[a] || gained_[b] ? 0 : kFastest * floor_;
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
   next_.push_back(contact);
   next_of_.push_back(held);
@@ -696,7 +694,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   // What closing walls squeeze may have no way out: it is sent back no faster than it came. Who would gain by it is not sent back.
-  const double most = driven_ ? kFast * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
+  const double most = driven_ ? kFastest * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
                               : (gained_[a] || gained_[b] ? 0 : INFINITY);
   probe_.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
@@ -760,7 +758,7 @@ void Crowd::Settle(StepReport* report) {
     const bool pressed = !carried_W_[e].isZero(0);
     if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
-    if (!pressed && contact.gap > kTouch * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
+    if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
     problem_.push_back(contact);
     closed_.push_back(static_cast<int>(e));
   }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/freezing/certified_freezing.h"
+#include "engine/motion/tuning.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 
@@ -14,10 +15,13 @@ namespace {
 
 constexpr int kRounds = 12;         // of rooms and parts
 constexpr double kWider = 1.5;      // times what a body strayed out of its room
-constexpr double kMet = 5e-6;       // of a size: overlap that is none
 constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
 constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
+constexpr int kMostWork = 100000;   // of a step of a group, half a second or so
+constexpr double kCrowded = 40;     // steps for which a group that needs more goes with the crowd
+
+constexpr std::uint8_t kBefore = 1, kNow = 2;  // when a group gave up; who is alone since tries again
 
 std::uint64_t Mixed(std::uint64_t hash, std::uint64_t bits) {
   hash ^= bits;
@@ -55,6 +59,7 @@ void GroupMemory::Resize(size_t bodies) {
   still.resize(bodies, 0);
   anchor.resize(bodies);
   load.resize(bodies, 0);
+  crowded.resize(bodies, 0);
   mark.resize(bodies, kAwake);
 }
 
@@ -69,7 +74,8 @@ GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) :
 
 bool GroupMotion::IsCrowd(std::span<const int> members) const {
   return members.size() > static_cast<size_t>(settings_.group_bodies) ||
-         std::any_of(members.begin(), members.end(), [&](int i) { return gave_up_[i] != 0; });
+         std::any_of(members.begin(), members.end(),
+                     [&](int i) { return gave_up_[i] > (members.size() > 1 ? 0 : kBefore); });
 }
 
 std::ptrdiff_t GroupMotion::CountCrowd() const { return std::count(crowd_.begin(), crowd_.end(), 1); }
@@ -144,8 +150,8 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
 }
 
 // A group as it is now, and whether it rests.
-void GroupMotion::FillJob(int g, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
-                          Job* job) const {
+void GroupMotion::FillJob(double dt, int g, std::span<const Body> bodies, std::span<const Shape> shapes,
+                          const GroupMemory& memory, Job* job) const {
   FillGroup(g, bodies, shapes, memory, job);
   job->mark = MarkOf(job->group);
   job->rests =
@@ -153,9 +159,11 @@ void GroupMotion::FillJob(int g, std::span<const Body> bodies, std::span<const S
         return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
       });
   job->done = job->rests;
+  job->group.most_work = static_cast<int>(kMostWork * dt / whole_dt_);
 }
 
-void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory) {
+void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                           const GroupMemory& memory) {
   std::swap(jobs_, before_);
   num_before_ = num_jobs_;
   crowd_.assign(bodies.size(), 0);
@@ -172,7 +180,7 @@ void GroupMotion::MakeJobs(std::span<const Body> bodies, std::span<const Shape> 
   }
   num_jobs_ = small_.size();
   if (jobs_.size() < num_jobs_) jobs_.resize(num_jobs_);
-  pool_->ForEachOf(num_jobs_, [&](size_t k) { FillJob(small_[k], bodies, shapes, memory, &jobs_[k]); });
+  pool_->ForEachOf(num_jobs_, [&](size_t k) { FillJob(dt, small_[k], bodies, shapes, memory, &jobs_[k]); });
   // A group of the round before that is the same has its answer. Both are in order of their first bodies.
   Job* old = before_.data();
   Job* const end = old + num_before_;
@@ -248,7 +256,7 @@ bool GroupMotion::Met(double dt, int i, int k) {
   const double size = std::min(a.shape()->size(), b.shape()->size());
   for (double t = 0; t < dt;) {
     const double end = std::min(a.End(dt), b.End(dt));
-    if (ComeNear({a.shape(), b.shape(), a.From(t), b.From(t), end - t, 0, kMet * size}, &meeting_)) return true;
+    if (ComeNear({a.shape(), b.shape(), a.From(t), b.From(t), end - t, 0, kTouching * size}, &meeting_)) return true;
     a.MoveOn(end);
     b.MoveOn(end);
     if (a.Ended() && b.Ended()) break;
@@ -272,12 +280,12 @@ bool GroupMotion::JoinStrays(double dt) {
   return joined_.size() > before;
 }
 
-// What groups could not step for want of work goes with the crowd. Returns whether there is any.
-bool GroupMotion::LeaveToCrowd() {
+// What groups could not step for want of work goes with the crowd, for a while. Returns whether there is any.
+bool GroupMotion::LeaveToCrowd(GroupMemory* memory) {
   bool any = false;
   for (const Job& job : std::span(jobs_).first(num_jobs_)) {
     if (job.rests || job.outcome.unstepped == 0) continue;
-    for (const int i : job.members) gave_up_[i] = 1;
+    for (const int i : job.members) gave_up_[i] = kNow, memory->crowded[i] = kCrowded;
     any = true;
   }
   return any;
@@ -293,12 +301,13 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   num_before_ = num_jobs_ = 0;
   bool kept = false;
   joined_.clear();
-  gave_up_.assign(bodies.size(), 0);
+  gave_up_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) gave_up_[i] = memory->crowded[i] > 0 ? kBefore : 0;
   for (int round = 0; round < kRounds && !kept; ++round) {
     const auto find = [&] {
       groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
       if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
-      MakeJobs(bodies, shapes, *memory);
+      MakeJobs(dt, bodies, shapes, *memory);
     };
     find();
     if (any_crowd_) {
@@ -309,17 +318,19 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
         share *= kPassedOn;
         find();
       }
-      if (!races && (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes)))
+      if (!races &&
+          (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes, gave_up_)))
         return false;
     }
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_),
                        [](const Job& job) { return job.kept; });
     kept = !JoinStrays(dt) && kept;
-    if (round + 1 < kRounds && LeaveToCrowd()) kept = false;
+    if (round + 1 < kRounds && LeaveToCrowd(memory)) kept = false;
   }
   if (!kept && !races) return false;
   report->motion_failures += !kept;
+  for (double& steps : memory->crowded) steps = std::max(0.0, steps - dt / whole_dt_);
   for (size_t i = 0; i < bodies.size(); ++i)
     if (crowd_[i]) memory->mark[i] = GroupMemory::kAwake;  // a crowd forgets what held it
   impulses_.clear();
@@ -354,15 +365,16 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   return true;
 }
 
-// Whether two bodies of a crowd would move against each other by more than they are thick.
+// Whether two bodies of a crowd may meet, and would move against each other by more than they are thick.
 bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const {
   for (int g = 0; g < groups_.size(); ++g) {
     if (!IsCrowd(groups_.bodies_of(g))) continue;
     for (int k = 0; k < groups_.num_pairs(g); ++k) {
       const auto [a, b] = groups_.pair(g, k);
       if (shapes[a].kind() == ShapeKind::kHalfSpace || shapes[b].kind() == ShapeKind::kHalfSpace) continue;
-      if (SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt > 0.5 * (shapes[a].size() + shapes[b].size()))
-        return true;
+      const double way = SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt;
+      const double apart = (bodies[a].position_W - bodies[b].position_W).norm() - bodies[a].radius - bodies[b].radius;
+      if (way > 0.5 * (shapes[a].size() + shapes[b].size()) && way > apart) return true;
     }
   }
   return false;

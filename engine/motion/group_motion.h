@@ -8,7 +8,7 @@
 //   parts:   a group that is too large is parted by who comes near whom on the free ways. Then no body may have met one of another part
 //            on its real way, or their parts are joined and stepped again from the start. If a part gets too large that way,
 //            the whole group is a crowd
-//   work:    a group whose step would take more than its share goes with the crowd
+//   work:    a group whose step would take more than its share goes with the crowd, for some steps, since it would need as much again
 //   threads: groups run on the pool; results do not depend on the number of workers
 #pragma once
 
@@ -32,7 +32,8 @@ struct GroupMemory {
   std::vector<Pose> anchor;         // where
   std::vector<std::uint64_t> load;  // under which force
   std::vector<std::uint64_t>
-      mark;  // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
+      mark;                     // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
+  std::vector<double> crowded;  // steps for which its group goes with the crowd, since it had needed too much work
   std::vector<Contact> contacts;  // near ones of small groups, by pair
   std::vector<Vector3> forces_W;  // [N] on body_b, that held there
   void Resize(size_t bodies);
@@ -43,6 +44,7 @@ struct GroupMemory {
 class GroupMotion {
  public:
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
+  void SetWholeStep(double dt) { whole_dt_ = dt; }  // [s] of which those that follow are parts
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
@@ -71,9 +73,9 @@ class GroupMotion {
   bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
   std::ptrdiff_t CountCrowd() const;
   void WidenCrowds(double dt, std::span<const Body> bodies);
-  void MakeJobs(std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
-  void FillJob(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
-               Job* job) const;
+  void MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory);
+  void FillJob(double dt, int group, std::span<const Body> bodies, std::span<const Shape> shapes,
+               const GroupMemory& memory, Job* job) const;
   void FillGroup(int group, std::span<const Body> bodies, std::span<const Shape> shapes, const GroupMemory& memory,
                  Job* job) const;
   void RunJobs(double dt, const MixMaterial& mix, bool record, std::span<const Body> bodies,
@@ -81,7 +83,7 @@ class GroupMotion {
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   bool Met(double dt, int i, int k);
   bool JoinStrays(double dt);
-  bool LeaveToCrowd();
+  bool LeaveToCrowd(GroupMemory* memory);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(double dt, const Job& job) const;
@@ -102,6 +104,7 @@ class GroupMotion {
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_, gave_up_;
   bool any_crowd_ = false;
+  double whole_dt_ = 0;
   std::vector<LedgerImpulse> impulses_;
 };
 

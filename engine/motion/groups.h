@@ -33,8 +33,9 @@ class Groups {
   // of which a part is still larger stays whole.
   void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
             std::span<const std::pair<int, int>> joined);
-  // Whether a group of more than `most` would part in half the step.
-  bool PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes);
+  // Whether a group of more than `most` would part in half the step. One with a body that `stays` (per body) is not asked.
+  bool PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                   std::span<const std::uint8_t> stays);
   // The pairs that may meet and are of two groups.
   std::span<const std::pair<int, int>> parted() const { return parted_; }
 
@@ -55,7 +56,7 @@ class Groups {
     return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first];
   }
   void JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
-                std::span<const std::pair<int, int>> joined);
+                std::span<const std::pair<int, int>> joined, std::span<const std::uint8_t> stays);
   bool AnyParted() const;
   void SortPairs(size_t num_bodies);
   bool ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes);

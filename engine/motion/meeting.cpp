@@ -5,13 +5,13 @@
 #include <utility>
 
 #include "engine/geometry/support.h"
+#include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
 
 constexpr int kAdvances = 200;  // of one pair
 constexpr int kTouches = 12;    // of them in a row without leaving: they touch
-constexpr int kHalvings = 40;
 constexpr double kInside =
     0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 
@@ -119,11 +119,10 @@ bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
 
 // What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
-  constexpr int kLooks = 1000;
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);
-    const double next = k < kLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
+    const double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
     if (GapAt(query, next, kFar, &normal) < floor) {
       double low = t, high = next;
       for (int i = 0; i < kHalvings; ++i) {

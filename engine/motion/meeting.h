@@ -17,7 +17,8 @@
 
 namespace islet::motion {
 
-inline constexpr double kFar = 1e300;  // [m] gap of a pair that is out of reach
+inline constexpr int kMostLooks = 1000;  // at one pair in a step: a way that would need more is looked at coarsely
+inline constexpr double kFar = 1e300;    // [m] gap of a pair that is out of reach
 
 struct MeetingQuery {
   const Shape *a, *b;

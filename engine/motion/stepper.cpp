@@ -4,32 +4,27 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/motion/tuning.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
+#include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
 
-constexpr double kNear = 5e-5;  // of a size: overlap by which what rests on each other has met anew
-constexpr double kOverlap =
-    5e-6;  // of a size: passes end when no gap of what touches misses its end by more; half of it: bodies have met
-constexpr double kPushOut = 0.2;   // of an overlap: what a piece takes back, where friction and blows pay for it
+constexpr double kNear = 5e-5;     // of a size: overlap by which what rests on each other has met anew
 constexpr double kDeep = 2.5e-4;   // of a size: an overlap that is never left
 constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
-constexpr int kPasses = 8;         // of the carrying problem in a piece
 constexpr double kNearer = 0.5;    // of the overlap that a pass leaves: more is no progress
 constexpr int kAges = 2;           // passes for which a contact that pressed, and is not found again, stays
 constexpr double kGain = 1e-11;    // of the energy at hand: a piece that gains more is done again, shorter
-constexpr double kRounding = 1e-15;  // of a position
-constexpr double kLeft = 0.02;       // of the tolerance: velocities that solves leave, in what they may gain
-constexpr int kLevels = 10;          // times that a piece is halved
-constexpr int kMostWork = 200000;    // of a step: looks at a pair, and contacts solved, which are so much dearer
+constexpr double kPositionRounding = 1e-15;  // of a position
+constexpr double kLeft = 0.02;               // of the tolerance: velocities that solves leave, in what they may gain
+constexpr int kLevels = 10;                  // times that a piece is halved
 constexpr int kSolveWork = 32;
-constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
-constexpr double kPush = 20;         // times |g| dt: fastest that a turn may ask for
-constexpr double kNearby = 0.1;      // of a size: how far what presses is looked for
-constexpr double kPolished = 1e-13;  // of a size: gap at the moment of a blow
-constexpr int kGuardRounds = 4;      // of looking for pairs that meet slowly within a piece
+constexpr double kTurn = 0.5;    // [rad] of a piece, where something is near
+constexpr double kNearby = 0.1;  // of a size: how far what presses is looked for
+constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within a piece
 constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
 constexpr double kInstant = 1e-4;    // of a piece: one in which a jam stops what slides
 constexpr double kStopped = 1e-6;    // of the energy at hand: what a jam takes at least
@@ -38,12 +33,8 @@ constexpr double kMet =
     1e-8;  // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kTogether =
     1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
-constexpr double kClosed = 1e-12;      // of a size: gap below which one that did not press is closed
-constexpr double kLeverMoves = 1e-9;   // of its length: what a lever may change by in a piece that one pass describes
 constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in such a piece
-constexpr double kOffLine = 1e-14;     // [rad] normals of spheres against the line of their centres
 constexpr int kLineRounds = 20;        // each takes some ten times off the angle
-constexpr int kBackRounds = 40;        // each takes at least half of the way back to where a pair met
 constexpr int kBlowWork = 256;         // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 constexpr double kRocks =
@@ -272,12 +263,12 @@ void Stepper::SelectHeld(double h) {
       continue;
     }
     const Vector3 guess = h * force_W_[c];
-    if (contact.gap > kClosed * Size(pair) && guess.isZero(0)) continue;
+    if (contact.gap > kExact * Size(pair) && guess.isZero(0)) continue;
     closed_[c] = true;
     held_.push_back(contact);
     const double yields = yields_[now_pair_[c]];
     const double gap =
-        contact.gap > kClosed * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+        contact.gap > kExact * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
     const double target = yields > 0 ? -yields : -gap / h;
     held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), target, target});
     impulse_W_.push_back(WithinCone(contact, guess));
@@ -367,7 +358,7 @@ bool Stepper::StillCarries(double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     const Vector3 u =
         RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
-    if (held_[c].normal_W.dot(u) < -kClosed * Size({held_[c].body_a, held_[c].body_b}) / h) return false;
+    if (held_[c].normal_W.dot(u) < -kExact * Size({held_[c].body_a, held_[c].body_b}) / h) return false;
     if (!impulse_W_[c].isZero(0) && !Agrees(held_[c], impulse_W_[c], u, still)) return false;
   }
   return true;
@@ -423,7 +414,7 @@ bool Stepper::TurnIntoLine() {
     const Vector3& from = middle_[contact.body_a].position_W;
     const Vector3 place = contact.point_W + CentreHalfway(held_of_[c].pair) - held_of_[c].centre;
     contact.point_W += from + line.dot(place - from) * line - place;
-    if ((line - contact.normal_W).squaredNorm() < kOffLine * kOffLine) continue;
+    if ((line - contact.normal_W).squaredNorm() < kRounding * kRounding) continue;
     impulse_W_[c] = Quaternion::FromTwoVectors(contact.normal_W, line) * impulse_W_[c];
     contact.normal_W = line;
     turned = true;
@@ -491,11 +482,11 @@ double Stepper::FindMeeting(double h) {
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
     const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
-    const bool sunk = sunk_by > 0.5 * kOverlap && sunk_by < kDeep;
+    const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kDeep;
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
                                      stays  ? kNear
-                                     : sunk ? kClosed
-                                            : 0.5 * kOverlap);
+                                     : sunk ? kExact
+                                            : 0.5 * kTouching);
     const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
     double t = First(query);
@@ -518,8 +509,8 @@ double Stepper::FindMeeting(double h) {
 // back before it is open was none.
 bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
   const GroupPair& pair = group_->pairs[number];
-  const double closed = kClosed * Size(pair);
-  for (int round = 0; round < kBackRounds; ++round) {
+  const double closed = kExact * Size(pair);
+  for (int round = 0; round < kHalvings; ++round) {
     ++work_;
     probe_.clear();
     const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
@@ -620,7 +611,7 @@ double Stepper::Shorten(double h, double moment) {
     if (std::abs(gap) >= nearest) break;
     nearest = std::abs(gap);
     best = at;
-    if (nearest <= kPolished * Size(pair)) break;
+    if (nearest <= kExact * Size(pair)) break;
     at = std::clamp(at + gap / approach, 1e-9 * dt_, whole);
   }
   if (h != best) EndAt(best, &h);
@@ -660,13 +651,13 @@ double Stepper::GapBefore(int pair) const {
 
 // Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
 double Stepper::PushOut(int pair) const {
-  return pays_[pair] && GapBefore(pair) < -kOverlap * Size(group_->pairs[pair]) ? kPushOut : 0;
+  return pays_[pair] && GapBefore(pair) < -kTouching * Size(group_->pairs[pair]) ? kPushOut : 0;
 }
 
 // [m] <= 0: gap at which the pair meets. Where it bounces, an overlap too small to be met is none, or bounces would sink, one by one.
 double Stepper::GapOfBlow(int pair) const {
   const double gap = GapBefore(pair);
-  return freed_[pair] != kStays && gap > -0.5 * kOverlap * Size(group_->pairs[pair]) ? 0 : gap;
+  return freed_[pair] != kStays && gap > -0.5 * kTouching * Size(group_->pairs[pair]) ? 0 : gap;
 }
 
 // Of a size: overlap that the piece made.
@@ -722,13 +713,13 @@ bool Stepper::LeversMove(double h) const {
       const bool moves = group_->bodies[i].Moves();
       if (moves && BodyRadius(i) == 0) continue;
       const Vector3& spin = moves ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
-      if (h * VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, spin).norm() > kLeverMoves) return true;
+      if (h * VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, spin).norm() > kNegligible) return true;
     }
     if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
     const Vector3& n = held_[c].normal_W;
     const Vector3 slip = mean_W_[b] - mean_W_[a];
     const double lever = std::min(group_->bodies[a].radius, group_->bodies[b].radius);
-    if (h * (slip - n.dot(slip) * n).norm() > kLeverMoves * lever) return true;
+    if (h * (slip - n.dot(slip) * n).norm() > kNegligible * lever) return true;
   }
   return false;
 }
@@ -765,7 +756,7 @@ bool Stepper::Strays() const {
     if (!group_->bodies[i].Moves()) continue;
     const Pose &now = end_state_[i].pose, &then = foreseen_[i].pose;
     const double turn = BodyRadius(static_cast<int>(i)) * Log(now.rotation_WB * then.rotation_WB.conjugate()).norm();
-    if ((now.position_W - then.position_W).norm() + turn > kLeverMoves * group_->shapes[i]->size()) return true;
+    if ((now.position_W - then.position_W).norm() + turn > kNegligible * group_->shapes[i]->size()) return true;
   }
   return false;
 }
@@ -899,7 +890,7 @@ void Stepper::NextTargets(double h) {
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
     double target = u - (contact.gap - (1 - PushOut(pair)) * GapBefore(pair)) / h;
-    target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kPush * floor_);
+    target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
     next_of_.push_back({pair, CentreHalfway(pair), target, opens, 0, false});
@@ -973,7 +964,7 @@ void Stepper::Settle() {
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     Vector3 carried = WithinCone(end_[e], CarriedBy(e));
-    const double closed = !carried.isZero(0) ? kOverlap : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kClosed;
+    const double closed = !carried.isZero(0) ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
     if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
@@ -1105,7 +1096,7 @@ void Stepper::KeepAccounts(double h) {
                         0.5 * h * b.torque_W.dot(spun_[i] + spun_after_[i]);
     accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
-    accounts_[i].allowed = kGain * accounts_[i].at_hand + kRounding * b.mass * pull_ * s.pose.position_W.norm();
+    accounts_[i].allowed = kGain * accounts_[i].at_hand + kPositionRounding * b.mass * pull_ * s.pose.position_W.norm();
   }
   const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
     if (impulse.isZero(0)) return;
@@ -1117,7 +1108,7 @@ void Stepper::KeepAccounts(double h) {
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
       const double work = impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
       accounts_[mover].gain += (i == b ? 1 : -1) * work;
-      accounts_[mover].allowed += 10 * kRounding * std::abs(work);
+      accounts_[mover].allowed += 10 * kPositionRounding * std::abs(work);
     }
     accounts_[mover].gain += impulse.dot(SurfaceSlip(contact));  // what drives a belt works on what it carries
     edges_.emplace_back(a, b);
@@ -1265,7 +1256,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
   double t = 0, most = dt;
   for (int level = 0; dt - t > 1e-12 * dt;) {
     ++out_->pieces;
-    if (work_ > kMostWork) {
+    if (work_ > group->most_work) {
       out_->unstepped = dt - t;
       break;
     }
@@ -1307,8 +1298,8 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
     bool deep = false;
     int blows = out_->blows, pass = 1;
-    for (double enough = kOverlap;;
-         enough = kClosed) {  // what gaps miss is work: where that is too much, they miss less
+    for (double enough = kTouching;;
+         enough = kExact) {  // what gaps miss is work: where that is too much, they miss less
       while (pass < kPasses && (missed > enough || (pass == 1 && moves))) {
         ++out_->passes;
         redone = true;
@@ -1333,7 +1324,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       strike_W_.assign(end_.size(), Vector3::Zero());
       if (cut) Strike();
       KeepAccounts(h);
-      if (!gains_ || missed <= kClosed || pass >= kPasses) break;
+      if (!gains_ || missed <= kExact || pass >= kPasses) break;
     }
     if (deep && level < kLevels) {
       ++level;

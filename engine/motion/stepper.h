@@ -56,6 +56,8 @@ struct Group {
   std::vector<GroupPair> pairs;     // ascending
   std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
+  int most_work =
+      200000;  // of a step: looks at a pair, and contacts solved, which are so much dearer. With more it is given up
 };
 
 struct GroupOutcome {

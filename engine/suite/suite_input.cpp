@@ -6,11 +6,10 @@
 
 #include "engine/body_definition.h"
 #include "engine/number_text.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
-
-constexpr double kSymmetric = 1e-9;  // of the largest entry
 
 [[noreturn]] void Reject(const char* what, size_t number, const char* field, const std::string& value,
                          const char* must) {
@@ -31,7 +30,7 @@ void RequireWithin(const char* what, size_t number, const char* field, const Vec
 
 // Symmetric, with positive leading minors.
 bool IsInertia(const Matrix3& m) {
-  return m.allFinite() && (m - m.transpose()).cwiseAbs().maxCoeff() <= kSymmetric * m.cwiseAbs().maxCoeff() &&
+  return m.allFinite() && (m - m.transpose()).cwiseAbs().maxCoeff() <= kNegligible * m.cwiseAbs().maxCoeff() &&
          m(0, 0) > 0 && m(0, 0) * m(1, 1) - m(0, 1) * m(1, 0) > 0 && m.determinant() > 0;
 }
 
@@ -42,7 +41,7 @@ void CheckSuiteBodies(std::span<const Body> bodies) {
     const Body& b = bodies[i];
     if (b.removed) continue;
     RequireFinite("body", i, "position", b.position_W);
-    Require(std::abs(b.rotation_WB.norm() - 1) < kUnitError, "body", i, "length of rotation", b.rotation_WB.norm());
+    Require(std::abs(b.rotation_WB.norm() - 1) < kSamePoint, "body", i, "length of rotation", b.rotation_WB.norm());
     RequireWithin("body", i, "linear velocity", b.linear_velocity_W);
     RequireWithin("body", i, "angular velocity", b.angular_velocity_W);
     if (b.kind == BodyKind::kFixed)
@@ -68,7 +67,7 @@ void CheckSuiteContacts(std::span<const Contact> contacts, size_t num_bodies) {
             contact.body_b);
     RequireFinite("contact", c, "point", contact.point_W);
     const double length = contact.normal_W.norm();
-    Require(std::abs(length - 1) < kUnitError, "contact", c, "length of normal", length);
+    Require(std::abs(length - 1) < kSamePoint, "contact", c, "length of normal", length);
     Require(std::isfinite(contact.gap), "contact", c, "gap", contact.gap);
     Require(contact.friction >= 0 && std::isfinite(contact.friction), "contact", c, "friction", contact.friction);
     RequireFinite("contact", c, "surface velocity", contact.surface_W);

@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include "engine/response/suite_frame.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
-constexpr double kGiving = 0.1;    // of the displacement that a push makes at its own contact
-constexpr double kTrivial = 1e-9;  // of a body's radius: overlap that is none
+constexpr double kGiving = 0.1;  // of the displacement that a push makes at its own contact
 
 }  // namespace
 
@@ -51,7 +51,7 @@ void SuiteProjection::ProjectIsland(int island, const Settings& settings, Worker
   for (const int c : w->contacts) {
     const double size = std::max(at_rest_[smooth_[c].body_a].Moves() ? at_rest_[smooth_[c].body_a].radius : 0.0,
                                  at_rest_[smooth_[c].body_b].Moves() ? at_rest_[smooth_[c].body_b].radius : 0.0);
-    if (-smooth_[c].gap > kTrivial * size) deepest = std::max(deepest, -smooth_[c].gap);
+    if (-smooth_[c].gap > kNegligible * size) deepest = std::max(deepest, -smooth_[c].gap);
   }
   if (deepest == 0) return;
   const std::span<const int> members = partition_.bodies_of(island);

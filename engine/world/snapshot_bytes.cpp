@@ -19,7 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::array<char, 8> kMagic{'i', 's', 'l', 'e', 't', 's', 'n', 'p'};
-constexpr std::uint64_t kVersion = 2;
+constexpr std::uint64_t kVersion = 3;
 struct Header {
   std::array<char, 8> magic;
   std::uint64_t version, length, checksum;
@@ -183,7 +183,8 @@ void Visit(A& a, motion::Pose& pose) {
 }
 template <typename A>
 void Visit(A& a, motion::GroupMemory& m) {
-  Visit(a, m.still), Visit(a, m.anchor), Visit(a, m.load), Visit(a, m.mark), Visit(a, m.contacts), Visit(a, m.forces_W);
+  Visit(a, m.still), Visit(a, m.anchor), Visit(a, m.load), Visit(a, m.mark), Visit(a, m.crowded), Visit(a, m.contacts),
+      Visit(a, m.forces_W);
 }
 template <typename A>
 void Visit(A& a, CertifiedFreezing::Stillness& s) {
@@ -201,7 +202,7 @@ void Visit(A& a, WorldState& w) {
   Visit(a, w.near_contacts), Visit(a, w.touching), Visit(a, w.resolved), Visit(a, w.impulses), Visit(a, w.travel),
       Visit(a, w.margins);
   Visit(a, w.groups), Visit(a, w.crowd_memory), Visit(a, w.crowd);
-  a(w.stale);
+  a(w.stale), a(w.failed);
   Visit(a, w.unchecked);
   a(w.time), a(w.dt_hint);
 }
@@ -227,8 +228,8 @@ void CheckState(const WorldState& w) {
           "impulses");
   const motion::GroupMemory& g = w.groups;
   require(g.still.size() <= n && g.anchor.size() == g.still.size() && g.load.size() == g.still.size() &&
-              g.mark.size() == g.still.size() && w.crowd_memory.lost.size() <= n &&
-              w.crowd_memory.freeze_counters.size() <= n,
+              g.mark.size() == g.still.size() && g.crowded.size() == g.still.size() &&
+              w.crowd_memory.lost.size() <= n && w.crowd_memory.freeze_counters.size() <= n,
           "memories");
 }
 

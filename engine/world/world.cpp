@@ -103,6 +103,7 @@ void World::Impl::Forget(int number) {
   if (static_cast<size_t>(number) < groups.mark.size()) {
     groups.still[number] = 0;
     groups.mark[number] = motion::GroupMemory::kAwake;
+    groups.crowded[number] = 0;
   }
   if (static_cast<size_t>(number) < crowd_memory.lost.size()) crowd_memory.lost[number] = INFINITY;
   if (static_cast<size_t>(number) < crowd_memory.freeze_counters.size()) crowd_memory.freeze_counters[number] = 0;

@@ -44,6 +44,7 @@ struct WorldState {
       crowd;          // per body: it was of a crowd in the last step, and its contacts are in near_contacts
   bool stale = true;  // near_contacts do not belong to the current poses
   std::vector<std::uint8_t> unchecked;  // per body: added, and not yet checked for initial overlap
+  bool failed = false;                  // the last step, by its report
   double time = 0;                      // [s]
   double dt_hint = 1.0 / 30;            // [s] of the last step
   double whole_dt = 0;                  // [s] that was asked for; dt_hint may be a part of it
@@ -68,7 +69,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::atomic<bool> stepping = false;
-  WorldState start;                                 // of a step whose callbacks may throw
+  WorldState start, part_start;  // of a step whose callbacks may throw; of a part of it that may be taken back
   std::vector<std::pair<int, int>> sensed, passed;  // passed: on the way, in this step's parts so far
   std::vector<int> sensor_inside;                   // of one sensor
   std::vector<Contact> sensor_overlaps;             // scratch
@@ -127,6 +128,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   bool CrowdChanged() const;
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
+  bool MayBeTakenBack() const;
   bool StepOnce(double dt, bool races, StepReport* report);
   void StepInParts(double dt, int halvings, StepReport* report);
   void KeepLedger(double dt, StepReport* report);

@@ -8,14 +8,12 @@
 #include "engine/query/ray.h"
 #include "engine/rotation.h"
 #include "engine/world/world_impl.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
-constexpr double kMet = 1e-6;     // of a shape's size: overlap at which it has met a body
-constexpr double kNear = 1e-4;    // of a shape's size: where its contacts are looked for then
-constexpr int kMostLooks = 1000;  // at who goes through a sensor
-constexpr double kTiny = 1e-12;   // of a body's size: more overlap than round-off makes of none
+constexpr double kNear = 1e-4;  // of a shape's size: where its contacts are looked for then
 
 Placement PlaceOf(const Body& body) { return {body.position_W, body.rotation_WB.toRotationMatrix()}; }
 
@@ -67,7 +65,7 @@ std::optional<CastHit> World::CastShape(const Shape& shape, const Vector3& posit
   std::optional<CastHit> first;
   impl_->LookAt(layers, {from.lower.cwiseMin(to.lower), from.upper.cwiseMax(to.upper)}, [&](int i) {
     const Body& body = impl_->bodies[i];
-    motion::MeetingQuery query{&impl_->shapes[i], &shape, {}, {}, 1, 0, kMet * shape.size()};
+    motion::MeetingQuery query{&impl_->shapes[i], &shape, {}, {}, 1, 0, kSamePoint * shape.size()};
     query.path_a.start = {body.position_W, body.rotation_WB};
     query.path_b.start = {position_W, rotation};
     query.path_b.velocity_W = way_W;
@@ -107,7 +105,7 @@ void World::Impl::BodiesIn(const Shape& shape, const motion::Pose& pose, std::ui
     overlaps->clear();
     CollideShapes(shapes[i], PlaceOf(bodies[i]), shape, pose.placement(), 0, overlaps);
     if (std::any_of(overlaps->begin(), overlaps->end(),
-                    [&](const Contact& c) { return c.gap < -kTiny * std::min(shape.size(), shapes[i].size()); }))
+                    [&](const Contact& c) { return c.gap < -kExact * std::min(shape.size(), shapes[i].size()); }))
       inside->push_back(i);
   });
 }
@@ -135,7 +133,7 @@ bool World::Impl::PassesThrough(int sensor, int i) {
   const Vector3 apart = before[i].position_W - before[sensor].position_W, relative = way(i) - way(sensor);
   const double nearest = std::clamp(-apart.dot(relative) / (moved * moved), 0.0, 1.0);
   if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
-  const int looks = static_cast<int>(std::min<double>(kMostLooks, std::ceil(2 * moved / size)));
+  const int looks = static_cast<int>(std::min<double>(motion::kMostLooks, std::ceil(2 * moved / size)));
   const auto at = [&](int k, double u) -> Placement {
     return {before[k].position_W + u * way(k),
             (Exp(u * Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate())) * before[k].rotation_WB)
@@ -146,7 +144,7 @@ bool World::Impl::PassesThrough(int sensor, int i) {
     sensor_overlaps.clear();
     CollideShapes(shapes[sensor], at(sensor, u), shapes[i], at(i, u), 0, &sensor_overlaps);
     if (std::any_of(sensor_overlaps.begin(), sensor_overlaps.end(),
-                    [&](const Contact& c) { return c.gap < -kTiny * size; }))
+                    [&](const Contact& c) { return c.gap < -kExact * size; }))
       return true;
   }
   return false;

@@ -216,8 +216,18 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
   report->energy_gain = ledger.energy_gain();
 }
 
-// Returns false, and has done nothing, where a crowd would let something through and `races` are refused.
+// Whether what comes may be done again in halves, if a crowd fails in it. What fails step after step, as where walls close, would fail in
+// those, too.
+bool World::Impl::MayBeTakenBack() const {
+  return MovesGroups() && !failed &&
+         (bodies.size() > static_cast<size_t>(settings.group_bodies) ||
+          std::any_of(groups.crowded.begin(), groups.crowded.end(), [](double steps) { return steps > 0; }));
+}
+
+// Returns false, and has done nothing, where a crowd would let something through, or fail, and `races` are refused.
 bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
+  const bool may_retry = !races && MayBeTakenBack();
+  if (may_retry) part_start = *this;
   dt_hint = dt;
   before = bodies;
   const double moving = Seconds();
@@ -251,6 +261,11 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   const double begin = Seconds();
   KeepLedger(dt, report);
   TellSlice({"ledger", begin, Seconds()});
+  if (may_retry && group_motion.any_crowd() && report->Failed()) {
+    static_cast<WorldState&>(*this) = part_start;
+    stale = true;
+    return false;
+  }
   AddHits(dt);
   AddPassed();
   AddGroups(report);
@@ -292,16 +307,21 @@ StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   dt_hint = whole_dt = dt;
   crowd_motion.SetWholeStep(dt);
+  group_motion.SetWholeStep(dt);
   const double start_seconds = Seconds();
   CheckNewcomers();
   hits.clear();
   passed.clear();
   if (settings.stateless) ForgetAll();
-  report.seconds.detect += Seconds() - start_seconds;
+  const double checked = Seconds() - start_seconds;
   if (StepOnce(dt, false, &report)) {
+    report.seconds.detect += checked;
+    failed = report.Failed();
     Remember(dt, report);
     return report;
   }
+  report = {};
+  report.seconds.detect += checked;
   const double end = time + dt;
   acted.clear();
   for (int half = 0; half < 2; ++half) StepInParts(0.5 * dt, kMostHalvings - 1, &report);
@@ -312,6 +332,7 @@ StepReport World::Impl::StepWhole(double dt) {
     impulses.push_back(impulse);
   }
   time = end;
+  failed = report.Failed();
   return report;
 }
 

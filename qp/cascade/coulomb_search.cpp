@@ -12,16 +12,16 @@ namespace {
 // The start.
 constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
 constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
-constexpr int kMendingSweeps = 20;
 constexpr int kLeastSweeps = 10, kSmallSweeps = 60;  // which spare a small island half of its factorisations
 // Sweeps.
-constexpr int kSweeps = 100;        // a block
-constexpr double kLostRms = 1e-2;   // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
+constexpr int kSweeps = 100;       // a block
+constexpr double kLostRms = 1e-2;  // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
+constexpr double kRough =
+    1e-4;  // of v_ref: natural map. Sweeps that leave more did not get from one end to the other; single precision will do
 constexpr double kBlockGain = 0.9;  // of the natural map: momentum that leaves more has gone round in circles
-constexpr int kPlainSweeps = 20;    // that lead out of them
+constexpr int kShortBlock = 20;     // that mends a guess, or leads out of such a circle
 // Those of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;  // largest mass over the least
-constexpr double kSingleAbove = 1e-4;  // of v_ref: natural map
 // Newton's method.
 constexpr int kNewtonSteps = 300;       // factorisations of a search; 26 bodies from no impulses take 100 to 200
 constexpr int kFewSteps = 10;           // the same, of islands however large
@@ -30,7 +30,6 @@ constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought on s
 constexpr int kFewLoops = 4;            // of pairs that touch: a factor of such an island is no larger than a tower's
 constexpr int kTinyIsland = 8;          // bodies: there Newton's method takes no longer than sweeps
 constexpr double kStill = 0.01;         // of v_ref: speed of the contacts of what stands
-constexpr double kCarried = 1e-4;       // of v_ref: natural map of sweeps that get from one end to the other
 
 double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
@@ -158,7 +157,7 @@ NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
   const double goal = task.goal();
   const bool rough = !small || (MayBeRough(task) && !AllZero(now_.impulses));
   if (rough) map = Search(task, map);
-  const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kCarried * task.scale());
+  const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kRough * task.scale());
   if (exact || (task.settings.effort.newton && !map.Meets(goal))) {
     const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, task.settings.speed_share};
     coulomb_newton_.Solve(problem, task.scales, aim, NewtonSteps(task), &now_.impulses);
@@ -182,9 +181,8 @@ NaturalMap CoulombSearch::Search(const Task& task, NaturalMap best) {
   const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
   bool astray = false;
   for (int left = task.settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
-    const Precision precision =
-        single && best.rms > kSingleAbove * task.scale() ? Precision::kSingle : Precision::kDouble;
-    const int block = std::min(left, astray ? kPlainSweeps : kSweeps);
+    const Precision precision = single && best.rms > kRough * task.scale() ? Precision::kSingle : Precision::kDouble;
+    const int block = std::min(left, astray ? kShortBlock : kSweeps);
     left -= block;
     gauss_seidel_.Sweep(problem, block, 0.1 * goal, &now_.impulses, &now_.velocities,
                         astray ? Pace::kPlain : Pace::kMomentum, precision);
@@ -205,8 +203,7 @@ void CoulombSearch::PrepareSweeps(const Problem& problem) {
 NaturalMap CoulombSearch::SweepOn(const Task& task) {
   const Problem& problem = task.problem;
   PrepareSweeps(problem);
-  const int sweeps =
-      IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kMendingSweeps;
+  const int sweeps = IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kShortBlock;
   gauss_seidel_.Sweep(problem, sweeps, 0, &now_.impulses, &now_.velocities, Pace::kMomentum);
   return now_.MapOf(task);
 }

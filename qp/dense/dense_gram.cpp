@@ -1,9 +1,10 @@
 #include "qp/dense/dense_gram.h"
 
+#include "qp/smallness.h"
+
 namespace islet::qp {
 namespace {
 
-constexpr double kZero = 1e-15;        // scaled; rows of A have length one or so
 constexpr double kSparseShare = 0.15;  // of the dense work: the scattered sums of the sparse way are that much slower
 
 }  // namespace
@@ -17,7 +18,7 @@ void DenseGram::Prepare(const ScaledDenseProblem& problem) {
   for (int c = 0; c < problem.num_contacts(); ++c) {
     for (int k = 0; k < a_->cols(); ++k) {
       const Vector3 entry = a_->block<3, 1>(3 * c, k);
-      if (entry.cwiseAbs().maxCoeff() <= kZero) continue;
+      if (entry.cwiseAbs().maxCoeff() <= kRounding) continue;
       columns_.push_back(k);
       entries_.push_back(entry);
     }

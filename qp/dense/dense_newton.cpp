@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "qp/newton/proximal.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
-
-constexpr double kInnerShare = 1e-14;  // of the velocities: residual of a proximal step that is as good as none
 
 double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
 
@@ -70,12 +69,12 @@ bool DenseNewton::Step(int most, int* factorisations) {
   Eigen::VectorXd v = a.transpose() * centre_;
   velocity_ = problem_->velocity + problem_->delassus * centre_ - a * v;
   double size = Residual(v);
-  for (int steps = 0; size > kInnerShare * stiffness_ * (1 + v.norm()); ++steps, ++*factorisations) {
+  for (int steps = 0; size > kRounding * stiffness_ * (1 + v.norm()); ++steps, ++*factorisations) {
     if (steps >= most) return false;
     Factorise();
     const Eigen::VectorXd step = factors_.solve(-residual_), from = v;
     double share = 1, next = 0;
-    for (int halving = 0; halving <= kHalvings; ++halving, share /= 2) {
+    for (int halving = 0; halving <= kSearchHalvings; ++halving, share /= 2) {
       v = from + share * step;
       next = Residual(v);
       if (next <= (1 - kLeastDescent * share) * size) break;

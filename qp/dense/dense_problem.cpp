@@ -4,10 +4,11 @@
 #include <stdexcept>
 #include <string>
 
+#include "qp/smallness.h"
+
 namespace islet::qp {
 namespace {
 
-constexpr double kRankTolerance = 1e-13;       // of a scaled diagonal entry
 constexpr double kIndefiniteTolerance = 1e-3;  // what the factor may miss of W, scaled, before W is refused
 
 [[noreturn]] void Reject(const std::string& what, double value) {
@@ -23,7 +24,7 @@ Eigen::MatrixXd RevealRank(const Eigen::MatrixXd& w) {
   for (; rank < size; ++rank) {
     Eigen::Index pivot;
     const double largest = left.maxCoeff(&pivot);
-    if (!(largest > kRankTolerance)) break;
+    if (!(largest > kExact)) break;
     auto column = factor.col(rank);
     column = w.col(pivot);
     if (rank > 0) column.noalias() -= factor.leftCols(rank) * factor.row(pivot).head(rank).transpose();

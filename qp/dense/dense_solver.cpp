@@ -3,16 +3,16 @@
 #include <cmath>
 
 #include "qp/direct/one_contact.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
 
-constexpr int kSweeps = 1000;                 // between two tries of Newton's method
-constexpr int kNewtonSteps = 400;             // of one
-constexpr int kMostRounds = 30;               // of both
-constexpr double kGoalShare = 0.5;            // of the tolerance: so that nobody who measures otherwise finds it missed
-constexpr double kSofteningOfBlocks = 1e-12;  // scaled: blocks W_cc may be singular
-constexpr double kAbsurdSpeed = 1e3;          // times the velocities at hand
+constexpr int kSweeps = 1000;         // between two tries of Newton's method
+constexpr int kNewtonSteps = 400;     // of one
+constexpr int kMostRounds = 30;       // of both
+constexpr double kGoalShare = 0.5;    // of the tolerance: so that nobody who measures otherwise finds it missed
+constexpr double kAbsurdSpeed = 1e3;  // times the velocities at hand
 
 // Weak duality: velocities that satisfy the contacts have 0 <= j . (A v + c) <= |A^T j| |v| + j . c for all impulses in the cones.
 // Whether v would have to be absurdly fast; c has the slips of the impulses.
@@ -33,7 +33,7 @@ class Sweeper {
   Sweeper(const ScaledDenseProblem& problem, Model model) : problem_(problem), model_(model) {
     const Eigen::MatrixXd& w = problem.delassus;
     for (int c = 0; c < problem.num_contacts(); ++c) {
-      contacts_.emplace_back(w.block<3, 3>(3 * c, 3 * c) + kSofteningOfBlocks * Matrix3::Identity());
+      contacts_.emplace_back(w.block<3, 3>(3 * c, 3 * c) + kExact * Matrix3::Identity());
       first_.push_back(static_cast<int>(others_.size()));
       for (int other = 0; other < problem.num_contacts(); ++other)
         if (!w.block<3, 3>(3 * other, 3 * c).isZero(0)) others_.push_back(other);

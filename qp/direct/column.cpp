@@ -6,12 +6,10 @@
 #include <Eigen/Geometry>
 
 #include "qp/body_algebra.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
-
-constexpr double kRounding = 1e-14;  // of a joint's impulse
-constexpr double kFlat = 1e-9;  // of the spread of a joint's contacts along its length: what is less wide is an edge
 
 // Away from the first wall that is found.
 Vector3 Upwards(const std::vector<ContactTerm>& contacts) {
@@ -25,7 +23,7 @@ Vector3 Upwards(const std::vector<ContactTerm>& contacts) {
 Eigen::Vector2d SolveSpread(const Eigen::Matrix2d& s, const Eigen::Vector2d& y) {
   const double trace = s.trace();
   if (trace == 0) return Eigen::Vector2d::Zero();
-  if (s.determinant() > kFlat * trace * trace) return s.inverse() * y;
+  if (s.determinant() > kNegligible * trace * trace) return s.inverse() * y;
   return s * y / (trace * trace);
 }
 

@@ -7,13 +7,12 @@
 
 #include <Eigen/LU>
 
+#include "qp/direct/one_contact.h"
 #include "qp/elementary.h"
 #include "qp/slip.h"
 
 namespace islet::qp {
 namespace {
-
-constexpr double kMissed = 1e-11;  // relative: what rounding may leave of a condition
 
 // The facet between the edges k - 1 and k faces this way.
 const std::array<Vector3, 8> kFacets = [] {
@@ -73,7 +72,7 @@ bool OctagonContact::SolveCoulomb(const Vector3& q, Vector3* impulse) const {
     const Matrix span = Span(face), opens = Opens(face), system = opens * w_ * span;
     *impulse = span * system.partialPivLu().solve(-opens * q);
     const Vector3 u = w_ * *impulse + q;
-    if (Missed(q, *impulse, u + Slip(u, friction_, Cone::kOctagon) * Vector3::UnitX()) <= kMissed) return true;
+    if (Missed(q, *impulse, u + Slip(u, friction_, Cone::kOctagon) * Vector3::UnitX()) <= kDirectTolerance) return true;
   }
   return false;
 }
@@ -97,7 +96,7 @@ bool OctagonContact::SolveKinetic(const Vector3& q, double target, Vector3* impu
       *impulse += *multiplier * by_one;
     }
     const Vector3 dual = w_ * (*impulse - *multiplier * Vector3::UnitX()) + q;
-    if (*multiplier >= 0 && Missed(q, *impulse, dual) <= kMissed) return true;
+    if (*multiplier >= 0 && Missed(q, *impulse, dual) <= kDirectTolerance) return true;
   }
   return false;
 }

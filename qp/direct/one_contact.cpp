@@ -6,13 +6,10 @@
 #include <Eigen/LU>
 
 #include "qp/elementary.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
-namespace {
-
-constexpr double kMissed = 1e-11;  // of q: what an answer may lie outside of the dual cone
-
-}  // namespace
+namespace {}  // namespace
 
 OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
@@ -83,7 +80,7 @@ bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, 
   *multiplier = impulse->dot(u) / (target - q[0]);
   const Vector3 dual = u - *multiplier * w_.col(0);
   const double outside = friction * std::sqrt(dual[1] * dual[1] + dual[2] * dual[2]) - dual[0];
-  return *multiplier >= 0 && outside <= kMissed * q.norm();
+  return *multiplier >= 0 && outside <= kDirectTolerance * q.norm();
 }
 
 Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target) const {
@@ -107,7 +104,7 @@ Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target
     const Vector2 t = length * along, turn = length * (across - friction * coupling.dot(across) / open * along);
     return {t, t.dot(0.5 * stiffness * t + slope), turn.dot(stiffness * t + slope)};
   };
-  constexpr int kDirections = 32, kHalvings = 60;
+  constexpr int kDirections = 32;
   const double sector = 2 * std::numbers::pi / kDirections;
   int best = 0;
   for (int k = 1; k < kDirections; ++k)

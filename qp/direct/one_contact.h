@@ -14,6 +14,8 @@
 
 namespace islet::qp {
 
+inline constexpr double kDirectTolerance = 1e-11;  // relative: what answers without iterations may miss a condition by
+
 class OneContact {
  public:
   OneContact() = default;

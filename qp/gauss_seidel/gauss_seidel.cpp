@@ -5,6 +5,7 @@
 
 #include "parallel/fork.h"
 #include "qp/body_algebra.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
@@ -15,7 +16,6 @@ using ConstBlock = Eigen::Map<const Vector3>;
 // Nesterov's momentum wants a gradient; the law of friction is none, and full momentum circles around jammed piles for ever.
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
-constexpr double kFlat = 1e-14;   // of W_nn: a tangent that moves nothing
 constexpr double kTrace =
     1e-30;  // of the largest impulse: one that has faded so far is none, before its square is no number
 
@@ -155,7 +155,7 @@ void GaussSeidel::PrepareContact(const Problem& problem, int number, int lane, S
   const double axis[2][2] = {{cosine, sine}, {-sine, cosine}};
   t(0, 0) = normal;
   for (int k = 0; k < 2; ++k) {
-    const double tangent = stiffness[k] > kFlat * w(0, 0) ? 1 / std::sqrt(stiffness[k]) : 0;
+    const double tangent = stiffness[k] > kRounding * w(0, 0) ? 1 / std::sqrt(stiffness[k]) : 0;
     t(0, 1 + k) = tangent * shear[k];
     t(1, 1 + k) = tangent * axis[k][0];
     t(2, 1 + k) = tangent * axis[k][1];

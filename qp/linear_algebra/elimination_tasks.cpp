@@ -8,10 +8,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kWorthTasks = 100e3;  // [ns] of a factorisation that is cut into tasks
-constexpr double kWorthTask = 20e3;    // [ns] of a task; smaller subtrees share one
-constexpr double kForkedFront = 60e3;  // [ns] from which a front of the top is shared by two threads
-constexpr double kForkedGain = 1.7;    // by how much that shortens it
+constexpr double kSharedGain = 1.7;                        // by how much two threads shorten a front that they share
 constexpr double kCuts[] = {0.35, 0.2, 0.12, 0.08, 0.05};  // largest subtree of a task, share of the whole
 
 int ParentOf(const Elimination& e, int s) { return e.below(s) == 0 ? -1 : e.supernode_of[e.rows[e.row_start[s]]]; }
@@ -35,12 +32,12 @@ double EliminationTasks::AddUpSubtrees(const Elimination& e) {
 double EliminationTasks::ChooseLimit(double total, Elimination* e) const {
   double limit = total, best = total;
   for (const double share : kCuts) {
-    if (total < kWorthTasks) break;
+    if (total < 5 * kTaskTime) break;
     double longest = 0, tasks = 0, top = 0;
     for (int s = 0; s < e->num_supernodes(); ++s) {
       const double time = FrontTime(e->columns(s), e->below(s));
       if (subtree_[s] > share * total) {
-        top += time > kForkedFront ? time / kForkedGain : time;
+        top += time > kSharedFront ? time / kSharedGain : time;
       } else {
         tasks += time;
         longest = std::max(longest, subtree_[s]);
@@ -67,7 +64,7 @@ int EliminationTasks::AssignTasks(const Elimination& e, double total, double lim
   task_of_.assign(count, -1);
   int num_tasks = 0;
   double filled = 0;
-  const double worth = std::max(kWorthTask, total / (kMostTasks - 1));  // all but the last take as long
+  const double worth = std::max(kTaskTime, total / (kMostTasks - 1));  // all but the last take as long
   for (int root : roots_) {
     if (num_tasks == 0 || (cut && filled >= worth)) ++num_tasks, filled = 0;
     filled += subtree_[root];

@@ -11,9 +11,9 @@ namespace islet::qp {
 namespace {
 
 constexpr double kStepShare = 0.03;  // of the natural map: residual of a proximal step that is as good as none
-constexpr int kKrylov = 20;             // of GMRES, steps
-constexpr double kForcing = 1e-2;       // of the residual, what GMRES may leave
-constexpr double kUseful = 0.3;         // of the residual, what it may leave at the end
+constexpr int kKrylov = 20;          // of GMRES, steps
+constexpr double kForcing = 1e-2;    // of the residual, what GMRES may leave
+constexpr double kUseful = 0.3;      // of the residual, what it may leave at the end
 
 }  // namespace
 
@@ -122,7 +122,7 @@ bool CoulombNewton::Step(double aim, int most) {
     if (!FindDirection()) return false;
     from_ = v_;
     double share = 1, next = 0;
-    for (int halving = 0; halving <= kHalvings; ++halving, share /= 2) {
+    for (int halving = 0; halving <= kSearchHalvings; ++halving, share /= 2) {
       for (size_t i = 0; i < v_.size(); ++i) v_[i] = from_[i] + share * direction_[i];
       next = Residual();
       if (next <= (1 - kLeastDescent * share) * size) break;

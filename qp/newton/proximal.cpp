@@ -7,11 +7,11 @@ namespace islet::qp {
 namespace {
 
 constexpr double kStiffen = 10, kSoften = 0.1;
-constexpr double kStiffenAgain = 2;  // after a failure, for a while
-constexpr int kEasy = 4;             // Newton steps of a proximal step that may become stiffer
-constexpr double kRounding = 4e-16;  // of the speed: error of a contact's velocity
-constexpr int kPatience = 20;        // steps without a better answer: on the way to it the map may rise for a while
-constexpr int kShortPatience = 5;    // steps without half of the map, where it is small enough
+constexpr double kStiffenAgain = 2;          // after a failure, for a while
+constexpr int kEasy = 4;                     // Newton steps of a proximal step that may become stiffer
+constexpr double kVelocityRounding = 4e-16;  // of the speed: error of a contact's velocity
+constexpr int kPatience = 20;      // steps without a better answer: on the way to it the map may rise for a while
+constexpr int kShortPatience = 5;  // steps without half of the map, where it is small enough
 
 double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
 
@@ -39,7 +39,7 @@ Matrix3 SpringSlope(const Vector3& pull, double friction) {
 
 double ProximalPace::Stiffness(double residual, double speed) {
   stiffness_ = std::min(stiffness_, limit_);
-  if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kRounding * speed)));
+  if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kVelocityRounding * speed)));
   return stiffness_;
 }
 

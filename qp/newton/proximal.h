@@ -12,7 +12,7 @@
 namespace islet::qp {
 
 // Of Newton's method inside a step: a shorter way where the residual does not fall by this share of what the slope promises.
-inline constexpr int kHalvings = 8;
+inline constexpr int kSearchHalvings = 8;
 inline constexpr double kLeastDescent = 1e-4;
 
 Vector3 SpringLaw(const Vector3& pull, double friction);
