@@ -13,8 +13,6 @@
 
 namespace islet {
 
-// What the length of a normal or a rotation that a caller hands in may be off 1.
-
 struct Contact {
   int body_a = -1;                      // body_a < body_b always
   int body_b = -1;                      // the normal points into it

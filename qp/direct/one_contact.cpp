@@ -9,7 +9,6 @@
 #include "qp/smallness.h"
 
 namespace islet::qp {
-namespace {}  // namespace
 
 OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   const double a = w(1, 1) - w(1, 0) * w(0, 1) / w(0, 0);
