@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "engine/freezing/certified_freezing.h"
-#include "engine/motion/tuning.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 
@@ -18,7 +17,6 @@ constexpr double kWider = 1.5;      // times what a body strayed out of its room
 constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
 constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
-constexpr int kMostWork = 100000;   // of a step of a group, half a second or so
 constexpr double kCrowded = 40;     // steps for which a group that needs more goes with the crowd
 
 constexpr std::uint8_t kBefore = 1, kNow = 2;  // when a group gave up; who is alone since tries again

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/motion/tuning.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 #include "qp/smallness.h"

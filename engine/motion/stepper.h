@@ -24,6 +24,7 @@
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
+#include "engine/motion/tuning.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
@@ -56,8 +57,8 @@ struct Group {
   std::vector<GroupPair> pairs;     // ascending
   std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
-  int most_work =
-      200000;  // of a step: looks at a pair, and contacts solved, which are so much dearer. With more it is given up
+  // Of a step: looks at a pair, and contacts solved, which are so much dearer. With more it is given up.
+  int most_work = kMostWork;
 };
 
 struct GroupOutcome {

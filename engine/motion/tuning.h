@@ -1,4 +1,4 @@
-// What groups and crowds share.
+// What several files of this room share.
 #pragma once
 
 namespace islet::motion {
@@ -8,5 +8,7 @@ inline constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes ba
 inline constexpr double kFastest = 20;   // times |g| dt: what a way out of an overlap, or a turn, may ask for
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
+
+inline constexpr int kMostWork = 100000;  // of a step of a group: half a second or so
 
 }  // namespace islet::motion

@@ -13,7 +13,7 @@ namespace islet::qp {
 struct Elimination;
 
 inline constexpr int kMostTasks = 64;
-inline constexpr double kTaskTime = 20e3;              // [ns] of a task, at least: handing over costs a tenth of it
+inline constexpr double kTaskTime = 20e3;              // [ns] of a task; smaller subtrees share one
 inline constexpr double kSharedFront = 3 * kTaskTime;  // [ns] from which a front of the top is shared by two threads
 
 class EliminationTasks {
