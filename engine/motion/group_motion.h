@@ -20,7 +20,7 @@
 
 #include "engine/ledger.h"
 #include "engine/motion/groups.h"
-#include "engine/motion/stepper.h"
+#include "engine/motion/group/stepper.h"
 #include "engine/problem_record.h"
 #include "parallel/worker_pool.h"
 

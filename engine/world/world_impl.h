@@ -13,7 +13,7 @@
 #include "engine/detection/body_watch.h"
 #include "engine/detection/detection.h"
 #include "engine/ledger.h"
-#include "engine/motion/crowd.h"
+#include "engine/motion/crowd/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/world.h"
 #include "parallel/worker_pool.h"

@@ -1,4 +1,4 @@
-// Crowds by the law of the step (engine/motion/crowd.h): what the ledger says of heaps of anything, and what comes to rest.
+// Crowds by the law of the step (engine/motion/crowd/crowd.h): what the ledger says of heaps of anything, and what comes to rest.
 #include <algorithm>
 #include <cmath>
 #include <random>

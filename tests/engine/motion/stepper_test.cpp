@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "engine/motion/stepper.h"
+#include "engine/motion/group/stepper.h"
 #include "engine/world.h"
 #include "scenes/random.h"
 #include "tests/support/no_alloc.h"

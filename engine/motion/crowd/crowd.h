@@ -1,5 +1,5 @@
 // The law of the step for a crowd: the bodies of the groups that are too large for a piece of their own. One piece a step.
-// Derivation and symbols: engine/motion/README.md.
+// Derivation and symbols: engine/motion/README.md; files: engine/motion/crowd/README.md.
 //
 //   carry    impulses I, spread over the step:  0 <= I_n, gap(x1) >= 0, I_n gap(x1) = 0, friction on the mean velocity; posed anew
 //            where bodies turned, for the islands in which gaps missed their end
@@ -63,6 +63,8 @@ class Crowd {
   std::span<const LedgerImpulse> impulses() const { return impulses_; }  // of the last step
 
  private:
+  static constexpr double kReach = 0.02;  // of a size: contacts nearer than that may carry in a pass
+
   struct Held {                                              // a contact that carries
     double target = 0;                                       // [m/s] least normal mean velocity
     double allowed = 0;                                      // [m] <= 0: gap at which it may end
@@ -99,44 +101,52 @@ class Crowd {
   };
 
   enum class Outcome { kDone, kMissed, kHitFrozen };
-  bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
-  Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
-  bool HitsFrozen();
-  void Return(std::span<const State> states);
-  double FreshOverlap() const;
-  double Size(const Contact& contact) const;
-  void Load(double dt);
-  void Recall(const CrowdMemory& memory);
-  void GiveWay();
-  double YieldOf(const Contact& pair) const;
-  double PushOf(double gap) const;
-  void AllowPushes(const CrowdMemory& memory);
-  void Select();
-  void Part(std::span<const Contact> contacts);
-  void PartEdges();
-  void Carry(bool first, StepReport* report);
-  void Fly();
-  Vector3 TakesOn(int i, size_t c) const;
   struct Place {
     Vector3 point_W;  // [m]
     double reach;     // [m] that it may be from there
   };
-  Place PlaceAtEnd(size_t c) const;
-  void FollowHeld();
-  bool Judge(int pass);
-  void Disturb(const Contact& contact);
-  bool LetGo();
-  bool IsFoundAgain(size_t c) const;
-  bool Gains();
-  double EnergyOf(size_t i, bool at_end) const;
-  Vector3 SlipOf(size_t c) const;
-  double WorkOf(size_t c) const;
-  double WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const;
-  void NextTargets();
-  void Keep(size_t c);
-  void Aim(size_t end);
-  bool Guard(size_t e, size_t e_end);
+
+  // crowd.cpp: the step, piece by piece.
+  bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  void Load(double dt);
+  void Recall(const CrowdMemory& memory);
+  void Remember(double h, CrowdMemory* memory);
+  void Return(std::span<const State> states);
+  bool HitsFrozen();
+  double FreshOverlap() const;
+  double Size(const Contact& contact) const;
+  void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage,
+              StepReport* report);
+  void ReportIslands(StepReport* report) const;
+  void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
+  void TellObserver();
+  template <typename F>  // f(island, Worker*), of the partition, on all workers
+  void ForEachIsland(const F& f);
+
+  // crowd_carry.cpp: what carries, and its impulses.
+  void AllowPushes(const CrowdMemory& memory);
+  void Select();
+  void Carry(bool first, StepReport* report);
+  void GiveWay();
+  void Part(std::span<const Contact> contacts);
+  void PartEdges();
+  double PushOf(double gap) const;
+  double YieldOf(const Contact& pair) const;
+  double GapAtStart(const Contact& pair) const;
+  double LighterMass(const Contact& contact) const;
+  double Share(const Contact& contact) const;
+  bool IsRound(const Contact& contact) const;
+
+  // crowd_flight.cpp: the course under impulses.
+  void Fly();
   Path PathOf(int i) const;
+  Course CourseOf(int i) const;
+  Vector3 MeanVelocity(int i, const Vector3& point) const;
+  Vector3 TakesOn(int i, size_t c) const;
+  Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
+  Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
+  Vector3 Centre(const Contact& c) const;
   bool TurnsInItself(int i) const {
     return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace;
   }
@@ -144,36 +154,41 @@ class Crowd {
   Quaternion SeenAs(int i, const Quaternion& rotation_WB) const {
     return VisibleRotation(shapes_[i], begin_[i].pose.rotation_WB, rotation_WB);
   }
-  Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
-  Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
+
+  // crowd_judge.cpp: whether a pass meets its end.
+  bool Judge(int pass);
+  void Disturb(const Contact& contact);
+  bool LetGo();
+  bool Gains();
+  bool MarkGains(int island, Worker* worker) const;
+  double EnergyOf(size_t i, bool at_end) const;
+  Vector3 SlipOf(size_t c) const;
+  double WorkOf(size_t c) const;
+  double WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const;
+
+  // crowd_aim.cpp: the contacts of the next pass.
+  void FollowHeld();
+  Place PlaceAtEnd(size_t c) const;
+  bool IsFoundAgain(size_t c) const;
+  void NextTargets();
+  void Keep(size_t c);
+  void Aim(size_t end);
+  bool Guard(size_t e, size_t e_end);
   double GapAlong(const Contact& contact, const Held& held) const;
-  Vector3 Centre(const Contact& c) const;
-  const Contact* AtStart(const Contact& end) const;
-  Course CourseOf(int i) const;
   double TargetOf(const Contact& contact, double gap, double allowed) const;
-  Vector3 MeanVelocity(int i, const Vector3& point) const;
-  bool IsRound(const Contact& contact) const;
-  double GapAtStart(const Contact& pair) const;
-  double Share(const Contact& contact) const;
-  double LighterMass(const Contact& contact) const;
+  const Contact* AtStart(const Contact& end) const;
+
+  // crowd_settle.cpp: velocities where the piece ends.
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
-  bool MarkGains(int island, Worker* worker) const;
-  void Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage,
-              StepReport* report);
-  void Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker);
-  void TellObserver();
+
+  // crowd_freezing.cpp
   void LookAtStart(double dt, const CrowdMemory& memory);
+  void FillFrame(double dt, std::span<const Vector3> forces_W);
   void Wake(double dt, CrowdMemory* memory);
   bool Hold(double dt, CrowdMemory* memory);
   void Freeze(double dt, CrowdMemory* memory, StepReport* report);
-  void FillFrame(double dt, std::span<const Vector3> forces_W);
-  void Remember(double h, CrowdMemory* memory);
-  void ReportIslands(StepReport* report) const;
-
-  template <typename F>
-  void ForEachIsland(const F& f);
 
   Settings settings_;
   parallel::WorkerPool* pool_;
@@ -249,5 +264,13 @@ class Crowd {
   Meeting meeting_;
   std::vector<Contact> probe_;
 };
+
+template <typename F>
+void Crowd::ForEachIsland(const F& f) {
+  costs_.resize(partition_.num_islands());
+  for (int i = 0; i < partition_.num_islands(); ++i)
+    costs_[i] = 1.0 + static_cast<double>(partition_.contacts_of(i).size());
+  pool_->ForEachByCost(costs_, kBatchCost, &schedule_, [&](int island, int worker) { f(island, &workers_[worker]); });
+}
 
 }  // namespace islet::motion

@@ -1,5 +1,5 @@
 // The law of the step for a group of bodies that may meet: poses move by velocities, velocities change by contact impulses,
-// and nothing else happens. Derivation and symbols: engine/motion/README.md.
+// and nothing else happens. Derivation and symbols: engine/motion/README.md; files: engine/motion/group/README.md.
 //
 //   a step is cut into pieces; in a piece of length h
 //     carry    impulses I, spread over the piece:  0 <= I_n, gap(x1) >= 0, I_n gap(x1) = 0, friction on the mean velocity
@@ -18,72 +18,29 @@
 #include <span>
 #include <vector>
 
-#include "engine/body.h"
-#include "engine/contact.h"
 #include "engine/impact/sequential.h"
+#include "engine/motion/group/group.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
-#include "engine/motion/path.h"
-#include "engine/motion/tuning.h"
-#include "engine/problem_record.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
-#include "engine/shape.h"
 #include "engine/step_report.h"
 #include "islands/partition.h"
 
 namespace islet::motion {
-
-// An impulse that acted for a time: `duration` 0 is a blow. The force is constant while it acts.
-struct TimedImpulse {
-  Contact contact;    // bodies and point where it acted; of a spread one: halfway
-  Vector3 impulse_W;  // [N s] on body_b
-  double time;        // [s] from the start of the step
-  double duration;    // [s]
-  int corrects = -1;  // place of the spread impulse that it takes something back of, -1: none
-};
-
-struct GroupPair {
-  int a, b;  // places in the group, a < b
-};
-
-// Fills friction and restitution of a contact.
-using MixMaterial = std::function<void(Contact* contact, const Body& a, const Body& b)>;
-
-struct Group {
-  std::vector<Body> bodies;  // ascending by their number in the world
-  std::vector<int> numbers;  // in the world
-  std::vector<const Shape*> shapes;
-  std::vector<GroupPair> pairs;     // ascending
-  std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
-  std::vector<Vector3> remembered_force_W;
-  // Of a step: looks at a pair, and contacts solved, which are so much dearer. With more it is given up.
-  int most_work = kMostWork;
-};
-
-struct GroupOutcome {
-  int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
-  double unstepped = 0;  // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
-  double overlap = 0;    // [m] deepest at the end
-  int overlapping = 0;   // pairs that are inside of each other at the end
-  bool restitution_lowered = false;
-  std::vector<TimedImpulse> impulses;
-  std::vector<Contact> touching;  // near contacts at the end pose, and the forces [N] that held there
-  std::vector<Vector3> touching_force_W;
-  std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
-  bool record = false;                                    // in: whether records are wanted
-  bool record_paths = false;                              // in: the same of paths
-  std::vector<double> ends;                               // [s] of the pieces that were done
-  std::vector<Path> paths;                                // of all bodies in the first of them, then in the next
-  std::vector<ProblemRecord> records;
-  void Clear();  // keeps the memory of its vectors
-};
 
 class Stepper {
  public:
   void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
 
  private:
+  static constexpr double kDeep = 2.5e-4;     // of a size: an overlap that is never left
+  static constexpr int kSolveWork = 32;       // looks at a pair, which one solved contact is worth
+  static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
+  static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
+  // Times the step over the number of blows it may have: a rebound that is over sooner is none.
+  static constexpr double kBrief = 4;
+
   struct Held {  // a contact that carries in this piece
     int pair;
     Vector3 centre;        // [m] of the bodies that its point moves along with, where that was found
@@ -104,87 +61,116 @@ class Stepper {
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
+  struct Progress {   // of the step
+    double t = 0;     // [s] done
+    double most = 0;  // [s] length of the next piece
+    int level = 0;    // how often pieces were halved
+    // The next piece is an instant, in which a jam stops what slides; the last was one; a jam was told of, and was none.
+    bool instant = false, stopped = false, jammed = false;
+  };
+  enum class Moment { kStart, kMiddle, kEnd };  // of a piece
+
+  // stepper.cpp: the step, piece by piece.
+  void Begin(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
+  bool Piece(Progress* progress);
+  double ChooseLength(double rest);
+  double FindCourse(double h, bool* foresaw);
+  bool Refine(bool foresaw, bool may_halve, bool* cut, double* h);
+  void Commit(double t, double h);
+  void End();
   void LoadState();
   Vector3 VisibleSpinOf(int i) const;
   double WhirlOf(int i) const;
-  double ChooseLength(double rest);
+  double Size(const GroupPair& pair) const;
+  double BodyRadius(int i) const;
+
+  // stepper_contacts.cpp: what is found, where the piece begins and where it ends.
   double Apart(const GroupPair& pair, std::span<const State> at) const;
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
   void Recall();
+  void DetectEnd();
+  void FollowHeld();
+  int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
+  const Contact* ClosedAtStart(size_t at_end) const;
+  Vector3 CarriedBy(size_t at_end) const;
+  bool WasHeld(size_t at_end) const;
+  bool Presses(int pair) const;
+  bool Touches(int pair) const;
+  double GapBefore(int pair) const;
+  double PushOut(int pair) const;
+  double FreshOverlap() const;
+  double DeepestSinceStart() const;
+  double Missed() const;
+
+  // stepper_carry.cpp: what carries, and its impulses.
   void SelectHeld(double h);
   void Carry(double h, bool first);
-  double LighterMass(const Contact& contact) const;
   bool StillCarries(double h);
+  void NextTargets(double h);
+  bool Foresee(double h);
+  bool Strays() const;
+  bool AllFollowed() const;
+  bool NormalsMove() const;
+  bool LeversMove(double h) const;
   bool Jams(double h) const;
+  double LighterMass(const Contact& contact) const;
+  void PartProblem();
+  void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
+  void Record(Stage stage, QpStatus status);
+
+  // stepper_flight.cpp: the course under impulses.
+  void Fly(double h);
+  void EndAt(double at, double* h);
   void MoveCentres(double h);
   bool TurnIntoLine();
-  void Fly(double h);
+  void PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const;
   Path PathOf(int i, double h) const;
+  Course CourseOf(int i) const;
+  Vector3 MeanVelocity(int i, const Vector3& point) const;
+  Vector3 MeanSpin(int i) const;
+  Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
+  Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
+  Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
+  Vector3 CentreAtStart(int pair) const;
+  Vector3 CentreHalfway(int pair) const;
+  Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
+  bool TurnInThemselves(int pair) const;
+  Quaternion SeenAs(int i, const Pose& pose) const;
+
+  // stepper_meeting.cpp: who meets whom on the way.
   double FindMeeting(double h);
   MeetingQuery WayOf(int number, double h, double until, double gap, double deep) const;
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query);
   bool WayIsBarred(double h);
   void Guard(int number, double t, const Path& a, const Path& b);
-  void EndAt(double at, double* h);
   double Shorten(double h, double moment);
-  void DetectEnd();
-  bool Touches(int pair) const;
-  double GapBefore(int pair) const;
   double GapOfBlow(int pair) const;
-  double PushOut(int pair) const;
-  double FreshOverlap() const;
-  double Missed() const;
-  double DeepestSinceStart() const;
-  bool NormalsMove() const;
-  bool LeversMove(double h) const;
-  bool AllFollowed() const;
-  bool Foresee(double h);
-  bool Strays() const;
-  void FollowHeld();
-  enum class Moment { kStart, kMiddle, kEnd };
-  Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
-  Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
-  int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
-  bool TurnInThemselves(int pair) const;
-  Course CourseOf(int i) const;
-  Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
-  Vector3 CentreAtStart(int pair) const;
-  Vector3 CentreHalfway(int pair) const;
-  Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
-  const Contact* ClosedAtStart(size_t at_end) const;
-  Vector3 MeanVelocity(int i, const Vector3& point) const;
-  Vector3 MeanSpin(int i) const;
-  void NextTargets(double h);
-  Vector3 CarriedBy(size_t at_end) const;
-  bool Presses(int pair) const;
-  bool WasHeld(size_t at_end) const;
-  void PoseAtEnd();
+
+  // stepper_blow.cpp: velocities where the piece ends.
   void Settle();
+  void Strike();
+  void PoseAtEnd();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
-  void Record(Stage stage, QpStatus status);
+  static void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies);
+  static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
+  double BendOf(const Contact& contact) const;
+  double CutSpeed(const Contact& contact) const;
+  bool WillHit(const Contact& contact, double opening) const;
   bool IsThere(size_t at_end) const;
   bool Hits(size_t at_end) const;
   bool HitsEarlier() const;
   bool HasMet(int pair) const;
-  void Strike();
+
+  // stepper_energy.cpp: who gained, and who pays for a push.
   double EnergyOf(int i, const State& state) const;
   void KeepAccounts(double h);
   void FindWork();
   void SeeWhoPays(double h);
   bool Pushed() const;
-  void Commit(double t, double h);
-  void PartProblem();
-  void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
-  double Size(const GroupPair& pair) const;
-  double BendOf(const Contact& contact) const;
-  double CutSpeed(const Contact& contact) const;
-  double BodyRadius(int i) const;
-  Quaternion SeenAs(int i, const Pose& pose) const;
-  bool WillHit(const Contact& contact, double opening) const;
 
   // Of the step.
   double dt_ = 0;             // [s]
@@ -213,6 +199,7 @@ class Stepper {
   double time_of_piece_ = 0;                         // [s] at which it begins
   int cut_pair_ = -1;                                // whose blow ends it
   int grazing_ = -1;                                 // whose blow ended the piece before, and was none
+  bool struck_ = false;                              // a blow ended it
   std::vector<State> state_, end_state_, foreseen_;  // per body: where it begins and ends
   std::vector<Pose> middle_, turned_;                // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;           // [rad/s] there, before and after the impulses

@@ -1,0 +1,291 @@
+#include "engine/motion/crowd/crowd.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/motion/crowd/pairs.h"
+#include "engine/motion/tuning.h"
+#include "engine/rotation.h"
+#include "engine/slice.h"
+#include "engine/stopwatch.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kLevels = 3;      // times that a piece is halved
+constexpr double kDeep = 2e-3;  // of a size: overlap that a piece may not make
+
+constexpr double kMoving = 0.1;  // of the tolerance: what of their speed answers may be wrong by where bodies move
+
+}  // namespace
+
+Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool)
+    : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
+  for (Worker& worker : workers_) worker.responder.SetSpeedShare(kMoving * settings.tolerance);
+}
+
+double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }
+
+// States where the step begins, and the course under forces alone.
+void Crowd::Load(double dt) {
+  const size_t n = bodies_.size();
+  dt_ = dt;
+  begin_.resize(n);
+  free_.resize(n);
+  middle_.resize(n);
+  mean_W_.resize(n);
+  mean_spin_W_.resize(n);
+  travel_.resize(n);
+  posed_.assign(bodies_.begin(), bodies_.end());
+  cut_.resize(n);
+  double fastest = 0;
+  driven_ = false;
+  for (size_t i = 0; i < n; ++i) {
+    cut_[i] = !bodies_[i].Moves();
+    driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
+    if (!cut_[i]) fastest = std::max(fastest, FastestPoint(TwistOf(bodies_[i]), bodies_[i].radius));
+  }
+  floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
+  threshold_ = 10 * settings_.tolerance * floor_;
+  least_energy_ = 0.5 * std::max(floor_ * floor_, settings_.gravity.squaredNorm() * dt * whole_dt_);
+  pool_->ForEachOf(n, [&](size_t i) {
+    const Body& b = bodies_[i];
+    begin_[i] = StateOf(b);
+    if (!b.Moves()) {
+      mean_W_[i] = b.linear_velocity_W;
+      travel_[i] = dt * b.linear_velocity_W;
+      mean_spin_W_[i] = b.angular_velocity_W;
+      middle_[i] = {b.position_W + 0.5 * dt * b.linear_velocity_W,
+                    Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
+      return;
+    }
+    Free& free = free_[i];
+    free.linear_W = b.linear_velocity_W + 0.5 * dt * (settings_.gravity + b.force_W / b.mass);
+    free.half_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, b.angular_velocity_W, 0.5 * dt), b.rotation_WB);
+    free.spin_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, free.half_WB);
+  });
+}
+
+// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
+void Crowd::Recall(const CrowdMemory& memory) {
+  start_force_W_.assign(start_.size(), Vector3::Zero());
+  ForEachPair(memory.contacts, start_, [&](size_t old, size_t old_end, size_t now, size_t now_end) {
+    if (old == old_end || now == now_end) return;
+    for (size_t o = old; o < old_end; ++o) {
+      if (memory.forces_W[o].isZero(0)) continue;
+      const Contact& gone = memory.contacts[o];
+      const int heir = FindAgain(std::span(start_).subspan(now, now_end - now), gone.feature, gone.point_W,
+                                 kSamePlace * Size(gone), INFINITY);
+      start_force_W_[now + std::max(heir, 0)] += memory.forces_W[o];
+    }
+  });
+}
+
+void Crowd::Report(std::span<const ResponseOutcome> outcomes, QpSummary* summary, double seconds, double* stage,
+                   StepReport* report) {
+  *stage += seconds;
+  for (const ResponseOutcome& outcome : outcomes) {
+    outcome.AddTo(summary, &report->ladder);
+    report->certificate.Include(outcome.certificate);
+    report->restitution_lowered += outcome.restitution_lowered;
+  }
+}
+
+void Crowd::Record(int island, Stage stage, const ResponseOutcome& outcome, const Worker& worker) {
+  if (!*observer_ || outcome.status == QpStatus::kNone) return;
+  records_[island].push_back(
+      {0, island, stage, outcome.status, worker.responder.problem(), worker.responder.solution()});
+}
+
+void Crowd::TellObserver() {
+  if (!*observer_) return;
+  for (auto& records : records_) {
+    for (const ProblemRecord& record : records) (*observer_)(record);
+    records.clear();
+  }
+}
+
+// Of a size: the deepest overlap that the piece made.
+double Crowd::FreshOverlap() const {
+  double worst = 0;
+  for (size_t e = 0; e < near_->size(); ++e) {
+    const Contact& c = (*near_)[e];
+    if (!cut_[c.body_a] || !cut_[c.body_b]) worst = std::max(worst, (before_[e] - c.gap - dt_ * YieldOf(c)) / Size(c));
+  }
+  return worst;
+}
+
+// One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit
+// the step begins anew.
+Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
+                            StepReport* report) {
+  start_ = *near_;
+  Recall(*memory);
+  Load(h);
+  AllowPushes(*memory);
+  Select();
+  disturbed_.assign(bodies_.size(), 1);
+  int pass = 1;
+  for (;; ++pass) {
+    Carry(pass == 1, report);
+    Fly();
+    const double looking = Seconds();
+    find(travel_, near_);
+    const double found = Seconds();
+    report->seconds.detect += found - looking;
+    TellSlice({"detect", looking, found});
+    const bool met = Judge(pass);
+    if (met || pass == kPasses) break;
+    NextTargets();
+  }
+  report->motion_passes = std::max(report->motion_passes, pass);
+  const bool misses = pass == kPasses && (FreshOverlap() > kDeep || Gains());
+  report->motion_failures += misses && last;
+  if (misses && !last) {
+    Return(begin_);
+    *near_ = start_;
+    return Outcome::kMissed;
+  }
+  carried_at_.assign(near_->size(), -1);
+  work_.assign(near_->size(), 0.0);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    if (follows_[c] >= 0) {
+      carried_at_[follows_[c]] = static_cast<int>(impulses_.size());
+      work_[follows_[c]] += WorkOf(c);
+    }
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    impulses_.push_back({contact, impulse_W_[c], t, h});
+  }
+  Settle(report);
+  if (settings_.freezing == Freezing::kCertified && HitsFrozen()) return Outcome::kHitFrozen;
+  Remember(h, memory);
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    const int e = closed_[c];
+    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+    if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
+  }
+  return Outcome::kDone;
+}
+
+void Crowd::Return(std::span<const State> states) {
+  for (size_t i = 0; i < bodies_.size(); ++i) {
+    Body& b = bodies_[i];
+    b.position_W = states[i].pose.position_W;
+    b.rotation_WB = states[i].pose.rotation_WB;
+    SetTwist({states[i].linear_W, states[i].angular_W}, &b);
+  }
+}
+
+// Marks what stands still as frozen and took a blow. One that would give it less speed than its weight does is a load like others.
+// Returns whether any did.
+bool Crowd::HitsFrozen() {
+  hit_.assign(bodies_.size(), 0);
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    const double blow = (blows_[c] + collisions_[c]).norm();
+    for (const int i : {problem_[c].body_a, problem_[c].body_b})
+      hit_[i] = hit_[i] || (bodies_[i].frozen && blow > bodies_[i].mass * floor_);
+  }
+  return std::any_of(hit_.begin(), hit_.end(), [](std::uint8_t hit) { return hit != 0; });
+}
+
+// What held as the piece ended, also between bodies that stood still all the while.
+void Crowd::Remember(double h, CrowdMemory* memory) {
+  memory->contacts = *near_;
+  memory->lost = lost_;
+  memory->forces_W.assign(near_->size(), Vector3::Zero());
+  blow_W_.assign(near_->size(), Vector3::Zero());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    memory->forces_W[closed_[c]] = 1 / h * (frames_[c] * local_[c] + beyond_W_[c]);
+    blow_W_[closed_[c]] = frames_[c] * (blows_[c] + collisions_[c]);
+  }
+  ForEachPair(start_, *near_, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
+    if (s == s_end || e == e_end || !cut_[start_[s].body_a] || !cut_[start_[s].body_b]) return;
+    for (size_t k = e; k < e_end; ++k)
+      for (size_t c = s; c < s_end; ++c)
+        if (start_[c].feature == (*near_)[k].feature) memory->forces_W[k] = start_force_W_[c];
+  });
+}
+
+// Of the last piece.
+void Crowd::ReportIslands(StepReport* report) const {
+  for (int i = 0; i < partition_.num_islands(); ++i) {
+    if (partition_.contacts_of(i).empty()) continue;
+    IslandReport island;
+    island.first_body = partition_.bodies_of(i)[0];
+    island.bodies = static_cast<int>(partition_.bodies_of(i).size());
+    island.contacts = static_cast<int>(partition_.contacts_of(i).size());
+    island.collision_status = struck_[i].status;
+    island.static_status = outcomes_[i].status;
+    island.collision_iterations = struck_[i].iterations;
+    island.static_iterations = outcomes_[i].iterations;
+    island.map = std::max(struck_[i].map, outcomes_[i].map);
+    island.certificate = struck_[i].certificate;
+    island.certificate.Include(outcomes_[i].certificate);
+    report->islands.push_back(island);
+    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+    report->active_contacts += island.contacts;
+  }
+}
+
+// The step, piece by piece. Returns false where something frozen was hit, and is frozen no more.
+bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
+  impulses_.clear();
+  for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies
+    const Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];
+    if (!a.Moves() && !b.Moves() && !start_force_W_[c].isZero(0))
+      impulses_.push_back({start_[c], dt * start_force_W_[c], 0, dt});
+  }
+  if (AllStandStill(bodies_)) {
+    memory->contacts = *near_;
+    memory->forces_W = start_force_W_;
+    return true;
+  }
+  double t = 0, most = dt;
+  for (int level = 0; dt - t > 1e-9 * dt;) {
+    const double h = std::min(most, dt - t);
+    const Outcome outcome = Piece(t, h, level == kLevels, find, memory, report);
+    if (outcome == Outcome::kHitFrozen) return false;
+    if (outcome == Outcome::kDone) {
+      t += h;
+    } else {
+      ++level;
+      most = 0.5 * h;
+    }
+  }
+  ReportIslands(report);
+  return true;
+}
+
+void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& observer, std::span<Body> bodies,
+                 std::span<const Shape> shapes, std::vector<Contact>* near, CrowdMemory* memory, StepReport* report) {
+  bodies_ = bodies;
+  shapes_ = shapes;
+  near_ = near;
+  observer_ = &observer;
+  errors_.assign(bodies.size(), 0.0);
+  first_.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);
+  first_near_ = *near;
+  yields_.clear();
+  Wake(dt, memory);
+  first_contacts_ = memory->contacts;
+  first_forces_W_ = memory->forces_W;
+  first_lost_ = memory->lost;
+  for (hit_.clear(); !Pieces(dt, find, memory, report) || !Hold(dt, memory); hit_.clear()) {
+    yields_.clear();
+    Return(first_);
+    *near = first_near_;
+    memory->contacts = first_contacts_;
+    memory->forces_W = first_forces_W_;
+    memory->lost = first_lost_;
+    LookAtStart(dt, *memory);
+    freezing_.Wake(frame_, hit_, settings_);
+  }
+  Freeze(dt, memory, report);
+  for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);
+  report->overlapping += CountOverlapping(*near, [this](const Contact& c) { return Size(c); });
+}
+
+}  // namespace islet::motion

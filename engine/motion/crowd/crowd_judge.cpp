@@ -1,0 +1,193 @@
+#include "engine/motion/crowd/crowd.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/motion/crowd/pairs.h"
+#include "islands/disjoint_sets.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kLettingGo = 3;   // of these, that go on because something was let go
+constexpr double kGain = 1e-7;  // of the energy at hand: what a piece may make
+
+}  // namespace
+
+// Returns whether gaps meet their end, and marks the islands in which they do not.
+bool Crowd::Judge(int pass) {
+  const std::vector<Contact>& end = *near_;
+  FollowHeld();
+  disturbed_.assign(bodies_.size(), 0);
+  bool met = true;
+  for (size_t e = 0; e < end.size(); ++e) {
+    const double size = Size(end[e]);
+    if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
+    // What rolls on a rim or a cap, whose points do not go with it, would add a little in every step: who is beyond the tolerance goes no
+    // deeper.
+    const double tolerance = settings_.overlap_tolerance * size;
+    const bool rolls = shapes_[end[e].body_a].HasAxis() || shapes_[end[e].body_b].HasAxis();
+    const double deepest = before_[e] - (rolls && before_[e] < -tolerance ? kSamePoint * size : tolerance);
+    if (end[e].gap >= deepest - dt_ * YieldOf(end[e])) continue;
+    met = false;
+    Disturb(end[e]);
+  }
+  met = (!LetGo() || pass > kLettingGo) && met;
+  met = !Gains() && met;
+  if (met) return true;
+  // All of an island that misses its end somewhere.
+  edges_.clear();
+  for (const Contact& contact : held_) edges_.emplace_back(contact.body_a, contact.body_b);
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const std::span<const int> members = partition_.bodies_of(island);
+    if (std::none_of(members.begin(), members.end(), [&](int i) { return disturbed_[i] != 0; })) continue;
+    for (const int i : members) disturbed_[i] = 1;
+  }
+  return false;
+}
+
+// Its bodies are solved again.
+void Crowd::Disturb(const Contact& contact) {
+  for (const int i : {contact.body_a, contact.body_b})
+    if (!cut_[i]) disturbed_[i] = 1;
+}
+
+// What presses a pair that ends open holds by a plane that is not the pair's at the end. It is posed once more as it ends, then let go.
+// Returns whether there is any. (By the convex models what rubs parts.)
+bool Crowd::LetGo() {
+  if (settings_.model != Model::kCoulomb) return false;
+  bool any = false;
+  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
+    if (h == h_end) return;
+    const double gap = LeastGap(std::span(*near_).subspan(e, e_end - e));
+    if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * Size(held_[h])) return;
+    for (size_t c = h; c < h_end; ++c) {
+      if (impulse_W_[c].isZero(0)) continue;
+      ++held_of_[c].opened;
+      any = true;
+      Disturb(held_[c]);
+    }
+  });
+  return any;
+}
+
+// [J] of a body, its height counted from where the step began.
+double Crowd::EnergyOf(size_t i, bool at_end) const {
+  const Body& b = bodies_[i];
+  const State& s = begin_[i];
+  const Quaternion& rotation = at_end ? b.rotation_WB : s.pose.rotation_WB;
+  const Vector3 v = at_end ? b.linear_velocity_W : s.linear_W,
+                w = rotation.conjugate() * (at_end ? b.angular_velocity_W : s.angular_W);
+  const double height = at_end ? (b.mass * settings_.gravity + b.force_W).dot(b.position_W - s.pose.position_W) : 0;
+  return 0.5 * b.mass * v.squaredNorm() + 0.5 * w.dot(b.inertia_B * w) - height;
+}
+
+// [m/s] mean velocity of a held contact.
+Vector3 Crowd::SlipOf(size_t c) const {
+  return MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]) +
+         SurfaceSlip(held_[c]);
+}
+
+// [J] of what a contact carried.
+double Crowd::WorkOf(size_t c) const { return impulse_W_[c].dot(SlipOf(c)); }
+
+// [J] that moving walls and belts do by an impulse on body_b, halfway or at the end.
+double Crowd::WorkOfWalls(const Contact& c, const Vector3& point, const Vector3& impulse_W, bool at_end) const {
+  double work = -impulse_W.dot(SurfaceSlip(c));
+  for (const auto& [i, sign] : {std::pair{c.body_a, 1.0}, std::pair{c.body_b, -1.0}}) {
+    const Body& wall = bodies_[i];
+    if (wall.kind != BodyKind::kKinematic) continue;
+    const Vector3 centre = at_end ? wall.position_W : middle_[i].position_W;
+    work += sign * impulse_W.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+  }
+  return work;
+}
+
+// Whether bodies that press each other gained energy, by contacts whose levers are not those of the step, or by what pushed an overlap
+// out; marks the bodies of these contacts.
+bool Crowd::Gains() {
+  edges_.clear();
+  pressing_.clear();
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    edges_.emplace_back(held_[c].body_a, held_[c].body_b);
+    pressing_.push_back(static_cast<int>(c));
+  }
+  islands::BuildPartition({cut_, edges_}, &gaining_);
+  lost_.assign(bodies_.size(), INFINITY);
+  gain_.resize(bodies_.size());
+  at_hand_.resize(bodies_.size());
+  pool_->ForEachOf(bodies_.size(), [&](size_t i) {
+    if (cut_[i]) return;
+    const double before = EnergyOf(i, false);
+    gain_[i] = EnergyOf(i, true) - before;
+    at_hand_[i] = before + bodies_[i].mass * least_energy_;
+  });
+  bool gains = false;
+  for (int island = 0; island < gaining_.num_islands(); ++island) {
+    double gain = 0, at_hand = 0;
+    for (const int i : gaining_.bodies_of(island)) gain += gain_[i], at_hand += at_hand_[i];
+    for (const int k : gaining_.contacts_of(island)) {
+      const int c = pressing_[k];
+      gain -= WorkOfWalls(held_[c], acted_at_[c], impulse_W_[c], false);
+    }
+    for (const int i : gaining_.bodies_of(island)) lost_[i] = -gain;
+    if (gain <= kGain * at_hand) continue;
+    for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0, gained_[i] = 1;  // what it costs is not there
+    for (const int k : gaining_.contacts_of(island)) {
+      const int c = pressing_[k];
+      const double push = std::exchange(held_of_[c].push, 0.0);
+      held_of_[c].allowed -= push;
+      if (push == 0 && WorkOf(c) <= 0.1 * kGain * at_hand) continue;
+      gains = true;
+      Disturb(held_[c]);
+    }
+  }
+  return gains;
+}
+
+// Marks the bodies of an island that impulses join, as far as they have more energy together than carrying left them and took from them.
+// Returns whether there are any.
+bool Crowd::MarkGains(int island, Worker* worker) const {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const auto place = [&](int i) {
+    return static_cast<int>(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin());
+  };
+  const auto first_of = [&](int c) {
+    return place(cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a);
+  };
+  worker->parents.resize(bodies.size());
+  worker->gains.assign(bodies.size(), 0.0);
+  worker->works.assign(bodies.size(), 0.0);
+  islands::DisjointSets parts(worker->parents);
+  for (const int c : contacts) {
+    const Contact& contact = problem_[c];
+    const bool acts = !carried_W_[closed_[c]].isZero(0) || !(local_[c] + blows_[c] + collisions_[c]).isZero(0);
+    if (acts && !cut_[contact.body_a] && !cut_[contact.body_b])
+      parts.Union(place(contact.body_a), place(contact.body_b));
+  }
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    const Body& left = bodies_[bodies[k]];
+    worker->gains[parts.Find(static_cast<int>(k))] +=
+        posed_[bodies[k]].KineticEnergy() - (1 + kGain) * left.KineticEnergy() - kGain * left.mass * least_energy_;
+  }
+  for (const int c : contacts) {
+    const int part = parts.Find(first_of(c));
+    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]];
+    worker->gains[part] -= WorkOfWalls(problem_[c], problem_[c].point_W, change, true);
+    worker->works[part] += work_[closed_[c]];
+  }
+  bool any = false;
+  worker->gaining.assign(bodies.size(), 0);
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    const int part = parts.Find(static_cast<int>(k));
+    worker->gaining[k] = worker->gains[part] + std::min(0.0, worker->works[part]) > 0;
+    any = any || worker->gaining[k];
+  }
+  return any;
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,169 @@
+#include "engine/motion/crowd/crowd.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/slice.h"
+#include "engine/stopwatch.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kAttempts = 3;  // of blows, before none rebounds
+
+}  // namespace
+
+// Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
+void Crowd::Settle(StepReport* report) {
+  const std::vector<Contact>& end = *near_;
+  problem_.clear();
+  closed_.clear();
+  for (size_t e = 0; e < end.size(); ++e) {
+    if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
+    const Contact& contact = end[e];
+    const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
+    const bool pressed = !carried_W_[e].isZero(0);
+    if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
+    // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
+    if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
+    problem_.push_back(contact);
+    closed_.push_back(static_cast<int>(e));
+  }
+  Part(problem_);
+  std::copy(bodies_.begin(), bodies_.end(), posed_.begin());
+  // What these carried is taken back, as far as their law allows it.
+  beyond_W_.resize(problem_.size());
+  local_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    Vector3& carried = carried_W_[closed_[c]];
+    beyond_W_[c] = carried - WithinCone(problem_[c], carried);
+    carried -= beyond_W_[c];
+    local_[c] = frames_[c].transpose() * carried;
+    if (carried.isZero(0)) continue;
+    Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
+    if (a.Moves()) a.ApplyImpulse(carried, problem_[c].point_W);
+    if (b.Moves()) b.ApplyImpulse(-carried, problem_[c].point_W);
+  }
+  hits_.assign(problem_.size(), 0);
+  targets_.assign(problem_.size(), 0.0);
+  pool_->ForEachOf(problem_.size(), [&](size_t c) {
+    const Contact& contact = problem_[c];
+    targets_[c] = -YieldOf(contact);
+    if (targets_[c] < 0) return;
+    // What it had as the step began, and fell on a wall by then.
+    const auto velocity = [&](int i) -> Vector3 {
+      return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
+    };
+    const int a = contact.body_a, b = contact.body_b;
+    double least = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
+    if (cut_[a] || cut_[b]) {
+      const Body& body = bodies_[cut_[a] ? b : a];
+      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
+      const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
+      least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
+    }
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
+      return;
+    hits_[c] = 1;
+    targets_[c] = ReboundSpeed(contact, least);
+  });
+  rebounds_.assign(problem_.size(), 0.0);
+  blows_.assign(problem_.size(), Vector3::Zero());
+  collisions_.assign(problem_.size(), Vector3::Zero());
+  struck_.assign(partition_.num_islands(), {});
+  bounces_of_.assign(partition_.num_islands(), 0);
+  const double start = Seconds();
+  ForEachIsland([&](int island, Worker* worker) { SettleIsland(island, worker); });
+  const double solved = Seconds(), took = solved - start;
+  TellSlice({"solve", start, solved});
+  TellObserver();
+  double held = 0, struck = 0;
+  for (const auto& o : outcomes_) held += o.seconds;
+  for (const auto& o : struck_) struck += o.seconds;
+  const double share = held + struck > 0 ? held / (held + struck) : 1;
+  Report(outcomes_, &report->static_qp, share * took, &report->seconds.static_qp, report);
+  Report(struck_, &report->collision_qp, (1 - share) * took, &report->seconds.collision_qp, report);
+  for (const int b : bounces_of_) report->bounces += b;
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const double error =
+        std::max(outcomes_[island].certificate.natural_map_max, struck_[island].certificate.natural_map_max);
+    for (const int i : partition_.bodies_of(island)) errors_[i] = std::max(errors_[i], error);
+  }
+  for (size_t i = 0; i < bodies_.size(); ++i)
+    if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
+}
+
+// What hits is first left out; blows follow in order of their speed, then at once. What bodies that gain energy by them hit is held with
+// the rest: with the least speeds at which it rebounds, then with none. Where friction would make some even so, velocities stay those that
+// the carrying impulses left.
+void Crowd::SettleIsland(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  if (contacts.empty()) return;
+  worker->before.clear();
+  worker->guess.clear();
+  for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
+  for (const int c : contacts) worker->guess.push_back(local_[c]);
+  const auto gains = [&](int i) {
+    return !cut_[i] && worker->gaining[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()];
+  };
+  const auto take_back = [&](size_t k) {
+    local_[contacts[k]] = worker->guess[k];
+    blows_[contacts[k]].setZero();
+    collisions_[contacts[k]].setZero();
+  };
+  for (int attempt = 1;; ++attempt) {
+    const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
+    Strike(island, worker);
+    outcomes_[island].restitution_lowered = attempt > 1;
+    if (!MarkGains(island, worker)) break;
+    if (!rebounds) {
+      for (size_t k = 0; k < bodies.size(); ++k)
+        if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
+      for (size_t k = 0; k < contacts.size(); ++k)
+        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
+      break;
+    }
+    for (const int c : contacts) {
+      if (attempt < kAttempts && !gains(problem_[c].body_a) && !gains(problem_[c].body_b)) continue;
+      if (!hits_[c] || attempt >= kAttempts) targets_[c] = 0;
+      hits_[c] = 0;
+    }
+    for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
+    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+  }
+  const bool held_only = struck_[island].status == QpStatus::kNone;
+  Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island],
+         *worker);
+}
+
+// What does not hit is held, then blows follow.
+void Crowd::Strike(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const ContactFrames all{problem_, frames_};
+  worker->contacts.clear();
+  for (const int c : contacts) {
+    if (!hits_[c]) worker->contacts.push_back(c);
+    if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
+  }
+  outcomes_[island] =
+      worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  struck_[island] = {};
+  if (worker->contacts.size() == contacts.size()) return;
+  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
+  for (const int c : contacts) {
+    Contact& contact = problem_[c];
+    contact.restitution = (*near_)[closed_[c]].restitution;
+    const double approach = -NormalVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
+    if (hits_[c] && approach > 0) contact.restitution = std::min(contact.restitution, rebounds_[c] / approach);
+  }
+  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
+                                                   {threshold_, settings_.bounce_limit, true}, posed_, blows_);
+  struck_[island] =
+      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
+  for (const int c : contacts)
+    if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
+}
+
+}  // namespace islet::motion

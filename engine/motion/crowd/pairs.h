@@ -1,0 +1,34 @@
+// Contacts by pair: lists are sorted by body_a, then body_b (EarlierPair).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "engine/contact.h"
+
+namespace islet::motion {
+
+inline bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+
+// [m] of the contacts of a pair; infinite if there are none.
+inline double LeastGap(std::span<const Contact> of_pair) {
+  double gap = INFINITY;
+  for (const Contact& c : of_pair) gap = std::min(gap, c.gap);
+  return gap;
+}
+
+// Calls f(first and last place in x, the same in y) for each pair of bodies that has contacts in x, in y or in both.
+template <typename F>
+void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F& f) {
+  for (size_t i = 0, k = 0; i < x.size() || k < y.size();) {
+    const bool from_y = i == x.size() || (k < y.size() && EarlierPair(y[k], x[i]));
+    const Contact& pair = from_y ? y[k] : x[i];
+    const size_t first_i = i, first_k = k;
+    while (i < x.size() && SamePair(x[i], pair)) ++i;
+    while (k < y.size() && SamePair(y[k], pair)) ++k;
+    f(first_i, i, first_k, k);
+  }
+}
+
+}  // namespace islet::motion

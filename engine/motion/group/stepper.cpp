@@ -1,0 +1,294 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/motion/visible_turn.h"
+#include "engine/response/suite_frame.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr double kNearer = 0.5;    // of the overlap that a pass leaves: more is no progress
+constexpr int kLevels = 10;        // times that a piece is halved
+constexpr int kGuardRounds = 4;    // of looking for pairs that meet slowly within a piece
+constexpr double kInstant = 1e-4;  // of a piece: one in which a jam stops what slides
+constexpr int kBlowWork = 256;     // bodies times blows in a step; beyond it they have to be faster and faster
+constexpr int kLeastBlows = 8;
+
+}  // namespace
+
+void GroupOutcome::Clear() {
+  pieces = blows = bounces = passes = halvings = 0;
+  unstepped = overlap = 0;
+  overlapping = 0;
+  restitution_lowered = record = record_paths = false;
+  impulses.clear();
+  ends.clear();
+  paths.clear();
+  touching.clear();
+  touching_force_W.clear();
+  for (auto* answers : {&carried, &settled, &struck}) answers->clear();
+  records.clear();
+}
+
+double Stepper::Size(const GroupPair& pair) const {
+  return std::min(group_->shapes[pair.a]->size(), group_->shapes[pair.b]->size());
+}
+
+double Stepper::BodyRadius(int i) const {
+  const Shape& shape = *group_->shapes[i];
+  const bool turns_in_itself = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
+  return turns_in_itself ? 0 : shape.radius();
+}
+
+void Stepper::LoadState() {
+  const size_t n = group_->bodies.size();
+  state_.resize(n);
+  for (size_t i = 0; i < n; ++i) {
+    const Body& b = group_->bodies[i];
+    state_[i] = {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+  }
+  end_state_ = state_;
+  middle_.resize(n);
+  turned_.resize(n);
+  spun_.resize(n);
+  spun_after_.resize(n);
+  mean_W_.resize(n);
+  posed_ = group_->bodies;
+  cut_.resize(n);
+  for (size_t i = 0; i < n; ++i) cut_[i] = !posed_[i].Moves();
+}
+
+Vector3 Stepper::VisibleSpinOf(int i) const {
+  return VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, state_[i].angular_W);
+}
+
+// [m/s] fastest that the turn moves a point of the box around a body.
+double Stepper::WhirlOf(int i) const {
+  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * VisibleSpinOf(i)).cwiseAbs(),
+                e = group_->shapes[i]->half_extents();
+  return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
+}
+
+// A turn bends the way of a corner; a piece in which something is near is no longer than what one lever describes, and no way in it
+// bends farther than its body is thick.
+double Stepper::ChooseLength(double rest) {
+  double most = rest;
+  for (const GroupPair& pair : group_->pairs) {
+    const double apart = std::max(0.0, Apart(pair, state_)),
+                 speed = (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
+    const double near_at = apart > 0 ? 2 * apart / (speed + std::sqrt(speed * speed + 8 * pull_ * apart)) : 0;  // [s]
+    for (const int i : {pair.a, pair.b}) {
+      if (near_at >= most) break;
+      if (BodyRadius(i) == 0) continue;
+      const double turn = VisibleSpinOf(i).norm(), size = group_->shapes[i]->size();
+      const double bend = turn * WhirlOf(i) / 8;  // [m/s^2]
+      if (turn * most > kTurn) most = std::max(near_at, kTurn / turn);
+      if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
+    }
+  }
+  return most;
+}
+
+void Stepper::Commit(double t, double h) {
+  carried_at_.assign(end_.size(), -1);
+  last_ = end_;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    if (follows_[c] >= 0) {
+      carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
+      // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,
+      // and what rests would not balance.
+      last_[follows_[c]].point_W = Carried(held_of_[c].pair, acted_at_[c], Moment::kMiddle, Moment::kEnd);
+    }
+    out_->impulses.push_back({contact, impulse_W_[c], t, h});
+  }
+  force_W_.resize(end_.size());
+  for (size_t e = 0; e < end_.size(); ++e) {
+    force_W_[e] = (CarriedBy(e) + settle_W_[e]) / h;
+    if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0, carried_at_[e]});
+    if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
+  }
+  if (out_->record_paths) {
+    out_->ends.push_back(t + h);
+    for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
+  }
+  state_ = end_state_;
+  now_ = end_;
+  now_pair_ = end_pair_;
+}
+
+void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
+  dt_ = dt;
+  settings_ = settings;
+  mix_ = &mix;
+  group_ = group;
+  out_ = outcome;
+  double fastest = 0;
+  movers_ = 0;
+  pull_ = settings.gravity.norm();
+  for (const Body& b : group->bodies) {
+    if (!b.Moves()) continue;
+    ++movers_;
+    fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
+    if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
+    pull_ = std::max(
+        pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+  }
+  floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
+  threshold_ = 10 * settings.tolerance * floor_;
+  blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
+  least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
+  LoadState();
+  FindTouching();
+  Recall();
+  step_gap_.resize(group->pairs.size());
+  for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
+  cuts_ = work_ = 0;
+  grazing_ = -1;
+  yields_.assign(group->pairs.size(), 0.0);
+  pays_.assign(group->pairs.size(), false);
+  taken_.assign(group->pairs.size(), 0.0);
+  purse_.assign(group->pairs.size(), 0.0);
+}
+
+// What carries in a piece of this length, with those that meet slowly within it, and the course that follows. Returns the moment of the
+// first blow; h: none.
+double Stepper::FindCourse(double h, bool* foresaw) {
+  double moment = h;
+  freed_.assign(group_->pairs.size(), kStays);
+  guards_.clear();
+  guard_of_.clear();
+  for (int round = 0; round < kGuardRounds; ++round) {
+    SelectHeld(h);
+    for (size_t g = 0; g < guards_.size(); ++g) {
+      const int pair = guard_of_[g].pair;
+      const double target = ((1 - PushOut(pair)) * GapBefore(pair) - guard_of_[g].gap) / h;
+      held_.push_back(guards_[g]);
+      held_of_.push_back({pair, CentreAtStart(pair), target, target});
+      impulse_W_.push_back(Vector3::Zero());
+    }
+    *foresaw = guards_.empty() && Foresee(h);
+    Carry(h, !*foresaw);
+    Fly(h);
+    moment = FindMeeting(h);
+    if (!returned_ && (!guarded_ || moment < h)) break;
+  }
+  return moment;
+}
+
+// Passes until gaps meet their end, and what follows there: the velocities, and the blow that ends the piece. What gaps miss is work:
+// where that is too much, they miss less. A blow that is found on the way ends the piece earlier. Returns whether an overlap is left
+// that is too deep; where the piece may be halved nothing is settled then.
+bool Stepper::Refine(bool foresaw, bool may_halve, bool* cut, double* h) {
+  DetectEnd();
+  double missed = Missed();
+  const bool moves = foresaw && !*cut ? Strays() : LeversMove(*h) || NormalsMove();
+  bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
+  int pass = 1;
+  for (double enough = kTouching;; enough = kExact) {
+    while (pass < kPasses && (missed > enough || (pass == 1 && moves))) {
+      ++out_->passes;
+      redone = true;
+      NextTargets(*h);
+      Carry(*h, false);
+      Fly(*h);
+      DetectEnd();
+      double moment = *h;
+      if (!*cut && HitsEarlier() && (moment = FindMeeting(*h)) < *h) {
+        *cut = true;
+        *h = Shorten(*h, moment);
+        DetectEnd();
+      }
+      const double before = std::exchange(missed, Missed());
+      const bool stalls = pass > 1 && missed > kDeep && missed > kNearer * before;  // a shorter piece gets there sooner
+      pass = stalls ? kPasses : pass + 1;
+    }
+    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(*h));
+    if (deep && may_halve) return true;
+    Settle();
+    struck_ = false;
+    strike_W_.assign(end_.size(), Vector3::Zero());
+    if (*cut) Strike();
+    KeepAccounts(*h);
+    if (!gains_ || missed <= kExact || pass >= kPasses) return deep;
+  }
+}
+
+// One try at the next piece: it is done, or to be done again. Returns false if there is no way on.
+bool Stepper::Piece(Progress* p) {
+  work_ += kSolveWork + static_cast<int>(group_->pairs.size());
+  time_of_piece_ = p->t;
+  PlaceWallsAt(p->t, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
+  const double rest = dt_ - p->t;
+  double h = ChooseLength(std::min(rest, p->most));
+  if (rest - h < 0.2 * h) h = std::min(rest, 1.2 * h);
+  bool foresaw = false;
+  const double moment = FindCourse(h, &foresaw);
+  if (!p->jammed && !p->instant && !p->stopped && Jams(h)) {
+    p->instant = true;
+    p->most = kInstant * h;
+    return true;
+  }
+  bool cut = moment < h;
+  if (cut) h = Shorten(h, moment);
+  const bool may_halve = p->level < kLevels, deep = Refine(foresaw, may_halve, &cut, &h);
+  const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
+  if (!(deep && may_halve) && gains_ && Pushed()) {  // it cost more than that: not now
+    pays_.assign(group_->pairs.size(), false);
+    return true;
+  }
+  if (may_halve && (deep || (gains_ && !yields))) {
+    ++p->level;
+    ++out_->halvings;
+    p->most = 0.5 * h;
+    return true;
+  }
+  if (deep || (creates_ && !yields)) return false;
+  Commit(p->t, h);
+  p->t += h;
+  cuts_ += cut;
+  p->jammed = p->jammed || (p->instant && !loses_);  // nothing was stopped: a false alarm, not to be given again
+  p->stopped = std::exchange(p->instant, false);
+  SeeWhoPays(h);
+  grazing_ = cut && !struck_ && HasMet(cut_pair_) ? cut_pair_ : -1;
+  p->most = p->level == 0 ? dt_ : p->stopped ? h / kInstant : 2 * h;
+  p->level = std::max(0, p->level - 1);
+  return true;
+}
+
+// What touches at the end, and the bodies there.
+void Stepper::End() {
+  out_->touching = out_->unstepped == 0 ? last_ : now_;
+  out_->touching_force_W = force_W_;
+  out_->overlap = 0;
+  for (const Contact& c : now_) out_->overlap = std::max(out_->overlap, -c.gap);
+  out_->overlapping = CountOverlapping(out_->touching, [&](const Contact& c) { return Size({c.body_a, c.body_b}); });
+  for (size_t i = 0; i < group_->bodies.size(); ++i) {
+    Body& b = group_->bodies[i];
+    if (!b.Moves()) continue;
+    b.position_W = state_[i].pose.position_W;
+    b.rotation_WB = state_[i].pose.rotation_WB;
+    SetTwist({state_[i].linear_W, state_[i].angular_W}, &b);
+  }
+}
+
+void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
+  Begin(dt, settings, mix, group, outcome);
+  Progress progress{.most = dt};
+  while (dt - progress.t > kExact * dt) {
+    ++outcome->pieces;
+    if (work_ > group->most_work || !Piece(&progress)) {  // they stay where they are for the rest of the step
+      outcome->unstepped = dt - progress.t;
+      break;
+    }
+  }
+  End();
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,210 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/response/suite_frame.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr double kMet =
+    1e-8;  // of a size: gap below which a contact is closed beside one that presses, or about to hit
+constexpr double kTogether =
+    1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
+constexpr double kRocks =
+    0.25;  // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
+
+// The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
+// halfway, and what rubs has turned with it.
+Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
+  constexpr double kOnCone = 1 - 1e-3;
+  const Vector3& n = contact.normal_W;
+  const double press = n.dot(impulse);
+  const Vector3 friction = impulse - press * n, slip = velocity - n.dot(velocity) * n;
+  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press)
+    return impulse;
+  return press * n - contact.friction * press / slip.norm() * slip;
+}
+
+}  // namespace
+
+// [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
+double Stepper::BendOf(const Contact& contact) const {
+  double bend = pull_;
+  for (const int i : {contact.body_a, contact.body_b}) {
+    const Body& b = group_->bodies[i];
+    if (b.kind != BodyKind::kKinematic) continue;
+    bend += b.angular_velocity_W.cross(b.angular_velocity_W.cross(contact.point_W - state_[i].pose.position_W)).norm();
+  }
+  return bend;
+}
+
+// [m/s] approaches above it are blows: what they do is not over at once. Where there have been too many in the step, it takes more
+// and more.
+double Stepper::CutSpeed(const Contact& contact) const {
+  const double brief = 0.5 * kBrief * dt_ / blow_budget_ / std::max(contact.restitution, kRocks);  // [s]
+  const int beyond = std::clamp(cuts_ - blow_budget_, 0, 60);
+  return std::max(threshold_, std::ldexp(BendOf(contact) * std::min(brief, dt_), beyond));
+}
+
+// Whether it is a blow, when it gets there: as fast as it is, or falls by then.
+bool Stepper::WillHit(const Contact& contact, double opening) const {
+  const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
+  const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
+  return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
+}
+
+void Stepper::ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies) {
+  Body &a = (*bodies)[contact.body_a], &b = (*bodies)[contact.body_b];
+  if (a.Moves()) a.ApplyImpulse(-impulse_W, contact.point_W);
+  if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
+}
+
+// Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
+bool Stepper::Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
+  const Vector3& n = contact.normal_W;
+  const double press = n.dot(impulse), opening = n.dot(velocity);
+  const Vector3 friction = impulse - press * n, slip = velocity - opening * n;
+  if (std::abs(opening) > still) return false;
+  constexpr double kAlike = 1e-6;  // of the normal impulse
+  if (slip.norm() <= still) return friction.norm() <= (1 + kAlike) * contact.friction * press;
+  return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
+}
+
+// The bodies of the contact problems, as they are at the end.
+void Stepper::PoseAtEnd() {
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    posed_[i].position_W = end_state_[i].pose.position_W;
+    posed_[i].rotation_WB = end_state_[i].pose.rotation_WB;
+    if (!posed_[i].Moves()) continue;
+    posed_[i].linear_velocity_W = end_state_[i].linear_W;
+    posed_[i].angular_velocity_W = end_state_[i].angular_W;
+  }
+}
+
+// The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
+// hit are left to Strike.
+void Stepper::Settle() {
+  settle_W_.assign(end_.size(), Vector3::Zero());
+  PoseAtEnd();
+  problem_.clear();
+  problem_of_.clear();
+  carried_W_.clear();
+  bool settled = true;
+  const double still = kSettled * settings_.tolerance * floor_;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    Vector3 carried = WithinCone(end_[e], CarriedBy(e));
+    const double closed = !carried.isZero(0) ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
+    if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
+    const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    const double normal = end_[e].normal_W.dot(u);
+    if (carried.isZero(0) && WillHit(end_[e], normal)) continue;
+    carried = TurnedAlong(end_[e], carried, u, still);
+    settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
+    problem_.push_back(end_[e]);
+    problem_of_.push_back(static_cast<int>(e));
+    carried_W_.push_back(carried);
+  }
+  if (settled) return;
+  local_impulses_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    ApplyTo(problem_[c], -carried_W_[c], &posed_);
+    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
+  }
+  targets_.resize(problem_.size());
+  for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
+  SolveParts(targets_, floor_, &out_->settled);
+  for (size_t c = 0; c < problem_.size(); ++c)
+    settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];
+  ApplyAtEnd(settle_W_);
+}
+
+// Velocities follow from the impulses, not from the solver that found them.
+void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
+  PoseAtEnd();
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (!impulses_W[e].isZero(0)) ApplyTo(end_[e], impulses_W[e], &posed_);
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    if (!posed_[i].Moves()) continue;
+    end_state_[i].linear_W = posed_[i].linear_velocity_W;
+    end_state_[i].angular_W = posed_[i].angular_velocity_W;
+  }
+}
+
+// Near enough to a blow to take part in it.
+bool Stepper::IsThere(size_t at_end) const {
+  return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]);
+}
+
+// Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing. What a push
+// of the piece threw against it does not strike: Settle stops that.
+bool Stepper::Hits(size_t at_end) const {
+  const Contact& c = end_[at_end];
+  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end)))
+    return false;
+  const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
+  const Vector3 on_the_way = MeanVelocity(c.body_a, c.point_W) - MeanVelocity(c.body_b, c.point_W);
+  return std::min(c.normal_W.dot(now), c.normal_W.dot(on_the_way)) > CutSpeed(c);
+}
+
+// Whether something hit before the piece ends, on the way that a pass has changed.
+bool Stepper::HitsEarlier() const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_[e].gap < GapBefore(end_pair_[e]) && Hits(e)) return true;
+  return false;
+}
+
+bool Stepper::HasMet(int pair) const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_pair_[e] == pair && IsThere(e)) return true;
+  return false;
+}
+
+// Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
+void Stepper::Strike() {
+  problem_.clear();
+  problem_of_.clear();
+  bool strikes = false;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
+    const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    const bool hits = approach > CutSpeed(end_[e]) && yields_[end_pair_[e]] == 0;
+    if (hits && !IsThere(e)) continue;
+    problem_.push_back(end_[e]);
+    problem_of_.push_back(static_cast<int>(e));
+    strikes = strikes || hits;
+  }
+  if (!strikes) return;
+  PartProblem();
+  const double least_rebound = pull_ > 0 ? least_rebound_ : 0;
+  bounces_.assign(problem_.size(), Vector3::Zero());
+  local_impulses_.assign(problem_.size(), Vector3::Zero());
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
+    if (view.contacts.empty()) continue;
+    const ContactFrames contacts{problem_, frames_};
+    out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
+                                         {threshold_, settings_.bounce_limit, true, least_rebound}, posed_, bounces_);
+    for (const int c : view.contacts) {
+      const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
+      if (ReboundSpeed(problem_[c], approach, least_rebound) == 0) problem_[c].restitution = 0;
+    }
+    out_->struck.push_back(
+        responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
+    Record(Stage::kCollision, out_->struck.back().status);
+    out_->restitution_lowered |= out_->struck.back().restitution_lowered;
+  }
+  ++out_->blows;
+  struck_ = true;
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
+    const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
+    double& yields = yields_[end_pair_[problem_of_[c]]];
+    if (approach > CutSpeed(problem_[c])) yields = std::max(yields, approach);
+  }
+  ApplyAtEnd(strike_W_);
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,296 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/motion/visible_turn.h"
+#include "engine/response/suite_frame.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kAges = 2;    // passes for which a contact that pressed, and is not found again, stays
+constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
+constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in such a piece
+
+}  // namespace
+
+// Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
+// a ball that rolls over an edge is near it, and never meets it.
+void Stepper::SelectHeld(double h) {
+  held_.clear();
+  held_of_.clear();
+  impulse_W_.clear();
+  closed_.assign(now_.size(), false);
+  const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    const Contact& contact = now_[c];
+    const GroupPair& pair = group_->pairs[now_pair_[c]];
+    if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
+    const double opening =
+        contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
+    if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
+      if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
+      continue;
+    }
+    if (opening > leaves && freed_[now_pair_[c]] != kReturns) {
+      freed_[now_pair_[c]] = kLeaves;
+      continue;
+    }
+    const Vector3 guess = h * force_W_[c];
+    if (contact.gap > kExact * Size(pair) && guess.isZero(0)) continue;
+    closed_[c] = true;
+    held_.push_back(contact);
+    const double yields = yields_[now_pair_[c]];
+    const double gap =
+        contact.gap > kExact * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+    const double target = yields > 0 ? -yields : -gap / h;
+    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), target, target});
+    impulse_W_.push_back(WithinCone(contact, guess));
+  }
+}
+
+// The contact frames and the islands of the problem at hand.
+void Stepper::PartProblem() {
+  frames_.resize(problem_.size());
+  edges_.clear();
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    frames_[c] = ContactFrame(problem_[c].normal_W);
+    edges_.emplace_back(problem_[c].body_a, problem_[c].body_b);
+  }
+  islands::BuildPartition({cut_, edges_}, &partition_);
+  work_ += kSolveWork * static_cast<int>(problem_.size());
+}
+
+void Stepper::SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes) {
+  PartProblem();
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
+    if (view.contacts.empty()) continue;
+    outcomes->push_back(
+        responder_.ResolveTargets(view, {problem_, frames_}, targets, settings_, floor, posed_, local_impulses_));
+    Record(Stage::kStatic, outcomes->back().status);
+  }
+}
+
+void Stepper::Record(Stage stage, QpStatus status) {
+  if (!out_->record || status == QpStatus::kNone) return;
+  out_->records.push_back({static_cast<int>(out_->records.size()), group_->numbers[0], stage, status,
+                           responder_.problem(), responder_.solution()});
+}
+
+// Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
+void Stepper::Carry(double h, bool first) {
+  if (held_.empty()) return;
+  const double t = time_of_piece_;
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    if (!b.Moves()) continue;
+    const State& s = state_[i];
+    turned_[i] = {s.pose.position_W,
+                  Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
+    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    Body& p = posed_[i];
+    p.position_W = first ? s.pose.position_W : middle_[i].position_W;
+    p.rotation_WB = turned_[i].rotation_WB;
+    p.linear_velocity_W = s.linear_W + 0.5 * h * (settings_.gravity + b.force_W / b.mass);
+    p.angular_velocity_W = spun_[i];
+    if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
+  }
+  PlaceWallsAt(first ? t : t + 0.5 * h, [&](size_t i, const Pose& pose) {
+    posed_[i].position_W = pose.position_W;
+    posed_[i].rotation_WB = pose.rotation_WB;
+  });
+  problem_ = held_;
+  targets_.resize(held_.size());
+  local_impulses_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    targets_[c] = held_of_[c].target;
+    local_impulses_[c] = 0.5 * (ContactFrame(held_[c].normal_W).transpose() * impulse_W_[c]);
+  }
+  if (StillCarries(h)) return;
+  SolveParts(targets_, floor_, &out_->carried);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    impulse_W_[c] = 2 * (frames_[c] * local_impulses_[c]);
+    if (impulse_W_[c].norm() < settings_.tolerance * floor_ * LighterMass(held_[c]))
+      impulse_W_[c].setZero();  // it does not press
+  }
+}
+
+double Stepper::LighterMass(const Contact& contact) const {
+  const Body &a = posed_[contact.body_a], &b = posed_[contact.body_b];
+  return !a.Moves() ? b.mass : !b.Moves() ? a.mass : std::min(a.mass, b.mass);
+}
+
+// Whether the impulses at hand, those of the piece before, are an answer. It sinks nothing: what one piece sinks, the next sinks
+// again. None are asked of the solver: what jams (Painleve) has an answer with impulses, too.
+bool Stepper::StillCarries(double h) {
+  if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
+  trial_ = posed_;
+  for (size_t c = 0; c < held_.size(); ++c) ApplyTo(held_[c], 0.5 * impulse_W_[c], &trial_);
+  const double still = kSettled * settings_.tolerance * floor_;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Vector3 u =
+        RelativeVelocity(held_[c], trial_[held_[c].body_a], trial_[held_[c].body_b]) - targets_[c] * held_[c].normal_W;
+    if (held_[c].normal_W.dot(u) < -kExact * Size({held_[c].body_a, held_[c].body_b}) / h) return false;
+    if (!impulse_W_[c].isZero(0) && !Agrees(held_[c], impulse_W_[c], u, still)) return false;
+  }
+  return true;
+}
+
+// Whether a contact that slid would be thrown back by more than what forces make in the piece: friction jams it (Painleve), and
+// stops it at once, however short the piece.
+bool Stepper::Jams(double h) const {
+  const double g = movers_ * std::max(pull_ * h, threshold_);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    const Vector3& n = held_[c].normal_W;
+    const Vector3 belt = SurfaceSlip(held_[c]);
+    Vector3 before = state_[b].VelocityAt(held_[c].point_W) - state_[a].VelocityAt(held_[c].point_W) + belt;
+    const Vector3 shift = end_state_[b].pose.position_W - state_[b].pose.position_W;
+    const Vector3 at_end = group_->bodies[b].Moves() ? Vector3(held_[c].point_W + shift) : held_[c].point_W;
+    Vector3 after = end_state_[b].VelocityAt(at_end) - end_state_[a].VelocityAt(at_end) + belt;
+    before -= n.dot(before) * n;
+    after -= n.dot(after) * n;
+    if (before.dot(after) < 0 && after.norm() > kJam * (1 + held_[c].friction) * g) return true;
+  }
+  return false;
+}
+
+// Whether normals at the start of the piece do not describe it: what presses passes an edge, or turns.
+bool Stepper::NormalsMove() const {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    bool alike = false;
+    for (size_t e = 0; e < end_.size() && !alike; ++e)
+      alike = end_pair_[e] == held_of_[c].pair &&
+              (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
+    if (!alike) return true;
+  }
+  return false;
+}
+
+// The same of levers: what presses turns, or slides on what moves.
+bool Stepper::LeversMove(double h) const {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    for (const int i : {a, b}) {
+      const bool moves = group_->bodies[i].Moves();
+      if (moves && BodyRadius(i) == 0) continue;
+      const Vector3& spin = moves ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
+      if (h * VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, spin).norm() > kNegligible) return true;
+    }
+    if (!group_->bodies[a].Moves() || !group_->bodies[b].Moves()) continue;
+    const Vector3& n = held_[c].normal_W;
+    const Vector3 slip = mean_W_[b] - mean_W_[a];
+    const double lever = std::min(group_->bodies[a].radius, group_->bodies[b].radius);
+    if (h * (slip - n.dot(slip) * n).norm() > kNegligible * lever) return true;
+  }
+  return false;
+}
+
+// Whether the contacts that are held are those of their pairs at the end, one by one.
+bool Stepper::AllFollowed() const {
+  for (size_t c = 0; c < follows_.size(); ++c)
+    if (follows_[c] < 0 || std::count(follows_.begin(), follows_.end(), follows_[c]) > 1) return false;
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (Presses(end_pair_[e]) && !WasHeld(e)) return false;
+  return true;
+}
+
+// Where forces at hand move levers, and keep closed what they press, the first pass has levers of halfway on the course that these forces
+// give. Returns whether it does.
+bool Stepper::Foresee(double h) {
+  if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
+  Fly(h);
+  cut_pair_ = -1;
+  bool foresees = LeversMove(h);
+  if (foresees) DetectEnd(), foresees = Missed() <= kDeep && AllFollowed();
+  if (foresees) {
+    foreseen_ = end_state_;
+    NextTargets(h);
+  } else {
+    SelectHeld(h);
+  }
+  return foresees;
+}
+
+// Whether the course is another one than was foreseen, or the levers are not those of its middle.
+bool Stepper::Strays() const {
+  for (size_t i = 0; i < foreseen_.size(); ++i) {
+    if (!group_->bodies[i].Moves()) continue;
+    const Pose &now = end_state_[i].pose, &then = foreseen_[i].pose;
+    const double turn = BodyRadius(static_cast<int>(i)) * Log(now.rotation_WB * then.rotation_WB.conjugate()).norm();
+    if ((now.position_W - then.position_W).norm() + turn > kNegligible * group_->shapes[i]->size()) return true;
+  }
+  return false;
+}
+
+// Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
+// begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
+// ends.
+void Stepper::NextTargets(double h) {
+  next_.clear();
+  next_of_.clear();
+  next_impulse_W_.clear();
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (Hits(e)) continue;
+    Contact contact = end_[e];
+    const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
+    const Contact* const start = ClosedAtStart(e);
+    if (start) {
+      contact.point_W = Halfway(pair, start->point_W, contact.point_W);
+      const double turn = (contact.normal_W - start->normal_W).norm();
+      contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+      TurnLever((contact.gap - start->gap) / h, turn, CourseOf(a), CourseOf(b), Size(group_->pairs[pair]), &contact);
+    } else if (TurnInThemselves(pair)) {
+      probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
+      CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar,
+                    &probe_);
+      contact.point_W = probe_[0].point_W;
+      contact.normal_W = probe_[0].normal_W;
+    } else {
+      contact.point_W -= Shared(pair, end_state_[a].pose.position_W - middle_[a].position_W,
+                                end_state_[b].pose.position_W - middle_[b].position_W);
+    }
+    const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
+    double target = u - (contact.gap - (1 - PushOut(pair)) * GapBefore(pair)) / h;
+    target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
+    next_.push_back(contact);
+    const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
+    next_of_.push_back({pair, CentreHalfway(pair), target, opens, 0, false});
+    next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
+  }
+  // What pressed and is not found again stays for some passes, or they would go round between corners.
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges || follows_[c] >= 0) continue;
+    Held old = held_of_[c];
+    ++old.age;
+    Contact contact = held_[c];
+    contact.point_W = acted_at_[c];
+    const Moment at = old.at_start ? Moment::kStart : Moment::kMiddle;
+    const auto way = [&](int i) -> Vector3 {
+      return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
+    };
+    const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
+    TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]),
+              &contact);
+    const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
+    old.target = old.opens + contact.normal_W.dot(u) - parted / h;
+    old.at_start = false;
+    old.centre = CentreHalfway(old.pair);
+    next_.push_back(contact);
+    next_of_.push_back(old);
+    next_impulse_W_.push_back(impulse_W_[c]);
+  }
+  std::swap(held_, next_);
+  std::swap(held_of_, next_of_);
+  std::swap(impulse_W_, next_impulse_W_);
+}
+
+}  // namespace islet::motion

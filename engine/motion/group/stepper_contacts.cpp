@@ -1,0 +1,182 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace islet::motion {
+namespace {
+
+constexpr double kNearby = 0.1;  // of a size: how far what presses is looked for
+
+}  // namespace
+
+// [m] at least between the bodies of a pair, by the spheres around them.
+double Stepper::Apart(const GroupPair& pair, std::span<const State> at) const {
+  const Vector3 way = at[pair.b].pose.position_W - at[pair.a].pose.position_W;
+  const bool plane_a = group_->shapes[pair.a]->kind() == ShapeKind::kHalfSpace,
+             plane_b = group_->shapes[pair.b]->kind() == ShapeKind::kHalfSpace;
+  const auto up = [&](int i) -> Vector3 { return at[i].pose.rotation_WB * Vector3::UnitZ(); };
+  if (plane_a) return up(pair.a).dot(way) - group_->bodies[pair.b].radius;
+  if (plane_b) return -up(pair.b).dot(way) - group_->bodies[pair.a].radius;
+  return way.norm() - group_->bodies[pair.a].radius - group_->bodies[pair.b].radius;
+}
+
+void Stepper::DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
+                         std::vector<int>* pair_of) {
+  const GroupPair& pair = group_->pairs[number];
+  if (Apart(pair, at) > reach) return;
+  const size_t first = contacts->size();
+  CollideShapes(*group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
+                at[pair.b].pose.placement(), reach, contacts);
+  for (size_t c = first; c < contacts->size(); ++c) {
+    Contact& contact = (*contacts)[c];
+    Mix(pair, &contact);
+    pair_of->push_back(number);
+  }
+}
+
+// Materials are the world's to choose, by the bodies' numbers there.
+void Stepper::Mix(const GroupPair& pair, Contact* contact) const {
+  contact->body_a = group_->numbers[pair.a];
+  contact->body_b = group_->numbers[pair.b];
+  (*mix_)(contact, group_->bodies[pair.a], group_->bodies[pair.b]);
+  contact->body_a = pair.a;
+  contact->body_b = pair.b;
+}
+
+void Stepper::FindTouching() {
+  now_.clear();
+  now_pair_.clear();
+  for (size_t p = 0; p < group_->pairs.size(); ++p)
+    DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_,
+               &now_pair_);
+}
+
+// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
+void Stepper::Recall() {
+  force_W_.assign(now_.size(), Vector3::Zero());
+  for (size_t k = 0; k < group_->remembered.size(); ++k) {
+    const Contact& old = group_->remembered[k];
+    if (group_->remembered_force_W[k].isZero(0)) continue;
+    const auto [first, last] = std::equal_range(now_.begin(), now_.end(), old, EarlierPair);
+    const double size = std::min(group_->shapes[old.body_a]->size(), group_->shapes[old.body_b]->size());
+    const int heir = FindAgain({first, last}, old.feature, old.point_W, kSamePlace * size, INFINITY);
+    if (heir >= 0) force_W_[first - now_.begin() + heir] += group_->remembered_force_W[k];
+  }
+}
+
+void Stepper::DetectEnd() {
+  end_.clear();
+  end_pair_.clear();
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    double reach = 4 * settings_.overlap_tolerance * Size(group_->pairs[p]);
+    for (size_t c = 0; c < held_.size(); ++c) {
+      if (held_of_[c].pair != static_cast<int>(p) || impulse_W_[c].isZero(0)) continue;
+      const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
+      const auto at_end = [&](int i) -> Vector3 { return CarriedWith(i, held_[c].point_W, from, Moment::kEnd); };
+      const double parted = held_[c].normal_W.dot(at_end(held_[c].body_b) - at_end(held_[c].body_a));
+      reach = std::max(reach, kNearby * Size(group_->pairs[p]) + std::abs(parted));
+    }
+    DetectPair(static_cast<int>(p), end_state_, reach, &end_, &end_pair_);
+  }
+  FollowHeld();
+}
+
+bool Stepper::Touches(int pair) const {
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (now_pair_[c] == pair && now_[c].gap <= settings_.overlap_tolerance * Size(group_->pairs[pair])) return true;
+  return false;
+}
+
+// [m] <= 0: overlap as the piece begins.
+double Stepper::GapBefore(int pair) const {
+  double gap = 0;
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (now_pair_[c] == pair) gap = std::min(gap, now_[c].gap);
+  return gap;
+}
+
+// Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
+double Stepper::PushOut(int pair) const {
+  return pays_[pair] && GapBefore(pair) < -kTouching * Size(group_->pairs[pair]) ? kPushOut : 0;
+}
+
+// Of a size: overlap that the piece made.
+double Stepper::FreshOverlap() const {
+  double worst = 0;
+  for (size_t c = 0; c < end_.size(); ++c)
+    if (end_[c].gap < 0 && yields_[end_pair_[c]] == 0)
+      worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// The same since the step began.
+double Stepper::DeepestSinceStart() const {
+  double worst = 0;
+  for (size_t c = 0; c < end_.size(); ++c)
+    if (yields_[end_pair_[c]] == 0)
+      worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+  return worst;
+}
+
+// Of a size: what the piece missed of gap(x1) = gap(x0), or >=, by.
+double Stepper::Missed() const {
+  double worst = 0;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    const int pair = end_pair_[e];
+    const double size = Size(group_->pairs[pair]), before = GapBefore(pair);
+    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e)) worst = std::max(worst, (before - end_[e].gap) / size);
+    const double rose = end_[e].gap - (1 - PushOut(pair)) * before;
+    if (rose > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, rose / size);
+  }
+  return worst;
+}
+
+// Of the contacts at another time of the piece the one that this contact is; -1: none. The same feature is the same
+// place only as far as the two bodies' points have parted, or as a piece may turn: the lowest point of a rim goes around it.
+int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const {
+  const auto [a, b] = group_->pairs[pair];
+  const auto [first, last] = std::equal_range(there.begin(), there.end(), contact, EarlierPair);
+  const Vector3 with_a = CarriedWith(a, contact.point_W, from, to), with_b = CarriedWith(b, contact.point_W, from, to);
+  const double far = kSamePlace * Size(group_->pairs[pair]);
+  const double around = kTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
+  const double moved = std::max(around, far + 0.5 * (with_a - with_b).norm());
+  const int found = FindAgain({first, last}, contact.feature, 0.5 * (with_a + with_b), moved, far);
+  return found < 0 ? -1 : static_cast<int>(first - there.begin()) + found;
+}
+
+// Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
+void Stepper::FollowHeld() {
+  follows_.assign(held_.size(), -1);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
+    follows_[c] = FindAt(held_of_[c].pair, held_[c], from, Moment::kEnd, end_);
+  }
+}
+
+// The contact as the piece began, if it was closed.
+const Contact* Stepper::ClosedAtStart(size_t at_end) const {
+  const Contact& end = end_[at_end];
+  const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
+  return found >= 0 && closed_[found] && now_[found].normal_W.dot(end.normal_W) > 0 ? &now_[found] : nullptr;
+}
+
+// [N s] what a contact at the end held in the piece.
+Vector3 Stepper::CarriedBy(size_t at_end) const {
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (follows_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
+  return sum;
+}
+
+bool Stepper::WasHeld(size_t at_end) const {
+  return std::find(follows_.begin(), follows_.end(), static_cast<int>(at_end)) != follows_.end();
+}
+
+bool Stepper::Presses(int pair) const {
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (held_of_[c].pair == pair && !impulse_W_[c].isZero(0)) return true;
+  return false;
+}
+
+}  // namespace islet::motion

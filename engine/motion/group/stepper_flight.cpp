@@ -1,0 +1,190 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+
+#include "engine/motion/visible_turn.h"
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr int kLineRounds = 20;  // each takes some ten times off the angle
+
+}  // namespace
+
+// Walls are where their velocity takes them: poses at time t of the step, for those that do not move by contacts.
+void Stepper::PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const {
+  for (size_t i = 0; i < group_->bodies.size(); ++i) {
+    const Body& b = group_->bodies[i];
+    if (b.Moves()) continue;
+    set(i, {b.position_W + t * b.linear_velocity_W, Turned(t * b.angular_velocity_W, b.rotation_WB)});
+  }
+}
+
+// Positions and velocities of centres.
+void Stepper::MoveCentres(double h) {
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].Moves())
+      end_state_[i].linear_W = state_[i].linear_W + h * (settings_.gravity + bodies[i].force_W / bodies[i].mass);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    if (bodies[a].Moves()) end_state_[a].linear_W -= impulse_W_[c] / bodies[a].mass;
+    if (bodies[b].Moves()) end_state_[b].linear_W += impulse_W_[c] / bodies[b].mass;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (!bodies[i].Moves()) continue;
+    mean_W_[i] = 0.5 * (state_[i].linear_W + end_state_[i].linear_W);
+    end_state_[i].pose.position_W = state_[i].pose.position_W + h * mean_W_[i];
+    middle_[i].position_W = state_[i].pose.position_W + 0.5 * h * mean_W_[i];
+  }
+}
+
+// Contacts between two bodies that turn in themselves, with their impulses, into the line of centres halfway, where a normal impulse
+// spins neither. Whether any turned.
+bool Stepper::TurnIntoLine() {
+  bool turned = false;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    Contact& contact = held_[c];
+    if (impulse_W_[c].isZero(0) || !TurnInThemselves(held_of_[c].pair)) continue;
+    const Vector3 line = (middle_[contact.body_b].position_W - middle_[contact.body_a].position_W).normalized();
+    const Vector3& from = middle_[contact.body_a].position_W;
+    const Vector3 place = contact.point_W + CentreHalfway(held_of_[c].pair) - held_of_[c].centre;
+    contact.point_W += from + line.dot(place - from) * line - place;
+    if ((line - contact.normal_W).squaredNorm() < kRounding * kRounding) continue;
+    impulse_W_[c] = Quaternion::FromTwoVectors(contact.normal_W, line) * impulse_W_[c];
+    contact.normal_W = line;
+    turned = true;
+  }
+  return turned;
+}
+
+// The piece under these impulses: parabolas, free turns, and half-way a kick to each angular momentum. Both bodies of a contact
+// take their impulse at one point.
+void Stepper::Fly(double h) {
+  const std::vector<Body>& bodies = group_->bodies;
+  for (int round = 0; round == 0 || (TurnIntoLine() && round < kLineRounds); ++round) MoveCentres(h);
+  spin_gain_.assign(bodies.size(), Vector3::Zero());
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    const State& s = state_[i];
+    if (!b.Moves()) continue;
+    turned_[i].rotation_WB =
+        Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
+    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    spin_gain_[i] = h * b.torque_W;
+  }
+  PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) { middle_[i] = pose; });
+  PlaceWallsAt(time_of_piece_ + h, [&](size_t i, const Pose& pose) { end_state_[i].pose = pose; });
+  acted_at_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Contact& contact = held_[c];
+    const int a = contact.body_a, b = contact.body_b;
+    acted_at_[c] = contact.point_W + (CentreHalfway(held_of_[c].pair) - held_of_[c].centre);  // it moves along
+    spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
+    spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
+  }
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    if (!b.Moves()) continue;
+    const Quaternion& half = turned_[i].rotation_WB;
+    spun_after_[i] = spin_gain_[i].isZero(0) ? spun_[i] : Vector3(spun_[i] + SpinOf(b, half, spin_gain_[i]));
+    State& e = end_state_[i];
+    e.pose.rotation_WB = Turned(FreeRotation(b.inertia_B, half, spun_after_[i], 0.5 * h), half);
+    e.angular_W = AngularVelocityAfter(b.inertia_B, half, spun_after_[i], e.pose.rotation_WB);
+    const Vector3 turn = Log(e.pose.rotation_WB * state_[i].pose.rotation_WB.conjugate());
+    middle_[i].rotation_WB = Turned(0.5 * turn, state_[i].pose.rotation_WB);
+  }
+}
+
+Path Stepper::PathOf(int i, double h) const {
+  const Body& b = group_->bodies[i];
+  const Shape& shape = *group_->shapes[i];
+  const State &s = state_[i], &e = end_state_[i];
+  if (!b.Moves())
+    return {s.pose, b.linear_velocity_W, Vector3::Zero(), b.angular_velocity_W, Vector3::Zero(), BodyRadius(i)};
+  // By its mean velocity: that at the end may be the one after a blow.
+  return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, VisibleSpinOf(i),
+                     VisibleRotation(shape, s.pose.rotation_WB, e.pose.rotation_WB), h, BodyRadius(i));
+}
+
+// Ends the piece earlier, under the same forces.
+void Stepper::EndAt(double at, double* h) {
+  for (Vector3& impulse : impulse_W_) impulse *= at / *h;
+  *h = at;
+  Fly(at);
+}
+
+// A rotation that has the body where this pose has it, reached without a turn about its own axis.
+Quaternion Stepper::SeenAs(int i, const Pose& pose) const {
+  return VisibleRotation(*group_->shapes[i], state_[i].pose.rotation_WB, pose.rotation_WB);
+}
+
+// Where a place on the surface of a body, or of two, is at another time of the piece: round bodies show no turn in themselves.
+Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to) const {
+  const auto at = [&](Moment moment) -> const Pose& {
+    return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
+  };
+  const Pose &x = at(from), &y = at(to);
+  if (group_->shapes[i]->kind() == ShapeKind::kSphere) return point + y.position_W - x.position_W;
+  return y.position_W + SeenAs(i, y) * (SeenAs(i, x).conjugate() * (point - x.position_W));
+}
+
+Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
+  const auto [a, b] = group_->pairs[pair];
+  return 0.5 * (CarriedWith(a, point, from, to) + CarriedWith(b, point, from, to));
+}
+
+bool Stepper::TurnInThemselves(int pair) const {
+  const auto [a, b] = group_->pairs[pair];
+  return BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves();
+}
+
+// Of a body, in the piece as it is now.
+Course Stepper::CourseOf(int i) const {
+  const Body& b = group_->bodies[i];
+  return {state_[i].pose,
+          middle_[i],
+          {end_state_[i].pose.position_W, SeenAs(i, end_state_[i].pose)},
+          b.Moves() ? mean_W_[i] : b.linear_velocity_W,
+          MeanSpin(i),
+          BodyRadius(i) == 0,
+          group_->shapes[i]->kind() == ShapeKind::kSphere};
+}
+
+// Of what the two bodies of a contact do, what the contact does.
+Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
+  const auto [a, b] = group_->pairs[pair];
+  const double share =
+      ShareOfA(group_->bodies[a].Moves(), BodyRadius(a) == 0, group_->bodies[b].Moves(), BodyRadius(b) == 0);
+  return share * of_a + (1 - share) * of_b;
+}
+
+// [m] what a contact moves along with.
+Vector3 Stepper::CentreAtStart(int pair) const {
+  return Shared(pair, state_[group_->pairs[pair].a].pose.position_W, state_[group_->pairs[pair].b].pose.position_W);
+}
+
+Vector3 Stepper::CentreHalfway(int pair) const {
+  return Shared(pair, middle_[group_->pairs[pair].a].position_W, middle_[group_->pairs[pair].b].position_W);
+}
+
+// Between these points of start and end, on the arc about each body's axis.
+Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
+  return Shared(pair, OnArc(CourseOf(group_->pairs[pair].a), start, end),
+                OnArc(CourseOf(group_->pairs[pair].b), start, end));
+}
+
+// [rad/s] of a body halfway.
+Vector3 Stepper::MeanSpin(int i) const {
+  const Body& b = group_->bodies[i];
+  return b.Moves() ? Vector3(0.5 * (spun_[i] + spun_after_[i])) : b.angular_velocity_W;
+}
+
+// [m/s] of a body's point halfway.
+Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
+  const Body& b = group_->bodies[i];
+  return (b.Moves() ? mean_W_[i] : b.linear_velocity_W) + MeanSpin(i).cross(point - middle_[i].position_W);
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,162 @@
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "qp/smallness.h"
+
+namespace islet::motion {
+namespace {
+
+constexpr double kNear = 5e-5;     // of a size: overlap by which what rests on each other has met anew
+constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
+
+}  // namespace
+
+// [s] of the first blow within the piece, h if there is none.
+double Stepper::FindMeeting(double h) {
+  double first = h;
+  cut_pair_ = -1;
+  returned_ = guarded_ = met_ = false;
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    if (yields_[p] > 0) continue;
+    const GroupPair& pair = group_->pairs[p];
+    const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
+    // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
+    const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
+    const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kDeep;
+    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
+                                     stays  ? kNear
+                                     : sunk ? kExact
+                                            : 0.5 * kTouching);
+    const Path &a = query.path_a, &b = query.path_b;
+    if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
+    double t = First(query);
+    if (t >= first) continue;
+    if (!MetInABlow(query, static_cast<int>(p), &t) ||
+        static_cast<int>(p) == grazing_) {  // too slow: it carries when it is there
+      met_ = true;
+      if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
+      Guard(static_cast<int>(p), t, a, b);
+      continue;
+    }
+    first = t;
+    cut_pair_ = static_cast<int>(p);
+  }
+  return first;
+}
+
+// Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
+// blow: t goes back to where what is fast was as deep as the piece found it, and the contacts there are in probe_. A rebound that comes
+// back before it is open was none.
+bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
+  const GroupPair& pair = group_->pairs[number];
+  const double closed = kExact * Size(pair);
+  for (int round = 0; round < kHalvings; ++round) {
+    ++work_;
+    probe_.clear();
+    const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
+    CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 4 * kNear * Size(pair), &probe_);
+    double fastest = 0, back = 0;
+    for (Contact& c : probe_) {
+      Mix(pair, &c);
+      const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
+        return path.VelocityAt(*t) + path.RateAt(*t).cross(c.point_W - at.position_W);
+      };
+      const double approach = -c.normal_W.dot(velocity(query.path_b, at_b) - velocity(query.path_a, at_a));
+      if (approach <= std::max(fastest, CutSpeed(c))) continue;
+      fastest = approach;
+      back = std::max(0.0, query.gap - c.gap) / approach;
+    }
+    if (fastest * back <= closed || *t == 0)
+      return fastest > 0 && (freed_[number] == kHits || 0.25 * fastest * *t > closed);
+    *t = std::max(0.0, *t - back);
+  }
+  return true;
+}
+
+double Stepper::First(const MeetingQuery& query) {
+  const std::int64_t before = meeting_.looks();
+  const double first = meeting_.First(query);
+  work_ += static_cast<int>(meeting_.looks() - before);
+  return first;
+}
+
+// The query of a pair's way in the piece.
+MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, double deep) const {
+  const GroupPair& pair = group_->pairs[number];
+  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap,
+          deep * Size(pair)};
+}
+
+// Whether some pair is so deep in each other on its way that it may come out on another side. What hits slowly is stopped over the
+// whole piece, and overlaps for a while by less.
+bool Stepper::WayIsBarred(double h) {
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    if (yields_[p] > 0) continue;
+    const int pair = static_cast<int>(p);
+    const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kThrough);
+    if (way.Farthest() > 0.5 * way.deep && First(way) < h) return true;
+  }
+  return false;
+}
+
+// A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
+// these points have where the piece begins.
+void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
+  for (const Guarded& guard : guard_of_)
+    if (guard.pair == number) return;
+  const Pose at_a = a.At(t), at_b = b.At(t);
+  for (Contact c : probe_) {
+    const auto at_start = [&](const Vector3& point, const Pose& now, const Path& path) -> Vector3 {
+      return path.start.position_W + path.start.rotation_WB * (now.rotation_WB.conjugate() * (point - now.position_W));
+    };
+    const Vector3 half = 0.5 * c.gap * c.normal_W;
+    const double gap = c.normal_W.dot(at_start(c.point_W + half, at_b, b) - at_start(c.point_W - half, at_a, a));
+    const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W),
+                  with_b = c.point_W - (at_b.position_W - b.start.position_W);
+    c.body_a = group_->pairs[number].a;
+    c.body_b = group_->pairs[number].b;
+    c.point_W = Shared(number, with_a, with_b);
+    guards_.push_back(c);
+    guard_of_.push_back({number, gap});
+    guarded_ = true;
+  }
+}
+
+// The piece ends at the blow: secant steps from the moment found towards the gap that the pair had at the start, 0 as a rule, as
+// long as they get nearer.
+double Stepper::Shorten(double h, double moment) {
+  const GroupPair& pair = group_->pairs[cut_pair_];
+  const double before = GapOfBlow(cut_pair_), whole = h;
+  double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
+  for (int k = 0; k < 6; ++k) {
+    EndAt(at, &h);
+    probe_.clear();
+    CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
+                  end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
+    double gap = kFar, approach = 0;
+    for (Contact& c : probe_) {  // of what hits; other corners of the pair may rest
+      Mix(pair, &c);
+      const double speed =
+          -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
+      if (c.gap < gap && speed > CutSpeed(c)) gap = c.gap, approach = speed;
+    }
+    gap -= before;
+    if (std::abs(gap) >= nearest) break;
+    nearest = std::abs(gap);
+    best = at;
+    if (nearest <= kExact * Size(pair)) break;
+    at = std::clamp(at + gap / approach, 1e-9 * dt_, whole);
+  }
+  if (h != best) EndAt(best, &h);
+  return h;
+}
+
+// [m] <= 0: gap at which the pair meets. Where it bounces, an overlap too small to be met is none, or bounces would sink, one by one.
+double Stepper::GapOfBlow(int pair) const {
+  const double gap = GapBefore(pair);
+  return freed_[pair] != kStays && gap > -0.5 * kTouching * Size(group_->pairs[pair]) ? 0 : gap;
+}
+
+}  // namespace islet::motion
