@@ -24,7 +24,7 @@ enum class BounceLaw {
 enum class Freezing {
   kOff,        // never
   kPaper,      // kinetic energy below Eq. 15 for more than freeze_count frames; wakes by collision only
-  kCertified,  // frozen while a static-contact solution holds the body; design in engine/README.md
+  kCertified,  // frozen while a static-contact solution holds the body; design in engine/freezing/README.md
 };
 
 // Box along the world's axes.
@@ -41,8 +41,7 @@ struct Settings {
   Model model = Model::kCoulomb;             // law of the contact problems
   Cone cone = Cone::kCircular;               // of friction
   BounceLaw bounce_law = BounceLaw::kExact;  // of blows
-  int bounce_limit =
-      kAutoBounceLimit;  // c_b per island; auto: two a body; eq5, eq6: as in [SM04 Sec. 5.1]
+  int bounce_limit = kAutoBounceLimit;       // c_b per island; auto: two a body; eq5, eq6: as in [SM04 Sec. 5.1]
   Freezing freezing = Freezing::kCertified;  // when bodies are frozen
   int freeze_count = 3;              // c_f of kPaper: frames                                     [SM04 Sec. 5.2]
   double freeze_seconds = 0.1;       // kCertified: how long a body must have stood still

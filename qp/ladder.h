@@ -22,11 +22,12 @@ enum class Rung : std::uint8_t {
   kKeptPairs,  // contacts of two bodies that have not moved since they were found
   kReach,      // contacts found with room for the motion that was expected: not found again before it
 };
-inline constexpr int kNumProblemRungs = 7,  // without those of detection
-    kNumRungs = 9;                          // all
+inline constexpr int kNumProblemRungs = static_cast<int>(Rung::kInteriorPoint) + 1;  // without those of detection
+inline constexpr int kNumRungs = static_cast<int>(Rung::kReach) + 1;                 // all
 // Names of the rungs in options and reports, by Rung.
 inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form",    "column",     "held", "sweeps",
                                                       "newton",  "interior_point", "kept_pairs", "reach"};
+static_assert(kRungNames[kNumRungs - 1] != nullptr);
 // The same without those of detection.
 inline constexpr auto kProblemRungNames = [] {
   std::array<const char*, kNumProblemRungs> names{};

@@ -170,7 +170,7 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
       ->required()
       ->type_name("SCENE");
 
-  const auto add = [&](const char* group, const char* name, auto& target, const char* type, const char* help) {
+  const auto add = [&](const char* group, const char* name, auto& target, const char* type, const std::string& help) {
     return command->add_option(name, target, help)->group(group)->type_name(type);
   };
   AddSceneParameters(command, &o.parameters);
@@ -184,9 +184,8 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
   add(kMethod, "--cone", o.cone, "NAME", "friction cone: circular or octagon (default circular)");
   add(kMethod, "--ladder", o.ladder, "off|auto|RUNG,...",
-      "cheaper ways to the same answer, tried first: nothing, closed_form, column, held, "
-      "sweeps, newton; of detection: kept_pairs, reach; off: all to the interior point "
-      "(default auto)");
+      fmt::format("cheaper ways to the same answer, tried first: {}; off: all to the interior point (default auto)",
+                  fmt::join(qp::kRungNames, ", ")));
   add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
   add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");

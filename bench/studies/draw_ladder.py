@@ -1,4 +1,6 @@
 """The pictures and the table of ladder.csv (ladder_study.cpp). Used by draw_studies.py, which hands over what they share."""
+import itertools
+
 import matplotlib.pyplot as plt
 from matplotlib import ticker
 
@@ -66,7 +68,7 @@ def draw_rungs(found, folder, save):
         whole = pair["off"]["wall_s"]
         for ladder, below in (("off", 0.2), ("auto", -0.2)):
             row, left = pair[ladder], 0
-            parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, COLOURS, strict=True)]
+            parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, itertools.cycle(COLOURS))]
             parts.append(("position problems", row.get("position_seconds", 0), "#d8c3a5"))
             parts.append(("all else of the step", max(0, row["wall_s"] - sum(p[1] for p in parts)), "#eeeeee"))
             for name, seconds, colour in parts:

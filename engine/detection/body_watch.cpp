@@ -55,8 +55,7 @@ void BodyWatch::UpdateOne(int number, const Body& body, const Vector3& travel, d
   const bool dynamic = body.kind == BodyKind::kDynamic;
   w.rebuilt = other_shape_[number] || w.removed != body.removed || w.dynamic != dynamic;
   w.changed = w.rebuilt || w.pose.position_W != body.position_W ||
-              rotations_[number].coeffs() != body.rotation_WB.coeffs() || w.travel != travel || w.margin != margin ||
-              w.friction != body.friction || w.restitution != body.restitution;
+              rotations_[number].coeffs() != body.rotation_WB.coeffs() || w.travel != travel || w.margin != margin;
   if (!w.changed) return;
   const Shape& shape = shapes_[number];
   w.removed = body.removed;
@@ -65,8 +64,6 @@ void BodyWatch::UpdateOne(int number, const Body& body, const Vector3& travel, d
   w.radius = shape.radius();
   w.margin = margin;
   w.travel = travel;
-  w.friction = body.friction;
-  w.restitution = body.restitution;
   w.pose = {body.position_W, body.rotation_WB.toRotationMatrix()};
   rotations_[number] = body.rotation_WB;
   if (w.half_space || w.removed) return;

@@ -45,7 +45,6 @@ struct WatchedBody {
   double radius = 0;                 // [m] farthest point from the centre of mass
   double margin = 0;                 // [m]
   Vector3 travel = Vector3::Zero();  // [m] W
-  double friction = 0, restitution = 0;
   Placement pose;
   Box box;  // swept along the travel, inflated by the margin; unset for half-spaces and removed bodies
 };

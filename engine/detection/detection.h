@@ -37,7 +37,7 @@ class Detector {
   // margins[i] (which covers rotation), meet are kept; their reach is margins[a] + margins[b] + |travel_b - travel_a|,
   // and contacts farther apart are dropped. Left out are pairs with a removed body, pairs without a dynamic body, and,
   // unless include_frozen, frozen bodies against what stands still: frozen or fixed bodies, kinematic ones without
-  // velocity. contact.friction and .restitution are the mixed values of the pair. Throws std::invalid_argument if the
+  // velocity. Materials are left to the caller. Throws std::invalid_argument if the
   // spans differ in size. rule: pairs that it does not allow are left out; null: none.
   void Detect(std::span<const Body> bodies, std::span<const Shape> shapes, std::span<const Vector3> travel_W,
               std::span<const double> margins, std::vector<Contact>* contacts, bool include_frozen = false,

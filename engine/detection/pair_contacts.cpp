@@ -32,14 +32,10 @@ void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Conta
   CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(),
                 &pair->axis);
   if (contacts->size() == first) return;
-  const double friction = MixFriction(a.friction, b.friction);
-  const double restitution = MixRestitution(a.restitution, b.restitution);
   for (size_t c = first; c < contacts->size(); ++c) {
     Contact& contact = (*contacts)[c];
     contact.body_a = pair->a;
     contact.body_b = pair->b;
-    contact.friction = friction;
-    contact.restitution = restitution;
     for (size_t k = c; k > first && (*contacts)[k].feature < (*contacts)[k - 1].feature; --k) {
       std::swap((*contacts)[k], (*contacts)[k - 1]);
     }

@@ -27,12 +27,13 @@ constexpr double kPassedOn = 1e-3;   // of one: an elastic one
 // the queue can do: n in a stack on a floor take about n^2 of them. All that bounces at once is one.
 double BounceCost(double restitution) { return 1 - restitution + kPassedOn * restitution; }
 
-BounceBody MakeBounceBody(const Body& body) {
+// A member moves by the blows; all others are walls, what is frozen among them, too.
+BounceBody MakeBounceBody(const Body& body, bool member) {
   BounceBody out;
   out.position_W = body.position_W;
   out.linear_velocity_W = body.linear_velocity_W;
   out.angular_velocity_W = body.angular_velocity_W;
-  if (body.kind == BodyKind::kDynamic) {
+  if (member) {
     out.inverse_mass = 1 / body.mass;
     out.inverse_inertia_W = body.InverseInertiaW();
   }
@@ -52,11 +53,11 @@ void SequentialResolver::Load(std::span<const int> group_bodies, std::span<const
   locals_.clear();
   for (const int number : group_bodies) {
     local_[number] = static_cast<int>(locals_.size());
-    locals_.push_back(MakeBounceBody(bodies[number]));
+    locals_.push_back(MakeBounceBody(bodies[number], true));
   }
   const auto place = [&](int number) {
     if (local_[number] >= 0) return local_[number];
-    locals_.push_back(MakeBounceBody(bodies[number]));  // a wall: one copy per contact, it never changes
+    locals_.push_back(MakeBounceBody(bodies[number], false));  // a wall: one copy per contact, it never changes
     return static_cast<int>(locals_.size()) - 1;
   };
   sides_.clear();
@@ -96,22 +97,33 @@ bool SequentialResolver::Answers(int c, double velocity) const {
   return walls_answer_ && wall && std::abs(velocity) <= threshold_;
 }
 
-// All that are as fast as the fastest, wherever they are, or it would depend on the bounce limit who has bounced; and what answers to
-// them.
+// All that are as fast as the fastest, wherever they are, or it would depend on the bounce limit who has bounced; of their bodies all that
+// are nearly as fast, or a flat landing were one of corners; and what answers to them.
 void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
+  const double nearly = std::max((1 - kTie) * queue_.top_key(), queue_.top_key() + tie_);
   queue_.UpTo((1 - kTie) * queue_.top_key(), &tied_);
   tied_bodies_.clear();
   is_tied_.assign(locals_.size(), 0);
-  const size_t fastest = tied_.size();
-  for (size_t k = 0; k < fastest; ++k) {
-    for (const int side : {sides_[tied_[k]].first, sides_[tied_[k]].second}) {
-      if (!locals_[side].moves() || std::exchange(is_tied_[side], 1)) continue;
-      tied_bodies_.push_back(side);
-      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)  // a wall is nobody else's
-        if (Answers(touches_[t], NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]])))
-          tied_.push_back(touches_[t]);
+  in_tie_.assign(sides_.size(), 0);
+  const auto tie_bodies_of = [&](int c) {
+    in_tie_[c] = 1;
+    for (const int side : {sides_[c].first, sides_[c].second})
+      if (locals_[side].moves() && !std::exchange(is_tied_[side], 1)) tied_bodies_.push_back(side);
+  };
+  const auto add_where = [&](size_t bodies, const auto& takes_part) {
+    for (size_t k = 0; k < bodies; ++k) {
+      const int side = tied_bodies_[k];
+      for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t) {  // a wall is nobody else's
+        const int c = touches_[t];
+        if (in_tie_[c] || !takes_part(c, NormalVelocityOf(c, contacts[group_contacts[c]]))) continue;
+        tied_.push_back(c);
+        tie_bodies_of(c);
+      }
     }
-  }
+  };
+  for (size_t k = 0, fastest = tied_.size(); k < fastest; ++k) tie_bodies_of(tied_[k]);
+  add_where(tied_bodies_.size(), [&](int c, double velocity) { return velocity <= nearly && !IsSpent(c); });
+  add_where(tied_bodies_.size(), [&](int c, double velocity) { return Answers(c, velocity); });
 }
 
 // The tied contacts and the bodies that move in them, as a problem of their own; walls' velocities as drift.
@@ -250,6 +262,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
   least_rebound_ = rule.least_rebound;
+  tie_ = rule.tie;
   spent_.assign(locals_.size(), 0.0);
   keys_.resize(group_contacts.size());
   for (size_t c = 0; c < keys_.size(); ++c)

@@ -34,6 +34,7 @@ struct BounceRule {
   int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
   bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
   double least_rebound = 0;      // [m/s] a slower one is none
+  double tie = 0;                // [m/s] by which approaches that are the same may differ
 };
 
 class SequentialResolver {
@@ -62,10 +63,11 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
-  double least_rebound_ = 0;
+  double least_rebound_ = 0, tie_ = 0;
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move
+  std::vector<std::uint8_t> in_tie_;     // per contact
   std::vector<std::uint8_t> is_tied_;    // per body
   std::vector<int> place_;               // of it in the problem of what is tied
   bool by_body_ = false;

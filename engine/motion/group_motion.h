@@ -19,8 +19,8 @@
 #include <vector>
 
 #include "engine/ledger.h"
-#include "engine/motion/groups.h"
 #include "engine/motion/group/stepper.h"
+#include "engine/motion/groups.h"
 #include "engine/problem_record.h"
 #include "parallel/worker_pool.h"
 

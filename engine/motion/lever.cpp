@@ -51,10 +51,10 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
   return found;
 }
 
-double ShareOfA(bool moves_a, bool turns_in_itself_a, bool moves_b, bool turns_in_itself_b) {
-  if (!moves_a) return 0;
-  if (!moves_b) return 1;
-  return turns_in_itself_a == turns_in_itself_b ? 0.5 : turns_in_itself_a ? 1 : 0;
+double ShareOfA(double mass_a, bool turns_in_itself_a, double mass_b, bool turns_in_itself_b) {
+  if (!std::isfinite(mass_a)) return 0;
+  if (!std::isfinite(mass_b)) return 1;
+  return turns_in_itself_a == turns_in_itself_b ? mass_b / (mass_a + mass_b) : turns_in_itself_a ? 1 : 0;
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {

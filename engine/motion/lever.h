@@ -39,9 +39,10 @@ inline constexpr double kSamePlace = 1e-2;
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far);
 
-// How far a contact goes with body a; the rest with b. Not with what stands still; with what turns in itself rather than with what
-// does not: so the normal impulse on it passes through its centre.
-double ShareOfA(bool moves_a, bool turns_in_itself_a, bool moves_b, bool turns_in_itself_b);
+// How far a contact goes with body a; the rest with b. mass: [kg], infinite for what stands still. It goes with what turns in itself rather
+// than with what does not: so the normal impulse on it passes through its centre. Else the lighter one has the more of it: where two that
+// slide on each other take an impulse at one point, the lever of one or the other is off, and a heavy body does not feel it.
+double ShareOfA(double mass_a, bool turns_in_itself_a, double mass_b, bool turns_in_itself_b);
 
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);

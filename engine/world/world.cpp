@@ -27,22 +27,20 @@ World::Impl::Impl(const Settings& s, parallel::WorkerPool* p)
       detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
       group_motion(s, pool),
       crowd_motion(s, pool),
-      mix([this](Contact* c, const Body& a, const Body& b) {
-        c->friction = MixFriction(a.friction, b.friction);
-        c->restitution = MixRestitution(a.restitution, b.restitution);
-        c->surface_W = MixSurfaces(a, b);
-        if (!material) return;
-        const Material m = MaterialOf(*c, a, b);
-        c->friction = m.friction;
-        c->restitution = m.restitution;
-      }),
+      mix([this](Contact* c, const Body& a, const Body& b) { Mix(c, a, b); }),
       ledger(pool) {}
 
-Material World::Impl::MaterialOf(const Contact& c, const Body& a, const Body& b) const {
-  const Material m = material(c, a, b);
-  if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(c, "friction", m.friction);
-  if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(c, "restitution", m.restitution);
-  return m;
+// What the materials of two bodies make of their contact, in crowds and in small groups alike.
+void World::Impl::Mix(Contact* c, const Body& a, const Body& b) const {
+  c->friction = MixFriction(a.friction, b.friction);
+  c->restitution = MixRestitution(a.restitution, b.restitution);
+  c->surface_W = MixSurfaces(a, b);
+  if (!material) return;
+  const Material m = material(*c, a, b);
+  if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(*c, "friction", m.friction);
+  if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(*c, "restitution", m.restitution);
+  c->friction = m.friction;
+  c->restitution = m.restitution;
 }
 
 World::World(const Settings& settings) : World(settings, nullptr) {}

@@ -109,7 +109,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void RepeatEvents();
   void AddHits(double dt);
   double ApproachOf(const LedgerImpulse& j) const;
-  Material MaterialOf(const Contact& c, const Body& a, const Body& b) const;
+  void Mix(Contact * contact, const Body& a, const Body& b) const;
   void BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers, std::vector<Contact>* overlaps,
                 std::vector<int>* inside) const;
   template <typename Look>

@@ -31,16 +31,7 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
 }
 
 void World::Impl::MixMaterials(std::vector<Contact>* contacts) const {
-  const bool belts =
-      std::any_of(bodies.begin(), bodies.end(), [](const Body& b) { return !b.surface_velocity_B.isZero(0); });
-  if (belts)
-    for (Contact& c : *contacts) c.surface_W = MixSurfaces(bodies[c.body_a], bodies[c.body_b]);
-  if (!material) return;
-  for (Contact& c : *contacts) {
-    const Material m = MaterialOf(c, bodies[c.body_a], bodies[c.body_b]);
-    c.friction = m.friction;
-    c.restitution = m.restitution;
-  }
+  for (Contact& c : *contacts) Mix(&c, bodies[c.body_a], bodies[c.body_b]);
 }
 
 void World::Impl::DetectAll(std::span<const Body> asked) {

@@ -63,7 +63,7 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   for (const Strategy& strategy : kStrategies) {
     if (problem.contacts.empty()) break;
     if (strategy.rung != Rung::kInteriorPoint && !settings.ladder.Has(strategy.rung)) continue;
-    if (strategy.rung != Rung::kClosedForm && scales_.empty()) ImpulseScales(problem, &scales_);
+    if (strategy.rung > Rung::kClosedForm && scales_.empty()) ImpulseScales(problem, &scales_);
     const double begin = Seconds();
     if (!(this->*strategy.fits)(task)) continue;
     solution->rung = strategy.rung;

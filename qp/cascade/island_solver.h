@@ -32,7 +32,7 @@ class IslandSolver {
  private:
   // fits: a cheap look, which may prepare. solve: whether its answer stands; if not, the solution is none.
   struct Strategy {
-    Rung rung;  // that has to be on the ladder
+    Rung rung;  // that has to be on the ladder; kInteriorPoint: always allowed, its solver names the rung of the answer
     bool (IslandSolver::*fits)(const Task& task);
     bool (IslandSolver::*solve)(const Task& task, Solution* solution);
   };

@@ -48,7 +48,7 @@ std::int64_t Problems(const LadderReport& ladder, qp::Rung rung) {
 std::int64_t ProblemsBelowTheLast(const LadderReport& ladder) {
   std::int64_t problems = 0;
   // Where nothing approaches there is no problem.
-  for (int rung = static_cast<int>(qp::Rung::kClosedForm); rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung)
+  for (int rung = static_cast<int>(qp::Rung::kNothing) + 1; rung < static_cast<int>(qp::Rung::kInteriorPoint); ++rung)
     problems += ladder.rungs[rung].problems;
   return problems;
 }

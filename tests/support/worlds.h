@@ -47,7 +47,6 @@ inline BodyDefinition Cube(const Vector3& position, double friction = 0.5, doubl
           .restitution = restitution};
 }
 
-// A cube that lies on Floor(.., incline), its centre above the origin.
 // Four walls around the origin, a metre thick, on the floor. distance: [m] of their middles; length, height: half of theirs.
 inline void AddWalls(World* world, double distance, double length, double height) {
   for (int side = 0; side < 4; ++side) {
@@ -59,6 +58,7 @@ inline void AddWalls(World* world, double distance, double length, double height
   }
 }
 
+// A cube that lies on Floor(.., incline), its centre above the origin.
 inline BodyDefinition CubeOnIncline(double incline, double friction) {
   BodyDefinition cube = Cube(Turn(incline, Vector3::UnitY()) * Vector3(0, 0, 0.5), friction);
   cube.rotation_WB = Turn(incline, Vector3::UnitY());

@@ -12,6 +12,7 @@
 //   allocation: none after warm-up
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <span>
 #include <vector>
@@ -134,6 +135,7 @@ class Crowd {
   double PushOf(double gap) const;
   double YieldOf(const Contact& pair) const;
   double GapAtStart(const Contact& pair) const;
+  double MassOf(int i) const { return cut_[i] ? INFINITY : bodies_[i].mass; }  // [kg]
   double LighterMass(const Contact& contact) const;
   double Share(const Contact& contact) const;
   bool IsRound(const Contact& contact) const;
@@ -182,6 +184,7 @@ class Crowd {
   void Settle(StepReport* report);
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
+  double SpeedOfMoment(const Contact& contact, double start, double end) const;
 
   // crowd_freezing.cpp
   void LookAtStart(double dt, const CrowdMemory& memory);
@@ -238,6 +241,7 @@ class Crowd {
   std::vector<int> carried_at_;              // per near contact: place in impulses_ of what it carried, or -1
   std::vector<Vector3> beyond_W_;            // [N s] per contact of the problem: what it carried beyond its cone
   std::vector<std::uint8_t> hits_;           // per contact of the problem: a blow
+  std::vector<double> approaches_;           // [m/s] the same: where the piece begins, 0 if it opens
   std::vector<double> rebounds_;             // [m/s] the same: targets of blows while the others are solved
   std::vector<Vector3> blows_, collisions_;  // [N s] the same, (n, t1, t2)
   std::vector<Vector3> blow_W_;              // [N s] per near contact

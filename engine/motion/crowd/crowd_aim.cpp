@@ -20,8 +20,9 @@ constexpr double kAlike = 0.999;  // cosine: normals that are the same
 Crowd::Place Crowd::PlaceAtEnd(size_t c) const {
   const int a = held_[c].body_a, b = held_[c].body_b;
   const Vector3 with_a = TakesOn(a, c), with_b = TakesOn(b, c);
-  return {acted_at_[c] + 0.5 * (with_a + with_b),
-          0.5 * (with_a - with_b).norm() + dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() +
+  const double share = Share(held_[c]);
+  return {acted_at_[c] + share * with_a + (1 - share) * with_b,
+          std::max(share, 1 - share) * (with_a - with_b).norm() + dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() +
                                                   (mean_W_[b] - mean_W_[a]).norm() + SlipOf(c).norm())};
 }
 
@@ -103,8 +104,8 @@ void Crowd::Aim(size_t e) {
   const double size = Size(contact);
   if (contact.gap > kReach * size && carried_W_[e].isZero(0)) return;
   const int a = contact.body_a, b = contact.body_b;
-  const auto halfway = [&](int i) -> Vector3 {
-    const Vector3 r = contact.point_W - bodies_[i].position_W;
+  const auto halfway = [&](int i, const Vector3& point) -> Vector3 {
+    const Vector3 r = point - bodies_[i].position_W;
     if (TurnsInItself(i)) return middle_[i].position_W + r;
     const Vector3 before = begin_[i].pose.rotation_WB * (SeenAs(i, bodies_[i].rotation_WB).conjugate() * r);
     return middle_[i].position_W + 0.5 * (r + before);
@@ -126,7 +127,8 @@ void Crowd::Aim(size_t e) {
     contact.normal_W = (start->normal_W + contact.normal_W).normalized();
     TurnLever((contact.gap - start->gap) / dt_, turn, course_a, course_b, size, &contact);
   } else {
-    contact.point_W = share * halfway(a) + (1 - share) * halfway(b);
+    // At the surface of each: where it lands, not between the two, which may be deep in each other so far.
+    contact.point_W = share * halfway(a, contact.point_W - half) + (1 - share) * halfway(b, contact.point_W + half);
   }
   held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)

@@ -89,7 +89,7 @@ bool Crowd::IsRound(const Contact& c) const {
 }
 
 double Crowd::Share(const Contact& c) const {
-  return ShareOfA(!cut_[c.body_a], TurnsInItself(c.body_a), !cut_[c.body_b], TurnsInItself(c.body_b));
+  return ShareOfA(MassOf(c.body_a), TurnsInItself(c.body_a), MassOf(c.body_b), TurnsInItself(c.body_b));
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {
@@ -188,8 +188,7 @@ double Crowd::YieldOf(const Contact& pair) const {
 
 // [kg] of the lighter of those that contacts move.
 double Crowd::LighterMass(const Contact& contact) const {
-  const auto mass = [&](int i) { return cut_[i] ? INFINITY : bodies_[i].mass; };
-  return std::min(mass(contact.body_a), mass(contact.body_b));
+  return std::min(MassOf(contact.body_a), MassOf(contact.body_b));
 }
 
 }  // namespace islet::motion

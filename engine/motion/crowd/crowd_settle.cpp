@@ -48,6 +48,7 @@ void Crowd::Settle(StepReport* report) {
   }
   hits_.assign(problem_.size(), 0);
   targets_.assign(problem_.size(), 0.0);
+  approaches_.assign(problem_.size(), 0.0);
   pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
     targets_[c] = -YieldOf(contact);
@@ -57,7 +58,7 @@ void Crowd::Settle(StepReport* report) {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
     };
     const int a = contact.body_a, b = contact.body_b;
-    double least = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
+    double least = approaches_[c] = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
     if (cut_[a] || cut_[b]) {
       const Body& body = bodies_[cut_[a] ? b : a];
       const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
@@ -138,6 +139,14 @@ void Crowd::SettleIsland(int island, Worker* worker) {
          *worker);
 }
 
+// [m/s] of an approach in the moment in which the contact closed, from those at the start and at the end of the piece: between them it
+// grows with time, as by weight.
+double Crowd::SpeedOfMoment(const Contact& contact, double start, double end) const {
+  const double way = -contact.normal_W.dot(mean_W_[contact.body_b] - mean_W_[contact.body_a]);  // [m/s] times the piece
+  const double speed = std::sqrt(std::max(0.0, start * start + 2 * (end - start) * way));
+  return std::clamp(speed, std::min(start, end), std::max(start, end));
+}
+
 // What does not hit is held, then blows follow.
 void Crowd::Strike(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
@@ -151,15 +160,19 @@ void Crowd::Strike(int island, Worker* worker) {
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
   struck_[island] = {};
   if (worker->contacts.size() == contacts.size()) return;
-  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
+  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came. Both ends of what lands flat tie, as
+  // exactly as gaps are.
+  double tie = 0;
   for (const int c : contacts) {
     Contact& contact = problem_[c];
+    if (hits_[c]) tie = std::max(tie, 2 * settings_.overlap_tolerance * Size(contact) / dt_);
     contact.restitution = (*near_)[closed_[c]].restitution;
     const double approach = -NormalVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
-    if (hits_[c] && approach > 0) contact.restitution = std::min(contact.restitution, rebounds_[c] / approach);
+    if (hits_[c] && approach > 0)
+      contact.restitution *= std::min(1.0, SpeedOfMoment(contact, approaches_[c], approach) / approach);
   }
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                                   {threshold_, settings_.bounce_limit, true}, posed_, blows_);
+                                                   {threshold_, settings_.bounce_limit, true, 0, tie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)

@@ -11,11 +11,9 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kNearer = 0.5;    // of the overlap that a pass leaves: more is no progress
-constexpr int kLevels = 10;        // times that a piece is halved
-constexpr int kGuardRounds = 4;    // of looking for pairs that meet slowly within a piece
-constexpr double kInstant = 1e-4;  // of a piece: one in which a jam stops what slides
-constexpr int kBlowWork = 256;     // bodies times blows in a step; beyond it they have to be faster and faster
+constexpr int kLevels = 10;      // times that a piece is halved
+constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within a piece
+constexpr int kBlowWork = 256;   // bodies times blows in a step; beyond it they have to be faster and faster
 constexpr int kLeastBlows = 8;
 
 }  // namespace
@@ -130,11 +128,11 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   group_ = group;
   out_ = outcome;
   double fastest = 0;
-  movers_ = 0;
+  int movers = 0;  // bodies that contacts can move
   pull_ = settings.gravity.norm();
   for (const Body& b : group->bodies) {
     if (!b.Moves()) continue;
-    ++movers_;
+    ++movers;
     fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
     pull_ = std::max(
@@ -142,7 +140,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   }
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
-  blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers_));
+  blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers));
   least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
   FindTouching();
@@ -205,9 +203,8 @@ bool Stepper::Refine(bool foresaw, bool may_halve, bool* cut, double* h) {
         *h = Shorten(*h, moment);
         DetectEnd();
       }
-      const double before = std::exchange(missed, Missed());
-      const bool stalls = pass > 1 && missed > kDeep && missed > kNearer * before;  // a shorter piece gets there sooner
-      pass = stalls ? kPasses : pass + 1;
+      missed = Missed();
+      ++pass;
     }
     const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(*h));
     if (deep && may_halve) return true;
@@ -230,11 +227,6 @@ bool Stepper::Piece(Progress* p) {
   if (rest - h < 0.2 * h) h = std::min(rest, 1.2 * h);
   bool foresaw = false;
   const double moment = FindCourse(h, &foresaw);
-  if (!p->jammed && !p->instant && !p->stopped && Jams(h)) {
-    p->instant = true;
-    p->most = kInstant * h;
-    return true;
-  }
   bool cut = moment < h;
   if (cut) h = Shorten(h, moment);
   const bool may_halve = p->level < kLevels, deep = Refine(foresaw, may_halve, &cut, &h);
@@ -253,11 +245,9 @@ bool Stepper::Piece(Progress* p) {
   Commit(p->t, h);
   p->t += h;
   cuts_ += cut;
-  p->jammed = p->jammed || (p->instant && !loses_);  // nothing was stopped: a false alarm, not to be given again
-  p->stopped = std::exchange(p->instant, false);
   SeeWhoPays(h);
   grazing_ = cut && !struck_ && HasMet(cut_pair_) ? cut_pair_ : -1;
-  p->most = p->level == 0 ? dt_ : p->stopped ? h / kInstant : 2 * h;
+  p->most = p->level == 0 ? dt_ : 2 * h;
   p->level = std::max(0, p->level - 1);
   return true;
 }

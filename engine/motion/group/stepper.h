@@ -65,8 +65,6 @@ class Stepper {
     double t = 0;     // [s] done
     double most = 0;  // [s] length of the next piece
     int level = 0;    // how often pieces were halved
-    // The next piece is an instant, in which a jam stops what slides; the last was one; a jam was told of, and was none.
-    bool instant = false, stopped = false, jammed = false;
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece
 
@@ -115,7 +113,6 @@ class Stepper {
   bool AllFollowed() const;
   bool NormalsMove() const;
   bool LeversMove(double h) const;
-  bool Jams(double h) const;
   double LighterMass(const Contact& contact) const;
   void PartProblem();
   void SolveParts(std::span<const double> targets, double floor, std::vector<ResponseOutcome>* outcomes);
@@ -177,7 +174,6 @@ class Stepper {
   double pull_ = 0;           // [m/s^2] fastest that gravity and forces make a body
   double floor_ = 0;          // [m/s] least v_ref
   int blow_budget_ = 0;       // blows in this step at which they have to be faster
-  int movers_ = 0;            // bodies that contacts can move
   int cuts_ = 0;              // pieces that ended at one
   int work_ = 0;              // so far
   double least_rebound_ = 0;  // [m/s] a slower one is none
@@ -189,7 +185,7 @@ class Stepper {
   std::vector<double>
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
-  bool gains_ = false, loses_ = false;  // some of them more than allowed; what a jam takes
+  bool gains_ = false;                  // some of them more than allowed
   bool creates_ = false;                // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back

@@ -11,8 +11,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kAges = 2;    // passes for which a contact that pressed, and is not found again, stays
-constexpr double kJam = 1;  // times |g| h (1 + mu), and bodies that may press: friction that throws back faster jams
+constexpr int kAges = 2;               // passes for which a contact that pressed, and is not found again, stays
 constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in such a piece
 
 }  // namespace
@@ -139,26 +138,6 @@ bool Stepper::StillCarries(double h) {
     if (!impulse_W_[c].isZero(0) && !Agrees(held_[c], impulse_W_[c], u, still)) return false;
   }
   return true;
-}
-
-// Whether a contact that slid would be thrown back by more than what forces make in the piece: friction jams it (Painleve), and
-// stops it at once, however short the piece.
-bool Stepper::Jams(double h) const {
-  const double g = movers_ * std::max(pull_ * h, threshold_);
-  for (size_t c = 0; c < held_.size(); ++c) {
-    if (impulse_W_[c].isZero(0) || held_[c].friction == 0) continue;
-    const int a = held_[c].body_a, b = held_[c].body_b;
-    const Vector3& n = held_[c].normal_W;
-    const Vector3 belt = SurfaceSlip(held_[c]);
-    Vector3 before = state_[b].VelocityAt(held_[c].point_W) - state_[a].VelocityAt(held_[c].point_W) + belt;
-    const Vector3 shift = end_state_[b].pose.position_W - state_[b].pose.position_W;
-    const Vector3 at_end = group_->bodies[b].Moves() ? Vector3(held_[c].point_W + shift) : held_[c].point_W;
-    Vector3 after = end_state_[b].VelocityAt(at_end) - end_state_[a].VelocityAt(at_end) + belt;
-    before -= n.dot(before) * n;
-    after -= n.dot(after) * n;
-    if (before.dot(after) < 0 && after.norm() > kJam * (1 + held_[c].friction) * g) return true;
-  }
-  return false;
 }
 
 // Whether normals at the start of the piece do not describe it: what presses passes an edge, or turns.

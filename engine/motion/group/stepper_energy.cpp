@@ -9,7 +9,6 @@ namespace {
 constexpr double kGain = 1e-11;              // of the energy at hand: a piece that gains more is done again, shorter
 constexpr double kPositionRounding = 1e-15;  // of a position
 constexpr double kLeft = 0.02;               // of the tolerance: velocities that solves leave, in what they may gain
-constexpr double kStopped = 1e-6;            // of the energy at hand: what a jam takes at least
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -69,7 +68,7 @@ void Stepper::KeepAccounts(double h) {
     act(end_[e], end_[e].point_W, strike_W_[e], true);
   }
   islands::BuildPartition({cut_, edges_}, &partition_);
-  gains_ = creates_ = loses_ = false;
+  gains_ = creates_ = false;
   for (int island = 0; island < partition_.num_islands(); ++island) {
     Account sum;
     for (const int i : partition_.bodies_of(island)) {
@@ -79,7 +78,6 @@ void Stepper::KeepAccounts(double h) {
     }
     gains_ = gains_ || sum.gain > sum.allowed;
     creates_ = creates_ || sum.gain > sum.allowed + Ledger::kMostEnergy * sum.at_hand;
-    loses_ = loses_ || sum.gain < -kStopped * sum.at_hand;
   }
 }
 

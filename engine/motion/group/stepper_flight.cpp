@@ -1,6 +1,7 @@
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
@@ -155,8 +156,8 @@ Course Stepper::CourseOf(int i) const {
 // Of what the two bodies of a contact do, what the contact does.
 Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
   const auto [a, b] = group_->pairs[pair];
-  const double share =
-      ShareOfA(group_->bodies[a].Moves(), BodyRadius(a) == 0, group_->bodies[b].Moves(), BodyRadius(b) == 0);
+  const auto mass = [&](int i) { return group_->bodies[i].Moves() ? group_->bodies[i].mass : INFINITY; };
+  const double share = ShareOfA(mass(a), BodyRadius(a) == 0, mass(b), BodyRadius(b) == 0);
   return share * of_a + (1 - share) * of_b;
 }
 

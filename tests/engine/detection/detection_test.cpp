@@ -50,7 +50,7 @@ using PairList = std::vector<std::pair<int, int>>;
 
 bool Same(const Contact& p, const Contact& q) {
   return p.body_a == q.body_a && p.body_b == q.body_b && p.feature == q.feature && p.point_W == q.point_W &&
-         p.normal_W == q.normal_W && p.gap == q.gap && p.friction == q.friction && p.restitution == q.restitution;
+         p.normal_W == q.normal_W && p.gap == q.gap;
 }
 
 // Cubes, spheres and hulls thrown into a box of walls on a half-space; some frozen, some kinematic, some removed.
@@ -70,7 +70,6 @@ Scene RandomScene(unsigned seed, int count) {
         Quaternion(Eigen::Vector4d(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(0.1, 1)).normalized());
     scene.travel_W[body] = 0.1 * Vector3(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
     scene.margins[body] = uniform(0, 0.05);
-    scene.bodies[body].friction = uniform(0, 1);
     scene.bodies[body].restitution = uniform(0, 1);
     if (i % 7 == 0) scene.bodies[body].frozen = true;
     if (i % 11 == 0) scene.bodies[body].kind = BodyKind::kKinematic, scene.bodies[body].frozen = false;
@@ -100,11 +99,7 @@ std::vector<Contact> BruteForce(const Scene& scene, bool include_frozen) {
       CollideShapes(scene.shapes[a], {body_a.position_W, body_a.rotation_WB.toRotationMatrix()}, scene.shapes[b],
                     {body_b.position_W, body_b.rotation_WB.toRotationMatrix()},
                     scene.margins[a] + scene.margins[b] + travel.norm(), &found);
-      for (Contact& c : found) {
-        c.body_a = a, c.body_b = b;
-        c.friction = MixFriction(body_a.friction, body_b.friction);
-        c.restitution = MixRestitution(body_a.restitution, body_b.restitution);
-      }
+      for (Contact& c : found) c.body_a = a, c.body_b = b;
       std::stable_sort(found.begin(), found.end(),
                        [](const Contact& p, const Contact& q) { return p.feature < q.feature; });
       contacts.insert(contacts.end(), found.begin(), found.end());
@@ -118,14 +113,9 @@ TEST(Detector, CubeOnGroundUnderASphere) {
   scene.Add(Shape::HalfSpace(), {0, 0, 0}, BodyKind::kFixed);
   scene.Add(Shape::Box({0.5, 0.5, 0.5}), {0, 0, 0.5});
   scene.Add(Shape::Sphere(0.5), {0, 0, 1.505});
-  scene.bodies[0].friction = 1;
-  scene.bodies[1].friction = 0.25;
-  scene.bodies[2].restitution = 0.9;
   const auto contacts = Detect(scene);
   ASSERT_EQ(contacts.size(), 5u);
   EXPECT_EQ(Pairs(contacts), (PairList{{0, 1}, {1, 2}}));
-  EXPECT_DOUBLE_EQ(contacts[0].friction, 0.5);
-  EXPECT_DOUBLE_EQ(contacts[4].restitution, 0.9);
   EXPECT_NEAR(contacts[4].gap, 0.005, 1e-15);
 }
 
@@ -240,7 +230,6 @@ TEST(Detector, KeptContactsAreThoseOfAFreshDetection) {
           body.frozen = false;
           body.linear_velocity_W.x() = one_in(2) ? 1 : 0;
         }
-        if (one_in(200)) body.friction = uniform(0, 1);
         if (one_in(200)) scene.shapes[i] = Shape::Box({uniform(0.2, 0.6), 0.5, 0.4});
       }
       if (one_in(8)) scene.Add(Shape::Sphere(0.4), {uniform(-4, 4), uniform(-4, 4), uniform(0, 6)});

@@ -34,6 +34,14 @@ def judge(name, text, good):
         problems.append(f"{name}: the schema takes it")
 
 
+def walk(node):
+    """All objects of a JSON value."""
+    if isinstance(node, dict):
+        yield node
+    for child in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from walk(child)
+
+
 documents = json.loads((root / "tests/scenes/file/documents.json").read_text())
 base = "\n".join(documents["base"]) + "\n"
 for case in documents["good"]:
@@ -59,6 +67,12 @@ for scene in "stack cubejam csstack cubeglass cubeglass7 sphereglass officetoy b
     count = [] if scene == "balance" else ["--count", "12"]
     subprocess.run([islet, "export", scene, *count, "--out", str(out)], check=True)
     judge("export of " + scene, out.read_text(), True)
+
+# The schema lists the rungs of the ladder as the program does.
+report = json.loads(subprocess.run([islet, "run", "stack", "--frames", "1", "--report", "-"], check=True, capture_output=True).stdout)
+rungs = next(node["items"]["enum"] for node in walk(schema) if isinstance(node.get("items"), dict) and "closed_form" in node["items"].get("enum", []))
+if rungs != report["rungs"]:
+    problems.append(f"rungs: the schema has {rungs}, the program {report['rungs']}")
 
 print(f"{checked} documents")
 if problems:
