@@ -165,7 +165,7 @@ void Crowd::Strike(int island, Worker* worker) {
   double tie = 0;
   for (const int c : contacts) {
     Contact& contact = problem_[c];
-    if (hits_[c]) tie = std::max(tie, 2 * settings_.overlap_tolerance * Size(contact) / dt_);
+    if (hits_[c]) tie = std::max(tie, settings_.overlap_tolerance * Size(contact) / dt_);
     contact.restitution = (*near_)[closed_[c]].restitution;
     const double approach = -NormalVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
     if (hits_[c] && approach > 0)

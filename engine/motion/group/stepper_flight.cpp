@@ -156,7 +156,9 @@ Course Stepper::CourseOf(int i) const {
 // Of what the two bodies of a contact do, what the contact does.
 Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
   const auto [a, b] = group_->pairs[pair];
-  const auto mass = [&](int i) { return group_->bodies[i].Moves() ? group_->bodies[i].mass : INFINITY; };
+  const auto mass = [&](int i) {
+    return group_->bodies[i].Moves() ? 1 : INFINITY;
+  };  // nothing lands within: both alike
   const double share = ShareOfA(mass(a), BodyRadius(a) == 0, mass(b), BodyRadius(b) == 0);
   return share * of_a + (1 - share) * of_b;
 }
