@@ -100,7 +100,7 @@ bool SequentialResolver::Answers(int c, double velocity) const {
 // All that are as fast as the fastest, wherever they are, or it would depend on the bounce limit who has bounced; of their bodies all that
 // are nearly as fast, or a flat landing were one of corners; and what answers to them.
 void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts) {
-  const double nearly = std::max((1 - kTie) * queue_.top_key(), queue_.top_key() + tie_);
+  const double nearly = (1 - std::max(kTie, tie_)) * queue_.top_key();
   queue_.UpTo((1 - kTie) * queue_.top_key(), &tied_);
   tied_bodies_.clear();
   is_tied_.assign(locals_.size(), 0);

@@ -34,7 +34,7 @@ struct BounceRule {
   int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
   bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
   double least_rebound = 0;      // [m/s] a slower one is none
-  double tie = 0;                // [m/s] by which approaches that are the same may differ
+  double tie = 0;                // of the fastest: by how much approaches of a body that come at once may differ
 };
 
 class SequentialResolver {

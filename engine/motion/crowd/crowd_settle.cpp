@@ -11,6 +11,9 @@
 namespace islet::motion {
 namespace {
 
+// Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
+constexpr double kTie = 1e-2;
+
 constexpr int kAttempts = 3;  // of blows, before none rebounds
 
 }  // namespace
@@ -160,19 +163,16 @@ void Crowd::Strike(int island, Worker* worker) {
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
   struck_[island] = {};
   if (worker->contacts.size() == contacts.size()) return;
-  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came. Both ends of what lands flat tie, as
-  // exactly as gaps are.
-  double tie = 0;
+  // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
   for (const int c : contacts) {
     Contact& contact = problem_[c];
-    if (hits_[c]) tie = std::max(tie, settings_.overlap_tolerance * Size(contact) / dt_);
     contact.restitution = (*near_)[closed_[c]].restitution;
     const double approach = -NormalVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
     if (hits_[c] && approach > 0)
       contact.restitution *= std::min(1.0, SpeedOfMoment(contact, approaches_[c], approach) / approach);
   }
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                                   {threshold_, settings_.bounce_limit, true, 0, tie}, posed_, blows_);
+                                                   {threshold_, settings_.bounce_limit, true, 0, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   for (const int c : contacts)
