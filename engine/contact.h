@@ -61,7 +61,7 @@ inline bool Earlier(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);
 }
 
-// How the coefficients of two bodies become those of their contact: applied in World::Impl::Mix alone.
+// How the coefficients of two bodies become those of their contact, where no callback of the world says otherwise.
 double MixFriction(double friction_a, double friction_b);           // sqrt(mu_a mu_b)
 double MixRestitution(double restitution_a, double restitution_b);  // max(e_a, e_b)
 
