@@ -187,6 +187,16 @@ py::bytes MotionOf(PyWorld& self) {
 // What a callback returned, checked by the world.
 using MaterialFunction = std::function<std::pair<double, double>(const Contact& contact, const Body& a, const Body& b)>;
 
+// What Python's function returned; if it is of another type, an error that says whose and what it must be.
+template <typename Call>
+auto Returned(const char* whose, const char* what, const Call& call) -> decltype(call()) {
+  try {
+    return call();
+  } catch (const py::cast_error&) {
+    throw py::type_error(std::string(whose) + " must return " + what);
+  }
+}
+
 Shape HullOf(const py::array_t<double, py::array::c_style | py::array::forcecast>& points) {
   if (points.ndim() != 2 || points.shape(1) != 3)
     throw std::invalid_argument("convex_hull: points must have shape (n, 3)");
@@ -466,17 +476,23 @@ void BindWorld(py::module_& m) {
           "set_gravity", [](PyWorld& self, const Row3& g) { self.world().SetGravity(ToVector(g)); }, py::arg("gravity"))
       .def(
           "set_collision_callback",
-          [](PyWorld& self, CollisionCallback callback) { self.world().SetCollisionCallback(std::move(callback)); },
+          [](PyWorld& self, CollisionCallback callback) {
+            if (!callback) return self.world().SetCollisionCallback(nullptr);
+            self.world().SetCollisionCallback([callback = std::move(callback)](auto&&... of_pair) {
+              return Returned("the collision callback", "a bool", [&] { return callback(of_pair...); });
+            });
+          },
           py::arg("callback"))
       .def(
           "set_material_callback",
           [](PyWorld& self, MaterialFunction callback) {
             if (!callback) return self.world().SetMaterialCallback(nullptr);
-            self.world().SetMaterialCallback(
-                [callback = std::move(callback)](const Contact& contact, const Body& a, const Body& b) -> Material {
-                  const auto [friction, restitution] = callback(contact, a, b);
-                  return {friction, restitution};
-                });
+            self.world().SetMaterialCallback([callback = std::move(callback)](const Contact& contact, const Body& a,
+                                                                              const Body& b) -> Material {
+              const auto [friction, restitution] =
+                  Returned("the material callback", "(friction, restitution)", [&] { return callback(contact, a, b); });
+              return {friction, restitution};
+            });
           },
           py::arg("callback"))
       .def("step", &PyWorld::Step, py::arg("dt"))

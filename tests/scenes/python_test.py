@@ -166,6 +166,13 @@ class PythonTest(unittest.TestCase):
         world.set_material_callback(lambda *_: (-1, 0))
         with self.assertRaisesRegex(ValueError, "friction = -1"):
             world.step(1 / 60)
+        world.set_material_callback(lambda *_: 3)
+        with self.assertRaisesRegex(TypeError, r"the material callback must return \(friction, restitution\)"):
+            world.step(1 / 60)
+        world.set_collision_callback(lambda *_: "yes")
+        with self.assertRaisesRegex(TypeError, "the collision callback must return a bool"):
+            world.step(1 / 60)
+        world.set_collision_callback(None)
         world.set_material_callback(lambda *_: world.remove(ball))
         with self.assertRaisesRegex(RuntimeError, "in a step"):
             world.step(1 / 60)
