@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "engine/contact_pairs.h"
 #include "engine/rotation.h"
 #include "engine/suite/contact_suite_impl.h"
 #include "engine/suite/suite_input.h"
@@ -18,10 +19,7 @@ namespace {
 
 constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
 
-bool SameContact(const Contact& x, const Contact& y) {
-  return x.body_a == y.body_a && x.body_b == y.body_b && x.feature == y.feature;
-}
-bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
+bool SameContact(const Contact& x, const Contact& y) { return SamePair(x, y) && x.feature == y.feature; }
 
 }  // namespace
 
@@ -167,17 +165,12 @@ void ContactSuite::Impl::WakeDisturbed() {
 void ContactSuite::Impl::RecallHolding() {
   if (previous_dt == 0) return;
   const std::span<const Contact> now = frame.contacts.contacts;
-  size_t p = 0, c = 0;
-  while (p < previous_contacts.size() && c < now.size()) {
-    const size_t first_p = p, first_c = c;
-    const Contact& pair = EarlierPair(now[c], previous_contacts[p]) ? now[c] : previous_contacts[p];
-    while (p < previous_contacts.size() && SamePair(previous_contacts[p], pair)) ++p;
-    while (c < now.size() && SamePair(now[c], pair)) ++c;
-    if (first_p == p || first_c == c) continue;
-    const Body &a = frame.bodies[pair.body_a], &b = frame.bodies[pair.body_b];
+  ForEachPair(previous_contacts, now, [&](size_t p, size_t p_end, size_t c, size_t c_end) {
+    if (p == p_end || c == c_end) return;
+    const Body &a = frame.bodies[now[c].body_a], &b = frame.bodies[now[c].body_b];
     const bool moves = a.Moves() || b.Moves();
-    if (moves || (StandsStill(a) && StandsStill(b))) RecallPair({first_p, p}, {first_c, c}, moves);
-  }
+    if (moves || (StandsStill(a) && StandsStill(b))) RecallPair({p, p_end}, {c, c_end}, moves);
+  });
 }
 
 // previous, now: first contact of two bodies and one past the last; neither is empty.

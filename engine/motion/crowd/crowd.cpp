@@ -1,9 +1,10 @@
+// The step of a crowd: pieces, and the passes of a piece.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "engine/motion/crowd/pairs.h"
+#include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"
 #include "engine/rotation.h"
 #include "engine/slice.h"
@@ -12,9 +13,8 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kLevels = 3;      // times that a piece is halved
-constexpr double kDeep = 2e-3;  // of a size: overlap that a piece may not make
-
+constexpr int kLevels = 3;       // times that a piece is halved
+constexpr double kDeep = 2e-3;   // of a size: overlap that a piece may not make
 constexpr double kMoving = 0.1;  // of the tolerance: what of their speed answers may be wrong by where bodies move
 
 }  // namespace

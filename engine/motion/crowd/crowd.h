@@ -182,6 +182,7 @@ class Crowd {
 
   // crowd_settle.cpp: velocities where the piece ends.
   void Settle(StepReport* report);
+  void FindHits();
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
   double SpeedOfMoment(const Contact& contact, double start, double end) const;
@@ -242,7 +243,6 @@ class Crowd {
   std::vector<Vector3> beyond_W_;            // [N s] per contact of the problem: what it carried beyond its cone
   std::vector<std::uint8_t> hits_;           // per contact of the problem: a blow
   std::vector<double> approaches_;           // [m/s] the same: where the piece begins, 0 if it opens
-  std::vector<double> rebounds_;             // [m/s] the same: targets of blows while the others are solved
   std::vector<Vector3> blows_, collisions_;  // [N s] the same, (n, t1, t2)
   std::vector<Vector3> blow_W_;              // [N s] per near contact
   std::vector<double> work_;                 // [J] the same: of what it carried

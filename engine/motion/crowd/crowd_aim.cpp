@@ -1,10 +1,11 @@
+// In: contacts at the end of a pass. Out: those of the next, with points, targets and guesses.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "engine/motion/crowd/pairs.h"
+#include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"
 
 namespace islet::motion {
@@ -22,8 +23,9 @@ Crowd::Place Crowd::PlaceAtEnd(size_t c) const {
   const Vector3 with_a = TakesOn(a, c), with_b = TakesOn(b, c);
   const double share = Share(held_[c]);
   return {acted_at_[c] + share * with_a + (1 - share) * with_b,
-          std::max(share, 1 - share) * (with_a - with_b).norm() + dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() +
-                                                  (mean_W_[b] - mean_W_[a]).norm() + SlipOf(c).norm())};
+          std::max(share, 1 - share) * (with_a - with_b).norm() +
+              dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() + (mean_W_[b] - mean_W_[a]).norm() +
+                     SlipOf(c).norm())};
 }
 
 // Where held contacts are found again, what they carried, and the overlap that each pair began with.

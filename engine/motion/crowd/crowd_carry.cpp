@@ -1,9 +1,10 @@
+// In: contacts near where a piece begins. Out: which of them carry, and their impulses.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "engine/motion/crowd/pairs.h"
+#include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"
 #include "engine/rotation.h"
 #include "engine/slice.h"

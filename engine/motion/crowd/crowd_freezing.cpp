@@ -1,3 +1,4 @@
+// What of a crowd is frozen: who wakes as the step begins, who is held, who freezes as it ends.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>

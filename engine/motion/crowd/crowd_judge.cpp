@@ -1,17 +1,18 @@
+// In: the course of a pass, and the gaps at its end. Out: who missed or gained energy, and is posed anew.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "engine/motion/crowd/pairs.h"
+#include "engine/contact_pairs.h"
 #include "islands/disjoint_sets.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
 
-constexpr int kLettingGo = 3;   // of these, that go on because something was let go
+constexpr int kLettingGo = 3;   // passes that go on because something was let go
 constexpr double kGain = 1e-7;  // of the energy at hand: what a piece may make
 
 }  // namespace

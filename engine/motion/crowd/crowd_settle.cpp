@@ -1,3 +1,4 @@
+// In: poses at the end, and what was carried. Out: the velocities there, after blows.
 #include "engine/motion/crowd/crowd.h"
 
 #include <algorithm>
@@ -14,9 +15,37 @@ namespace {
 // Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
 constexpr double kTie = 1e-2;
 
-constexpr int kAttempts = 3;  // of blows, before none rebounds
+constexpr int kAttempts = 3;  // to solve the blows of an island, before none rebounds
 
 }  // namespace
+
+// Which contacts of the problem are blows, and what all of them ask of their normal velocity while blows are held with the rest.
+void Crowd::FindHits() {
+  hits_.assign(problem_.size(), 0);
+  targets_.assign(problem_.size(), 0.0);
+  approaches_.assign(problem_.size(), 0.0);
+  pool_->ForEachOf(problem_.size(), [&](size_t c) {
+    const Contact& contact = problem_[c];
+    targets_[c] = -YieldOf(contact);
+    if (targets_[c] < 0) return;
+    // What it had as the step began, and fell on a wall by then.
+    const auto velocity = [&](int i) -> Vector3 {
+      return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
+    };
+    const int a = contact.body_a, b = contact.body_b;
+    double least = approaches_[c] = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
+    if (cut_[a] || cut_[b]) {
+      const Body& body = bodies_[cut_[a] ? b : a];
+      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
+      const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
+      least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
+    }
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
+      return;
+    hits_[c] = 1;
+    targets_[c] = ReboundSpeed(contact, least);
+  });
+}
 
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
 void Crowd::Settle(StepReport* report) {
@@ -49,31 +78,7 @@ void Crowd::Settle(StepReport* report) {
     if (a.Moves()) a.ApplyImpulse(carried, problem_[c].point_W);
     if (b.Moves()) b.ApplyImpulse(-carried, problem_[c].point_W);
   }
-  hits_.assign(problem_.size(), 0);
-  targets_.assign(problem_.size(), 0.0);
-  approaches_.assign(problem_.size(), 0.0);
-  pool_->ForEachOf(problem_.size(), [&](size_t c) {
-    const Contact& contact = problem_[c];
-    targets_[c] = -YieldOf(contact);
-    if (targets_[c] < 0) return;
-    // What it had as the step began, and fell on a wall by then.
-    const auto velocity = [&](int i) -> Vector3 {
-      return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
-    };
-    const int a = contact.body_a, b = contact.body_b;
-    double least = approaches_[c] = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
-    if (cut_[a] || cut_[b]) {
-      const Body& body = bodies_[cut_[a] ? b : a];
-      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
-      const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
-      least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
-    }
-    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
-      return;
-    hits_[c] = 1;
-    targets_[c] = ReboundSpeed(contact, least);
-  });
-  rebounds_.assign(problem_.size(), 0.0);
+  FindHits();
   blows_.assign(problem_.size(), Vector3::Zero());
   collisions_.assign(problem_.size(), Vector3::Zero());
   struck_.assign(partition_.num_islands(), {});
@@ -156,8 +161,10 @@ void Crowd::Strike(int island, Worker* worker) {
   const ContactFrames all{problem_, frames_};
   worker->contacts.clear();
   for (const int c : contacts) {
-    if (!hits_[c]) worker->contacts.push_back(c);
-    if (hits_[c]) local_[c].setZero(), std::swap(targets_[c], rebounds_[c]);
+    if (hits_[c])
+      local_[c].setZero();
+    else
+      worker->contacts.push_back(c);
   }
   outcomes_[island] =
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
@@ -175,8 +182,6 @@ void Crowd::Strike(int island, Worker* worker) {
                                                    {threshold_, settings_.bounce_limit, true, 0, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
-  for (const int c : contacts)
-    if (hits_[c]) std::swap(targets_[c], rebounds_[c]);
 }
 
 }  // namespace islet::motion

@@ -1,3 +1,4 @@
+// The step of a small group: pieces, and the passes of a piece. Read Step at the end first.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

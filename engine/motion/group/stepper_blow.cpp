@@ -1,3 +1,4 @@
+// In: poses at the end, and what was carried. Out: the velocities there, after a blow.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>
@@ -9,12 +10,12 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kMet =
-    1e-8;  // of a size: gap below which a contact is closed beside one that presses, or about to hit
-constexpr double kTogether =
-    1e-4;  // of a size: what is this near to a blow takes part, or a flat landing were one of corners
-constexpr double kRocks =
-    0.25;  // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
+// of a size: gap below which a contact is closed beside one that presses, or about to hit
+constexpr double kMet = 1e-8;
+// of a size: what is this near to a blow takes part, or a flat landing were one of corners
+constexpr double kTogether = 1e-4;
+// restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
+constexpr double kRocks = 0.25;
 
 // The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
 // halfway, and what rubs has turned with it.

@@ -1,3 +1,4 @@
+// In: contacts where a piece begins, or where a pass ended. Out: which of them carry, and their impulses.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// In: poses. Out: the contacts there, which is which of another moment, and what gaps missed.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

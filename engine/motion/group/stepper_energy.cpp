@@ -1,3 +1,4 @@
+// In: a piece that was done. Out: who gained energy by it, and who may be pushed out of an overlap.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// In: impulses that carry. Out: where bodies are halfway and at the end, and how fast.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

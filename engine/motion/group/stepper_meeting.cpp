@@ -1,3 +1,4 @@
+// In: the ways of a piece. Out: the first blow on them, and who meets too slowly for one.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Contacts by pair: lists are sorted by body_a, then body_b (EarlierPair).
+// Lists of contacts pair by pair: two lists side by side, each in the order of EarlierPair.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "engine/contact.h"
 
-namespace islet::motion {
+namespace islet {
 
 inline bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
 
@@ -31,4 +31,4 @@ void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F
   }
 }
 
-}  // namespace islet::motion
+}  // namespace islet
