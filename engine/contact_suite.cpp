@@ -25,6 +25,7 @@ bool SameContact(const Contact& x, const Contact& y) { return SamePair(x, y) && 
 
 ContactSuite::ContactSuite(const Settings& settings, parallel::WorkerPool* pool) : impl_(std::make_unique<Impl>()) {
   settings.Validate();
+  if (!pool) throw std::invalid_argument("pool is null");
   impl_->settings = settings;
   impl_->pool = pool;
   impl_->workers.resize(pool->num_workers());

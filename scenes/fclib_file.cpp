@@ -36,6 +36,13 @@ class Handle {
   herr_t (*close_)(hid_t);
 };
 
+// No clean-up of its own at the end: a file that a full disk kept it from closing would end the process there. What goes wrong is told by
+// our own messages.
+void PrepareLibrary() {
+  [[maybe_unused]] static const herr_t once = H5dont_atexit();
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
 class Reader {
  public:
   explicit Reader(const std::string& path) : path_(path), file_(Open(path), H5Fclose) {
@@ -94,7 +101,7 @@ class Reader {
 
  private:
   static hid_t Open(const std::string& path) {
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // what goes wrong is told by our own messages
+    PrepareLibrary();
     std::error_code error;
     if (std::filesystem::is_directory(path, error)) throw FclibError(path + ": it is a directory");
     errno = 0;
@@ -200,14 +207,14 @@ std::string FindRoot(const Reader& reader) {
 
 // Writing.
 
-void RequireWritten(bool good, const std::string& place) {
-  if (!good) throw std::runtime_error("cannot write " + place);
+void RequireWritten(bool good) {
+  if (!good) throw std::runtime_error("cannot be written: " + std::string(std::strerror(errno ? errno : EIO)));
 }
 
 void WriteSet(hid_t parent, const char* name, hid_t type, hsize_t count, const void* values) {
   const Handle space(H5Screate_simple(1, &count, nullptr), H5Sclose);
   const Handle set(H5Dcreate2(parent, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
-  RequireWritten(set.valid() && (count == 0 || H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0), name);
+  RequireWritten(set.valid() && (count == 0 || H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0));
 }
 void WriteVector(hid_t parent, const char* name, const Eigen::VectorXd& v) {
   WriteSet(parent, name, H5T_NATIVE_DOUBLE, static_cast<hsize_t>(v.size()), v.data());
@@ -219,12 +226,12 @@ void WriteText(hid_t parent, const char* name, const std::string& text) {
   H5Tset_size(type, text.size() + 1);
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const Handle set(H5Dcreate2(parent, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
-  RequireWritten(set.valid() && H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()) >= 0, name);
+  RequireWritten(set.valid() && H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()) >= 0);
 }
 
 hid_t MakeGroup(hid_t parent, const char* name) {
   const hid_t group = H5Gcreate2(parent, name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-  RequireWritten(group >= 0, name);
+  RequireWritten(group >= 0);
   return group;
 }
 
@@ -311,12 +318,13 @@ FclibProblem ReadFclib(const std::string& path) {
 
 void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution* solution,
                 const std::string& title, const std::string& description) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  PrepareLibrary();
+  errno = 0;
   const std::string temporary = path + ".part" + std::to_string(::getpid());
   bool good = false;
   try {
     const hid_t id = H5Fcreate(temporary.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    RequireWritten(id >= 0, path);
+    RequireWritten(id >= 0);
     try {
       WriteAll(id, problem, solution, title, description);
     } catch (...) {
@@ -324,7 +332,7 @@ void WriteFclib(const std::string& path, const FclibProblem& problem, const Fcli
       throw;
     }
     good = H5Fclose(id) >= 0;  // what was held back in memory is written here
-    RequireWritten(good && std::rename(temporary.c_str(), path.c_str()) == 0, path);
+    RequireWritten(good && std::rename(temporary.c_str(), path.c_str()) == 0);
   } catch (const std::exception& error) {
     std::remove(temporary.c_str());
     throw std::runtime_error(path + ": " + error.what());

@@ -16,6 +16,7 @@
 // standard error), 1 an output, the standard output among them, could not be written, a problem not be read, or a check
 // failed that must hold, 2 a bad argument: the message names the field and the value, and no file has been touched, 3 a
 // step failed in a run with --strict: all has been written, 130 interrupted: what was done has been written.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -179,9 +180,17 @@ void Tell(const std::exception& error) {
     islet::Print(stderr, fmt::format("islet: {}\n", islet::Printable(line)));
 }
 
+// What nobody opened stays closed to us, but its number is taken: a file of ours would get it, and what is printed would go into that.
+void TakeStandardStreams() {
+  for (int file = 0; file <= 2; ++file)
+    if (::fcntl(file, F_GETFD) < 0)
+      ::open("/dev/null", file == 0 ? O_WRONLY : O_RDONLY);  // the lowest number that is free
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  TakeStandardStreams();
   std::signal(SIGPIPE, SIG_IGN);  // who reads no more of what is printed does not cost the files
   try {
     const int status = Run(argc, argv);

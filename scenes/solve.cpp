@@ -223,7 +223,10 @@ void CheckOptions(const SolveOptions& o) {
   require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
   if (o.time_limit) require(*o.time_limit > 0 && *o.time_limit <= 1e6, "--time-limit", *o.time_limit, "in (0, 1e6] s");
-  if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
+  if (o.report.empty() || o.report == "-") return;
+  for (const std::string& file : o.files)
+    if (SameOutput(o.report, file)) throw std::invalid_argument("--report would overwrite " + file);
+  CheckWritable("--report", o.report);
 }
 
 }  // namespace

@@ -13,7 +13,6 @@ namespace islet::motion {
 namespace {
 
 constexpr int kRounds = 12;         // of rooms and parts
-constexpr double kWider = 1.5;      // times what a body strayed out of its room
 constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
 constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
 constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
@@ -216,7 +215,7 @@ bool GroupMotion::KeptToRooms(const Job& job, std::span<const Body> bodies, std:
     const Body& b = job.group.bodies[k];
     const int i = job.group.numbers[k];
     if (!b.Moves() || groups_.StaysInRoom(b, shapes[i], i)) continue;
-    rooms_[i] = std::max(kWider * rooms_[i], kWider * (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
+    rooms_[i] = std::max(rooms_[i], (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
     kept = false;
   }
   return kept;

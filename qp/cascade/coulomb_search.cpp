@@ -10,9 +10,8 @@ namespace islet::qp {
 namespace {
 
 // The start.
-constexpr double kGuessShare = 0.5;  // of the natural map of no impulses: what a guess must reach to be of use
-constexpr double kWildShare = 30;    // of the same: what it must not exceed before it is mended
-constexpr int kLeastSweeps = 10, kSmallSweeps = 60;  // which spare a small island half of its factorisations
+constexpr double kWildShare = 30;  // of the natural map of no impulses: what it must not exceed before it is mended
+constexpr int kSmallSweeps = 60;   // which spare a small island half of its factorisations
 // Sweeps.
 constexpr int kSweeps = 100;       // a block
 constexpr double kLostRms = 1e-2;  // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
@@ -106,7 +105,7 @@ NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const Natura
   if (!(map_of_start < kWildShare * without.rms)) return without;
   std::swap(now_, before_);
   const NaturalMap swept = SweepOn(task);
-  if (swept.rms < kGuessShare * without.rms) return swept;
+  if (swept.rms < without.rms) return swept;
   std::swap(now_, before_);
   return without;
 }
@@ -203,7 +202,7 @@ void CoulombSearch::PrepareSweeps(const Problem& problem) {
 NaturalMap CoulombSearch::SweepOn(const Task& task) {
   const Problem& problem = task.problem;
   PrepareSweeps(problem);
-  const int sweeps = IsSmall(problem) ? std::min(kSmallSweeps, kLeastSweeps + 2 * problem.num_contacts()) : kShortBlock;
+  const int sweeps = IsSmall(problem) ? kSmallSweeps : kShortBlock;
   gauss_seidel_.Sweep(problem, sweeps, 0, &now_.impulses, &now_.velocities, Pace::kMomentum);
   return now_.MapOf(task);
 }

@@ -13,7 +13,6 @@ namespace {
 constexpr double kStepShare = 0.03;  // of the natural map: residual of a proximal step that is as good as none
 constexpr int kKrylov = 20;          // of GMRES, steps
 constexpr double kForcing = 1e-2;    // of the residual, what GMRES may leave
-constexpr double kUseful = 0.3;      // of the residual, what it may leave at the end
 
 }  // namespace
 
@@ -59,8 +58,8 @@ void CoulombNewton::Multiply(const std::vector<double>& b, const std::vector<dou
   }
 }
 
-// direction_ from residual_ by GMRES, with the factor on the right. False if it leaves too much.
-bool CoulombNewton::FindDirection() {
+// direction_ from residual_ by GMRES, with the factor on the right.
+void CoulombNewton::FindDirection() {
   std::array<std::array<double, kKrylov + 1>, kKrylov> hessenberg;
   std::array<double, kKrylov> cosines, sines, y;
   std::array<double, kKrylov + 1> rest{};
@@ -93,7 +92,6 @@ bool CoulombNewton::FindDirection() {
     rest[k] *= cosines[k];
     ++k;
   }
-  if (!(std::abs(rest[k]) < kUseful)) return false;
   std::fill(direction_.begin(), direction_.end(), 0.0);
   for (int i = k - 1; i >= 0; --i) {
     y[i] = rest[i];
@@ -101,7 +99,6 @@ bool CoulombNewton::FindDirection() {
     y[i] /= hessenberg[i][i];
     for (size_t n = 0; n < direction_.size(); ++n) direction_[n] += y[i] * size * steps_[i][n];
   }
-  return true;
 }
 
 // One proximal step from centre_ and v_, its velocities, to a residual of `aim` [velocity]. True if it was solved; either way
@@ -119,7 +116,7 @@ bool CoulombNewton::Step(double aim, int most) {
     }
     system_.Factorise(*problem_, plain_slopes_, {});
     ++factorisations_;
-    if (!FindDirection()) return false;
+    FindDirection();
     from_ = v_;
     double share = 1, next = 0;
     for (int halving = 0; halving <= kSearchHalvings; ++halving, share /= 2) {

@@ -40,7 +40,7 @@ class CoulombNewton {
   double Residual();
   double Speed() const;
   bool Step(double aim, int most);
-  bool FindDirection();
+  void FindDirection();
   void Multiply(const std::vector<double>& b, const std::vector<double>& x, std::vector<double>* out) const;
   double Dot(const std::vector<double>& p, const std::vector<double>& q) const;
 

@@ -6,8 +6,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kStiffen = 10, kSoften = 0.1;
-constexpr double kStiffenAgain = 2;          // after a failure, for a while
+constexpr double kPace = 5;                  // by which springs become stiffer, or softer
 constexpr int kEasy = 4;                     // Newton steps of a proximal step that may become stiffer
 constexpr double kVelocityRounding = 4e-16;  // of the speed: error of a contact's velocity
 constexpr int kPatience = 20;      // steps without a better answer: on the way to it the map may rise for a while
@@ -50,10 +49,10 @@ bool ProximalPace::Takes(double map, bool solved, int newton_steps, bool refines
   if (better) best_ = map;
   const bool taken = solved || better;
   if (taken) {
-    if (newton_steps <= kEasy) stiffness_ *= kStiffen;
-    limit_ = std::min(kMost, kStiffenAgain * limit_);
+    if (newton_steps <= kEasy) stiffness_ *= kPace;
+    limit_ = std::min(kMost, kPace * limit_);
   } else {
-    stiffness_ *= kSoften;
+    stiffness_ /= kPace;
     limit_ = stiffness_;
   }
   return taken;

@@ -20,7 +20,7 @@ Vector3 SpringLaw(const Vector3& pull, double friction);
 // An element of its generalised derivative. The first column below the diagonal is what a normal pull does to friction.
 Matrix3 SpringSlope(const Vector3& pull, double friction);
 
-// Steps that gained and were short make the springs stiffer, those that failed softer: what they may be then doubles a step. They are
+// Steps that gained and were short make the springs stiffer, those that failed softer: what they may be then grows as fast again. They are
 // never so stiff that what rounding leaves of velocities is a force that matters.
 class ProximalPace {
  public:

@@ -62,8 +62,9 @@ void Drives::Apply(double time, double dt, World* world) const {
     if (const auto* force = std::get_if<ForceDrive>(&what)) {
       world->SetForce(d.body, d.force_W + At(force->force_W, middle), d.torque_W + At(force->torque_W, middle));
     } else if (const auto* velocity = std::get_if<VelocityDrive>(&what)) {
-      const Vector3 linear = At(velocity->linear_W, middle), angular = At(velocity->angular_W, middle);
       const Body& body = world->body(d.body);
+      const Vector3 linear = velocity->linear_W ? At(*velocity->linear_W, middle) : body.linear_velocity_W,
+                    angular = velocity->angular_W ? At(*velocity->angular_W, middle) : body.angular_velocity_W;
       if (linear != body.linear_velocity_W || angular != body.angular_velocity_W)
         world->SetVelocity(d.body, linear, angular);
     } else if (const auto* pose = std::get_if<PoseDrive>(&what)) {

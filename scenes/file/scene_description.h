@@ -63,8 +63,8 @@ struct BodyChoice {
 struct ForceDrive {  // on dynamic bodies, held over a step at its value in the middle
   TimeVector force_W, torque_W;
 };
-struct VelocityDrive {  // of kinematic bodies, held over a step at its value in the middle
-  TimeVector linear_W, angular_W;
+struct VelocityDrive {  // of kinematic bodies, held over a step at its value in the middle; none: as it is
+  std::optional<TimeVector> linear_W, angular_W;
 };
 // Of kinematic bodies: where they began, turned by `angle` about an axis, then shifted. Met at the end of every step.
 struct PoseDrive {

@@ -536,7 +536,8 @@ class SceneReader {
       entry.what = ForceDrive{read("force"), read("torque")};
     } else if (given.Get("velocity") || given.Get("angular_velocity")) {
       const Fields alone(field, {"body", "velocity", "angular_velocity"});
-      entry.what = VelocityDrive{read("velocity"), read("angular_velocity")};
+      const auto if_given = [&](const char* key) { return given.Get(key) ? std::optional(read(key)) : std::nullopt; };
+      entry.what = VelocityDrive{if_given("velocity"), if_given("angular_velocity")};
     } else if (given.Get("shift") || given.Get("turn")) {
       const Fields alone(field, {"body", "shift", "turn"});
       PoseDrive pose;

@@ -32,7 +32,9 @@ class PyWorld {
   explicit PyWorld(World world) : world_(std::move(world)) {}
 
   World& world() {
-    if (stepping_) throw std::runtime_error("islet.World: the world is in a step of another thread");
+    if (stepping_)
+      throw std::runtime_error(
+          "islet.World: the world is in a step, of another thread or of the caller of this callback");
     return world_;
   }
 
@@ -184,6 +186,7 @@ py::bytes MotionOf(PyWorld& self) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+using CollisionFunction = std::function<py::object(int a, int b, const Body& body_a, const Body& body_b)>;
 // What a callback returned, checked by the world.
 using MaterialFunction = std::function<std::pair<double, double>(const Contact& contact, const Body& a, const Body& b)>;
 
@@ -476,10 +479,15 @@ void BindWorld(py::module_& m) {
           "set_gravity", [](PyWorld& self, const Row3& g) { self.world().SetGravity(ToVector(g)); }, py::arg("gravity"))
       .def(
           "set_collision_callback",
-          [](PyWorld& self, CollisionCallback callback) {
+          [](PyWorld& self, CollisionFunction callback) {
             if (!callback) return self.world().SetCollisionCallback(nullptr);
             self.world().SetCollisionCallback([callback = std::move(callback)](auto&&... of_pair) {
-              return Returned("the collision callback", "a bool", [&] { return callback(of_pair...); });
+              return Returned("the collision callback", "a bool", [&] {
+                const py::gil_scoped_acquire lock;
+                const py::object may = callback(of_pair...);
+                if (may.is_none()) throw py::cast_error("None");  // a forgotten return is no answer
+                return may.cast<bool>();
+              });
             });
           },
           py::arg("callback"))

@@ -13,15 +13,14 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kLevels = 3;       // times that a piece is halved
-constexpr double kDeep = 2e-3;   // of a size: overlap that a piece may not make
-constexpr double kMoving = 0.1;  // of the tolerance: what of their speed answers may be wrong by where bodies move
+constexpr int kLevels = 3;      // times that a piece is halved
+constexpr double kDeep = 2e-3;  // of a size: overlap that a piece may not make
 
 }  // namespace
 
 Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool)
     : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
-  for (Worker& worker : workers_) worker.responder.SetSpeedShare(kMoving * settings.tolerance);
+  for (Worker& worker : workers_) worker.responder.SetSpeedShare(settings.tolerance);
 }
 
 double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }

@@ -15,8 +15,6 @@ namespace {
 // Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
 constexpr double kTie = 1e-2;
 
-constexpr int kAttempts = 3;  // to solve the blows of an island, before none rebounds
-
 }  // namespace
 
 // Which contacts of the problem are blows, and what all of them ask of their normal velocity while blows are held with the rest.
@@ -104,9 +102,9 @@ void Crowd::Settle(StepReport* report) {
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
 }
 
-// What hits is first left out; blows follow in order of their speed, then at once. What bodies that gain energy by them hit is held with
-// the rest: with the least speeds at which it rebounds, then with none. Where friction would make some even so, velocities stay those that
-// the carrying impulses left.
+// What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain
+// energy by them is held with the rest, and does not rebound; if some gain even so, all that hits in the island. Who gains without any
+// rebound keeps the velocity that the carrying impulses left.
 void Crowd::SettleIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   if (contacts.empty()) return;
@@ -135,8 +133,8 @@ void Crowd::SettleIsland(int island, Worker* worker) {
       break;
     }
     for (const int c : contacts) {
-      if (attempt < kAttempts && !gains(problem_[c].body_a) && !gains(problem_[c].body_b)) continue;
-      if (!hits_[c] || attempt >= kAttempts) targets_[c] = 0;
+      if (attempt == 1 && !gains(problem_[c].body_a) && !gains(problem_[c].body_b)) continue;
+      targets_[c] = std::min(targets_[c], 0.0);
       hits_[c] = 0;
     }
     for (size_t k = 0; k < contacts.size(); ++k) take_back(k);

@@ -158,7 +158,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
 
 // What carries in a piece of this length, with those that meet slowly within it, and the course that follows. Returns the moment of the
 // first blow; h: none.
-double Stepper::FindCourse(double h, bool* foresaw) {
+double Stepper::FindCourse(double h) {
   double moment = h;
   freed_.assign(group_->pairs.size(), kStays);
   guards_.clear();
@@ -169,11 +169,11 @@ double Stepper::FindCourse(double h, bool* foresaw) {
       const int pair = guard_of_[g].pair;
       const double target = ((1 - PushOut(pair)) * GapBefore(pair) - guard_of_[g].gap) / h;
       held_.push_back(guards_[g]);
-      held_of_.push_back({pair, CentreAtStart(pair), target, target});
+      held_.back().point_W = PointAhead(pair, guards_[g].point_W, h);
+      held_of_.push_back({pair, CentreAhead(pair, h), target, target});
       impulse_W_.push_back(Vector3::Zero());
     }
-    *foresaw = guards_.empty() && Foresee(h);
-    Carry(h, !*foresaw);
+    Carry(h, true);
     Fly(h);
     moment = FindMeeting(h);
     if (!returned_ && (!guarded_ || moment < h)) break;
@@ -184,10 +184,10 @@ double Stepper::FindCourse(double h, bool* foresaw) {
 // Passes until gaps meet their end, and what follows there: the velocities, and the blow that ends the piece. What gaps miss is work:
 // where that is too much, they miss less. A blow that is found on the way ends the piece earlier. Returns whether an overlap is left
 // that is too deep; where the piece may be halved nothing is settled then.
-bool Stepper::Refine(bool foresaw, bool may_halve, bool* cut, double* h) {
+bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   DetectEnd();
   double missed = Missed();
-  const bool moves = foresaw && !*cut ? Strays() : LeversMove(*h) || NormalsMove();
+  const bool moves = LeversMove(*h) || NormalsMove();
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
   int pass = 1;
   for (double enough = kTouching;; enough = kExact) {
@@ -207,7 +207,7 @@ bool Stepper::Refine(bool foresaw, bool may_halve, bool* cut, double* h) {
       missed = Missed();
       ++pass;
     }
-    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kDeep || (redone && WayIsBarred(*h));
+    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kTouching || (redone && WayIsBarred(*h));
     if (deep && may_halve) return true;
     Settle();
     struck_ = false;
@@ -226,11 +226,10 @@ bool Stepper::Piece(Progress* p) {
   const double rest = dt_ - p->t;
   double h = ChooseLength(std::min(rest, p->most));
   if (rest - h < 0.2 * h) h = std::min(rest, 1.2 * h);
-  bool foresaw = false;
-  const double moment = FindCourse(h, &foresaw);
+  const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = Shorten(h, moment);
-  const bool may_halve = p->level < kLevels, deep = Refine(foresaw, may_halve, &cut, &h);
+  const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
   const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
   if (!(deep && may_halve) && gains_ && Pushed()) {  // it cost more than that: not now
     pays_.assign(group_->pairs.size(), false);

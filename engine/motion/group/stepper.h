@@ -34,7 +34,6 @@ class Stepper {
   void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
 
  private:
-  static constexpr double kDeep = 2.5e-4;     // of a size: an overlap that is never left
   static constexpr int kSolveWork = 32;       // looks at a pair, which one solved contact is worth
   static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
@@ -43,11 +42,10 @@ class Stepper {
 
   struct Held {  // a contact that carries in this piece
     int pair;
-    Vector3 centre;        // [m] of the bodies that its point moves along with, where that was found
-    double target;         // [m/s] least normal mean velocity
-    double opens;          // [m/s] by which its gap changes then, negative: closes
-    int age = 0;           // passes since it was last seen
-    bool at_start = true;  // its point is that of the start of the piece, not halfway
+    Vector3 centre;  // [m] of the bodies that its point moves along with, where that was found
+    double target;   // [m/s] least normal mean velocity
+    double opens;    // [m/s] by which its gap changes then, negative: closes
+    int age = 0;     // passes since it was last seen
   };
   struct Guarded {  // a pair that meets within the piece
     int pair;
@@ -72,8 +70,8 @@ class Stepper {
   void Begin(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
   bool Piece(Progress* progress);
   double ChooseLength(double rest);
-  double FindCourse(double h, bool* foresaw);
-  bool Refine(bool foresaw, bool may_halve, bool* cut, double* h);
+  double FindCourse(double h);
+  bool Refine(bool may_halve, bool* cut, double* h);
   void Commit(double t, double h);
   void End();
   void LoadState();
@@ -108,9 +106,6 @@ class Stepper {
   void Carry(double h, bool first);
   bool StillCarries(double h);
   void NextTargets(double h);
-  bool Foresee(double h);
-  bool Strays() const;
-  bool AllFollowed() const;
   bool NormalsMove() const;
   bool LeversMove(double h) const;
   double LighterMass(const Contact& contact) const;
@@ -131,7 +126,8 @@ class Stepper {
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
-  Vector3 CentreAtStart(int pair) const;
+  Vector3 PointAhead(int pair, const Vector3& point, double h) const;
+  Vector3 CentreAhead(int pair, double h) const;
   Vector3 CentreHalfway(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   bool TurnInThemselves(int pair) const;
@@ -185,21 +181,21 @@ class Stepper {
   std::vector<double>
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
-  bool gains_ = false;                  // some of them more than allowed
-  bool creates_ = false;                // more than the ledger lets pass
+  bool gains_ = false;    // some of them more than allowed
+  bool creates_ = false;  // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;  // per pair: whether that is enough
   std::vector<double> step_gap_;    // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
-  double time_of_piece_ = 0;                         // [s] at which it begins
-  int cut_pair_ = -1;                                // whose blow ends it
-  int grazing_ = -1;                                 // whose blow ended the piece before, and was none
-  bool struck_ = false;                              // a blow ended it
-  std::vector<State> state_, end_state_, foreseen_;  // per body: where it begins and ends
-  std::vector<Pose> middle_, turned_;                // halfway on the chord; turned freely for half of its time
-  std::vector<Vector3> spun_, spun_after_;           // [rad/s] there, before and after the impulses
-  std::vector<Vector3> mean_W_, spin_gain_;          // [m/s] mean velocity; [N m s] what impulses and torque give
+  double time_of_piece_ = 0;                 // [s] at which it begins
+  int cut_pair_ = -1;                        // whose blow ends it
+  int grazing_ = -1;                         // whose blow ended the piece before, and was none
+  bool struck_ = false;                      // a blow ended it
+  std::vector<State> state_, end_state_;     // per body: where it begins and ends
+  std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
+  std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
+  std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
   std::vector<Contact> now_, end_, held_, next_, last_, probe_;
   std::vector<int> now_pair_, end_pair_;
   std::vector<Held> held_of_, next_of_;

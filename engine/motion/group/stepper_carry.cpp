@@ -43,11 +43,12 @@ void Stepper::SelectHeld(double h) {
     if (contact.gap > kExact * Size(pair) && guess.isZero(0)) continue;
     closed_[c] = true;
     held_.push_back(contact);
+    held_.back().point_W = PointAhead(now_pair_[c], contact.point_W, h);
     const double yields = yields_[now_pair_[c]];
     const double gap =
-        contact.gap > kExact * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+        contact.gap > kTouching * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
     const double target = yields > 0 ? -yields : -gap / h;
-    held_of_.push_back({now_pair_[c], CentreAtStart(now_pair_[c]), target, target});
+    held_of_.push_back({now_pair_[c], CentreAhead(now_pair_[c], h), target, target});
     impulse_W_.push_back(WithinCone(contact, guess));
   }
 }
@@ -94,13 +95,13 @@ void Stepper::Carry(double h, bool first) {
                   Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
     spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
     Body& p = posed_[i];
-    p.position_W = first ? s.pose.position_W : middle_[i].position_W;
+    p.position_W = first ? Vector3(s.pose.position_W + 0.5 * h * s.linear_W) : middle_[i].position_W;
     p.rotation_WB = turned_[i].rotation_WB;
     p.linear_velocity_W = s.linear_W + 0.5 * h * (settings_.gravity + b.force_W / b.mass);
     p.angular_velocity_W = spun_[i];
     if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
   }
-  PlaceWallsAt(first ? t : t + 0.5 * h, [&](size_t i, const Pose& pose) {
+  PlaceWallsAt(t + 0.5 * h, [&](size_t i, const Pose& pose) {
     posed_[i].position_W = pose.position_W;
     posed_[i].rotation_WB = pose.rotation_WB;
   });
@@ -174,43 +175,6 @@ bool Stepper::LeversMove(double h) const {
   return false;
 }
 
-// Whether the contacts that are held are those of their pairs at the end, one by one.
-bool Stepper::AllFollowed() const {
-  for (size_t c = 0; c < follows_.size(); ++c)
-    if (follows_[c] < 0 || std::count(follows_.begin(), follows_.end(), follows_[c]) > 1) return false;
-  for (size_t e = 0; e < end_.size(); ++e)
-    if (Presses(end_pair_[e]) && !WasHeld(e)) return false;
-  return true;
-}
-
-// Where forces at hand move levers, and keep closed what they press, the first pass has levers of halfway on the course that these forces
-// give. Returns whether it does.
-bool Stepper::Foresee(double h) {
-  if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
-  Fly(h);
-  cut_pair_ = -1;
-  bool foresees = LeversMove(h);
-  if (foresees) DetectEnd(), foresees = Missed() <= kDeep && AllFollowed();
-  if (foresees) {
-    foreseen_ = end_state_;
-    NextTargets(h);
-  } else {
-    SelectHeld(h);
-  }
-  return foresees;
-}
-
-// Whether the course is another one than was foreseen, or the levers are not those of its middle.
-bool Stepper::Strays() const {
-  for (size_t i = 0; i < foreseen_.size(); ++i) {
-    if (!group_->bodies[i].Moves()) continue;
-    const Pose &now = end_state_[i].pose, &then = foreseen_[i].pose;
-    const double turn = BodyRadius(static_cast<int>(i)) * Log(now.rotation_WB * then.rotation_WB.conjugate()).norm();
-    if ((now.position_W - then.position_W).norm() + turn > kNegligible * group_->shapes[i]->size()) return true;
-  }
-  return false;
-}
-
 // Contacts with targets that correct what the last pass left at the end. One that is closed all the time lies between where it
 // begins and ends, so that levers are those of the chord along which its points move. One that closes within the piece is as it
 // ends.
@@ -239,11 +203,12 @@ void Stepper::NextTargets(double h) {
                                 end_state_[b].pose.position_W - middle_[b].position_W);
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
-    double target = u - (contact.gap - (1 - PushOut(pair)) * GapBefore(pair)) / h;
+    const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
+    double target = u - (contact.gap - (1 - PushOut(pair)) * before) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
-    next_of_.push_back({pair, CentreHalfway(pair), target, opens, 0, false});
+    next_of_.push_back({pair, CentreHalfway(pair), target, opens});
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.
@@ -253,16 +218,15 @@ void Stepper::NextTargets(double h) {
     ++old.age;
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
-    const Moment at = old.at_start ? Moment::kStart : Moment::kMiddle;
     const auto way = [&](int i) -> Vector3 {
-      return CarriedWith(i, held_[c].point_W, at, Moment::kEnd) - CarriedWith(i, held_[c].point_W, at, Moment::kStart);
+      return CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kEnd) -
+             CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kStart);
     };
     const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
     TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]),
               &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
     old.target = old.opens + contact.normal_W.dot(u) - parted / h;
-    old.at_start = false;
     old.centre = CentreHalfway(old.pair);
     next_.push_back(contact);
     next_of_.push_back(old);

@@ -73,8 +73,9 @@ void Stepper::DetectEnd() {
     double reach = 4 * settings_.overlap_tolerance * Size(group_->pairs[p]);
     for (size_t c = 0; c < held_.size(); ++c) {
       if (held_of_[c].pair != static_cast<int>(p) || impulse_W_[c].isZero(0)) continue;
-      const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
-      const auto at_end = [&](int i) -> Vector3 { return CarriedWith(i, held_[c].point_W, from, Moment::kEnd); };
+      const auto at_end = [&](int i) -> Vector3 {
+        return CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kEnd);
+      };
       const double parted = held_[c].normal_W.dot(at_end(held_[c].body_b) - at_end(held_[c].body_a));
       reach = std::max(reach, kNearby * Size(group_->pairs[p]) + std::abs(parted));
     }
@@ -150,8 +151,7 @@ int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, st
 void Stepper::FollowHeld() {
   follows_.assign(held_.size(), -1);
   for (size_t c = 0; c < held_.size(); ++c) {
-    const Moment from = held_of_[c].at_start ? Moment::kStart : Moment::kMiddle;
-    follows_[c] = FindAt(held_of_[c].pair, held_[c], from, Moment::kEnd, end_);
+    follows_[c] = FindAt(held_of_[c].pair, held_[c], Moment::kMiddle, Moment::kEnd, end_);
   }
 }
 

@@ -9,7 +9,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kNear = 5e-5;     // of a size: overlap by which what rests on each other has met anew
 constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
 
 }  // namespace
@@ -25,9 +24,9 @@ double Stepper::FindMeeting(double h) {
     const bool stays = Touches(static_cast<int>(p)) && freed_[p] == kStays;
     // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
     const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
-    const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kDeep;
+    const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kTouching;
     const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
-                                     stays  ? kNear
+                                     stays  ? kTouching
                                      : sunk ? kExact
                                             : 0.5 * kTouching);
     const Path &a = query.path_a, &b = query.path_b;
@@ -57,7 +56,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
     ++work_;
     probe_.clear();
     const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
-    CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 4 * kNear * Size(pair), &probe_);
+    CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 40 * kTouching * Size(pair), &probe_);
     double fastest = 0, back = 0;
     for (Contact& c : probe_) {
       Mix(pair, &c);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "engine/motion/group/stepper.h"
 #include "engine/world.h"
@@ -352,8 +353,60 @@ TEST(Stepper, BouncesOfFineStepsOnWhatMovesDoNotSink) {
   }
 }
 
-// Balls on a plate that is pushed roll with 2/7 of its acceleration. Levers of halfway come from the forces at hand; with those of a first
-// pass without them the plate tilted by 1e-9 a step, and velocities were off by 3e-6.
+// A heavy ball rolls over a cube that rests. Levers of a first pass that lag behind it tilt the cube by 1e-6 a step, always forward: it
+// sank by 7e-5 m in six seconds, and the ball grew four times as fast.
+TEST(Stepper, BallRollsOverACubeThatRests) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 120}) {
+    World world(Grouped());
+    world.Add(Floor());
+    BodyDefinition cube = Cube({0, 0, 0.1}), ball = Ball({0, 0, 0.3}, 0.1);
+    cube.shape = Shape::Box({0.1, 0.1, 0.1});
+    cube.mass = 1;
+    ball.mass = 5;
+    ball.linear_velocity_W = {0.005, 0, 0};
+    ball.angular_velocity_W = {0, 0.05, 0};
+    world.Add(cube);
+    world.Add(ball);
+    StepClean(&world, dt, static_cast<int>(std::lround(6 / dt)));
+    EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 0.005, 1e-10) << dt;
+    EXPECT_NEAR(world.body(2).position_W.z(), 0.3, 1e-10) << dt;
+  }
+}
+
+// What rolls on facets lands on a new edge a hundred times. Each may end as deep as what touches is inexact, and no deeper than the one before:
+// edges that landed by what the pair was in each other sank by 12 mm.
+TEST(Stepper, WhatRollsOnFacetsDoesNotSink) {
+  constexpr int kSides = 24;
+  constexpr double kRadius = 0.2, kSlope = 0.06;
+  std::vector<Vector3> corners;
+  for (int k = 0; k < 2 * kSides; ++k) {
+    const double angle = 2 * std::numbers::pi * (0.5 + k / 2) / kSides;
+    corners.emplace_back(kRadius * std::sin(angle), k % 2 ? 0.2 : -0.2, kRadius * std::cos(angle));
+  }
+  const Shape prism = Shape::ConvexHull(corners);
+  for (const double dt : {1.0 / 60, 1.0 / 240}) {
+    Settings settings = Grouped();
+    settings.gravity = 9.81 * Vector3(std::sin(kSlope), 0, -std::cos(kSlope));
+    World world(settings);
+    world.Add(Floor(0.5, 0));
+    BodyDefinition rolls{.shape = prism, .position_W = {0, 0, kRadius * std::cos(std::numbers::pi / kSides)}};
+    rolls.restitution = 0;
+    rolls.linear_velocity_W = {0.5, 0, 0};
+    rolls.angular_velocity_W = {0, 2.5, 0};
+    world.Add(rolls);
+    double deepest = 0;
+    for (int step = 0; step < 20 / dt; ++step) {
+      const StepReport report = world.Step(dt);
+      EXPECT_FALSE(report.Failed());
+      deepest = std::max(deepest, report.penetration_max);
+    }
+    EXPECT_GT(world.body(1).position_W.x(), 15);
+    EXPECT_LT(deepest, 1e-5) << dt;
+  }
+}
+
+// Balls on a plate that is pushed roll with 2/7 of its acceleration. With levers of a first pass that lag behind them the plate tilted by 1e-9
+// a step, and velocities were off by 3e-6.
 TEST(Stepper, BallsRollOnAPlateThatSpeedsUp) {
   constexpr double kAcceleration = 0.75, kFriction = 0.4, kPlateMass = 20;
   constexpr int kBalls = 16;
@@ -374,7 +427,7 @@ TEST(Stepper, BallsRollOnAPlateThatSpeedsUp) {
     StepClean(&world, dt, static_cast<int>(std::lround(seconds / dt)));
     for (int i = 1; i < 2 + kBalls; ++i) {
       const Vector3 exact = (i == 1 ? 1 : 2.0 / 7) * kAcceleration * seconds * along;
-      EXPECT_LT((world.body(i).linear_velocity_W - exact).norm(), 2e-7 * std::pow(30 * dt, 4)) << i << " at " << dt;
+      EXPECT_LT((world.body(i).linear_velocity_W - exact).norm(), 3e-7 * std::pow(30 * dt, 4)) << i << " at " << dt;
     }
   }
 }
