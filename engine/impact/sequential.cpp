@@ -13,12 +13,8 @@
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-4;  // of the fastest approach: contacts that differ by less bounce at once
-constexpr int kMostSweeps = 400;
-constexpr double kSettled = 1e-10;  // of the fastest approach: impulses change velocities by less
-// Sweeps towards rounding after that. Where contacts share a line of action, they may pass an impulse of rounding's size to each
-// other for ever.
-constexpr int kPolish = 30;
+constexpr double kTie = 1e-4;        // of the fastest approach: contacts that differ by less bounce at once
+constexpr int kMostSweeps = 400;     // for a tie of more than 32 bodies, before Newton's method
 constexpr int kFrictionRounds = 10;  // of a search for the friction of a tie, each leaves 0.62 of the interval
 constexpr double kMostBlows = 2;     // that a body takes from the queue, by the automatic limit
 constexpr double kPassedOn = 1e-3;   // of one: an elastic one
@@ -163,7 +159,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
 }
 
 // Coulomb contacts with Newton's rebounds, all at once, at this share of their friction. [J] energy that the answer makes; infinite if
-// there is none. Sweeps, if they settle, end nearer to rounding than the solver does.
+// there is none. Sweeps in some order would favour who comes first: where friction leaves several answers, what is symmetric would not stay so.
 double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts,
                                      double friction_share) {
   const double approach = -queue_.top_key();
@@ -171,24 +167,12 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
     tied_problem_.contacts[k].friction = friction_share * contacts[group_contacts[tied_[k]]].friction;
   const qp::Problem& problem = tied_problem_;
   qp::Solution& solution = tied_solution_;
-  solution.impulses.assign(problem.contacts.size(), Vector3::Zero());
-  solution.slips.assign(problem.contacts.size(), 0.0);
-  solution.velocities.clear();
-  for (const qp::BodyTerm& body : problem.bodies)
-    solution.velocities.insert(solution.velocities.end(), body.velocity.begin(), body.velocity.end());
-  tie_sweeps_.Prepare(problem);
-  const auto sweep = [&](int most, double tolerance) {
-    return tie_sweeps_.Sweep(problem, most, tolerance * approach, &solution.impulses, &solution.velocities);
-  };
-  if (sweep(kMostSweeps, kSettled) < kMostSweeps) {
-    sweep(kPolish, kRounding);
-  } else {
-    qp::Settings settings;
-    settings.tolerance = kNegligible;
-    settings.velocity_scale = approach;
-    tie_solver_.Solve(problem, settings, &solution);
-    if (solution.status != qp::Status::kSolved) return INFINITY;
-  }
+  qp::Settings settings;
+  settings.tolerance = kNegligible;
+  settings.effort = {kMostSweeps, true};
+  settings.velocity_scale = approach;
+  tie_solver_.Solve(problem, settings, &solution);
+  if (solution.status != qp::Status::kSolved) return INFINITY;
   double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];

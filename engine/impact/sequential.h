@@ -74,7 +74,6 @@ class SequentialResolver {
   std::vector<double> spent_;  // per body: of the limit
   qp::Problem tied_problem_;
   qp::Solution tied_solution_;
-  qp::GaussSeidel tie_sweeps_;
   qp::IslandSolver tie_solver_;
 };
 

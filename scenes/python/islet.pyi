@@ -182,7 +182,8 @@ class World:
     def set_collision(self, body: int, other: int, collide: bool) -> None: ...
     def set_gravity(self, gravity: Vector) -> None: ...
     # Asked in step(), of any pair and any number of times, one at a time: they must depend on their arguments alone, and cost more than all
-    # else. What they raise comes out of step(), and the world is as it was. None: no longer.
+    # else. What they raise comes out of step(), and the world is as it was. None: no longer. Python's collector does not see through a
+    # world: one whose callback holds the world, or an object that does, is freed after set_collision_callback(None).
     def set_collision_callback(self, callback: Optional[Callable[[int, int, Body, Body], bool]]) -> None: ...  # may a < b touch
     def set_material_callback(  # (friction, restitution) of a contact
         self, callback: Optional[Callable[[Contact, Body, Body], Tuple[float, float]]]
