@@ -13,7 +13,6 @@ namespace {
 // Squares and products of what a user gives must stay finite.
 constexpr double kMostInertia = 1e40;
 constexpr double kLongest = 1e6;       // [s]
-constexpr double kMostFriction = 1e6;  // the product of two must stay finite
 
 }  // namespace
 
@@ -51,7 +50,7 @@ void RequireInertia(const std::string& body, const Matrix3& inertia) {
 
 void RequireMaterial(const std::string& body, double friction, double restitution) {
   if (!(friction >= 0 && friction <= kMostFriction))
-    Reject(body, "friction", "= " + Text(friction) + " must lie in [0, 1e6]");
+    Reject(body, "friction", "= " + Text(friction) + " must lie in [0, 1e4]");
   if (!(restitution >= 0 && restitution <= 1))
     Reject(body, "restitution", "= " + Text(restitution) + " must lie in [0, 1]");
 }

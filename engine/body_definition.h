@@ -10,6 +10,8 @@
 
 namespace islet {
 
+inline constexpr double kMostFriction =
+    1e4;                                  // holds to 20 arc seconds off the vertical; beyond it rounding leaves cones
 inline constexpr double kLargest = 1e30;  // of what a user gives: squares stay finite
 
 [[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem);

@@ -53,7 +53,7 @@ struct BodyDefinition {
   Quaternion rotation_WB = Quaternion::Identity();
   Vector3 linear_velocity_W = Vector3::Zero();   // [m/s]
   Vector3 angular_velocity_W = Vector3::Zero();  // [rad/s]
-  double friction = 0.5;                         // mu in [0, 1e6]
+  double friction = 0.5;                         // mu in [0, 1e4]
   double restitution = 0.2;                      // epsilon in [0, 1]
   std::uint32_t layers = 1;                      // bits: where it belongs
   std::uint32_t collides_with = 0xffffffff;      // layers whose bodies it touches; both must agree
@@ -78,7 +78,7 @@ struct CastHit {
 
 // Coefficients of one contact.
 struct Material {
-  double friction, restitution;  // mu >= 0, epsilon in [0, 1]
+  double friction, restitution;  // mu in [0, 1e4], epsilon in [0, 1]
 };
 // Called from worker threads for each contact; must depend on its arguments alone.
 using MaterialCallback = std::function<Material(const Contact& contact, const Body& a, const Body& b)>;
@@ -110,7 +110,7 @@ class World {
   void SetMass(int body, double mass);  // [kg]; the inertia changes with it
   // [kg], [kg m^2] about the centre of mass.
   void SetMass(int body, double mass, const Matrix3& inertia_B);
-  // Friction in [0, 1e6], restitution in [0, 1]. Wakes the body.
+  // Friction in [0, 1e4], restitution in [0, 1]. Wakes the body.
   void SetMaterial(int body, double friction, double restitution);
   // [m/s] of its surface along itself, as of a conveyor's belt; of bodies of any kind. Wakes all bodies.
   void SetSurfaceVelocity(int body, const Vector3& velocity_B);

@@ -328,7 +328,7 @@ const Scene& RequireScene(const std::string& name) {
 
 void CheckSceneParameters(const SceneParameters& p) {
   if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
-  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e6, "in [0, 1e6]");
+  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e4, "in [0, 1e4]");
   if (p.restitution) {
     RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
   }

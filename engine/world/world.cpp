@@ -37,7 +37,7 @@ void World::Impl::Mix(Contact* c, const Body& a, const Body& b) const {
   c->surface_W = MixSurfaces(a, b);
   if (!material) return;
   const Material m = material(*c, a, b);
-  if (!(m.friction >= 0 && std::isfinite(m.friction))) RefuseMaterial(*c, "friction", m.friction);
+  if (!(m.friction >= 0 && m.friction <= kMostFriction)) RefuseMaterial(*c, "friction", m.friction);
   if (!(m.restitution >= 0 && m.restitution <= 1)) RefuseMaterial(*c, "restitution", m.restitution);
   c->friction = m.friction;
   c->restitution = m.restitution;

@@ -33,7 +33,7 @@ T Chosen(const Field& field, const std::array<std::pair<const char*, T>, n>& cho
   return choices[field.Choice(names)].second;
 }
 
-double Friction(const Field& field) { return field.Number(0, 1e6); }
+double Friction(const Field& field) { return field.Number(0, 1e4); }
 double Restitution(const Field& field) { return field.Number(0, 1); }
 
 Vector3 Sizes(const Field& field, double share) {
