@@ -35,12 +35,14 @@ class FclibExport {
   bool Wants(int frame) const;
   void Write(int frame, const ProblemRecord& record);
   int files() const { return static_cast<int>(names_.size()); }
+  std::string Told() const;  // a line: how many were written, and what was there before
 
  private:
   std::string folder_;
   std::vector<int> frames_;
   std::string label_;
-  std::set<std::string> names_;  // of the files so far
+  std::set<std::string> names_;   // of the files so far
+  std::set<std::string> others_;  // that were there before
 };
 
 }  // namespace islet

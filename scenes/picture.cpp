@@ -176,6 +176,7 @@ Region Around(const World& world) {
     region.lower = region.lower.cwiseMin(body.position_W - Vector3::Constant(body.radius));
     region.upper = region.upper.cwiseMax(body.position_W + Vector3::Constant(body.radius));
   }
+  if (region.lower.x() > region.upper.x()) return {Vector3::Constant(-1), Vector3::Constant(1)};  // nobody: the origin
   return region;
 }
 

@@ -200,6 +200,7 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
   if (scene.probes) write(options.probes, [&] { return scene.probes->text(); });
   if (!options.ReportOnStdout()) write(options.report, [&] { return run_report.Json(); });
   Print(people, run_report.Summary());
+  if (problems) Print(people, problems->Told());
   if (options.ReportOnStdout()) Print(stdout, run_report.Json());
   if (page) failures.Try([&] { Print(people, page->Finish(stopped_by)); });
   if (recorder) failures.Try([&] { recorder->Finish(stopped_by); });

@@ -15,7 +15,7 @@ foreach(expected
     "classislet_1_1World.html;>SetForce<[^\n]*\n[^\n]*stays until changed"
     "classislet_1_1World.html;Detailed Description.*The front door.*<b>threads</b>: one caller"
     "structislet_1_1Body.html;>radius<[^\n]*\n[^\n]*.m. farthest point of the body"
-    "structislet_1_1Material.html;>friction<[^\n]*\n[^\n]*mu &gt;= 0, epsilon.*>restitution<[^\n]*\n[^\n]*mu &gt;= 0, epsilon"
+    "structislet_1_1Material.html;>friction<[^\n]*\n[^\n]*mu in .0, 1e4., epsilon.*>restitution<[^\n]*\n[^\n]*mu in .0, 1e4., epsilon"
     "structislet_1_1Settings.html;>tolerance<[^\n]*\n[^\n]*>Of the contact problems"
     "namespaceislet.html;kKinematic.*moved by the user")
   list(GET expected 0 page)

@@ -94,6 +94,28 @@ class LostOutput(unittest.TestCase):
                 json.loads(read(os.path.join(self.folder.name, name)))
         self.assertEqual(len(json.loads(read(os.path.join(self.folder.name, "solve.json")))), len(self.problems))
 
+    def test_closed_streams_do_not_become_files(self):
+        for closed, status in ((2, 0), (1, 1)):
+            with self.subTest(closed):
+                done = subprocess.run([ISLET, "run", "stack", "--frames", "40", "--record", "closed.film"], cwd=self.folder.name,
+                                      preexec_fn=lambda: os.close(closed), timeout=120)
+                self.assertEqual(done.returncode, status)
+                told = self.finish(["replay", "closed.film"], subprocess.PIPE)
+                self.assertEqual(told.returncode, 0, told.stderr)
+
+    def test_no_problem_is_overwritten(self):
+        before = open(os.path.join(self.folder.name, self.problems[0]), "rb").read()
+        done = self.finish(["solve"] + self.problems + ["--report", self.problems[0]], subprocess.PIPE)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--report would overwrite " + self.problems[0], done.stderr)
+        self.assertEqual(open(os.path.join(self.folder.name, self.problems[0]), "rb").read(), before)
+
+    def test_exports_say_how_many(self):
+        export = ["run", "stack", "--count", "2", "--frames", "2", "--group-bodies", "0", "--export-fclib", "out"]
+        self.assertIn(f"exported      {len(self.problems)} problems to out\n", self.finish(export, subprocess.PIPE).stdout)
+        self.assertIn(f"exported      0 problems to out, beside {len(self.problems)} files that were there before\n",
+                      self.finish(export + ["--export-frames", "99"], subprocess.PIPE).stdout)
+
     def test_lost_messages_do_not_end_a_run(self):
         with open("/dev/full", "w") as full:
             done = subprocess.run([ISLET, "run", "stack", "--count", "2", "--frames", "70", "--tier", "swept"], stderr=full,

@@ -45,6 +45,17 @@ struct Play {
 
 const std::string kBall = "{\"name\": \"ball\", \"shape\": {\"type\": \"sphere\", \"radius\": 0.1}, \"mass\": 2}";
 
+TEST(Drives, VelocityThatIsNotNamedStaysTheBodys) {
+  Play play(
+      "{\"version\": 1, \"bodies\": [{\"name\": \"wheel\", \"shape\": {\"type\": \"sphere\", \"radius\": 0.1}, "
+      "\"kind\": \"kinematic\", "
+      "\"velocity\": [1, 0, 0], \"angular_velocity\": [0, 3, 0]}], \"drives\": [{\"body\": \"wheel\", "
+      "\"angular_velocity\": [0, 0, 2]}]}");
+  play.Step();
+  EXPECT_EQ(play.body(0).linear_velocity_W, Vector3(1, 0, 0));
+  EXPECT_EQ(play.body(0).angular_velocity_W, Vector3(0, 0, 2));
+}
+
 // m x'' = A sin(w t + p): x' = A / (m w) (cos p - cos(w t + p)), x = A / (m w) (t cos p - (sin(w t + p) - sin p) / w).
 TEST(Drives, SineForceMovesAFreeBodyAsTheIntegralSays) {
   double error[2];
