@@ -10,9 +10,8 @@
 
 namespace islet {
 
-inline constexpr double kMostFriction =
-    1e4;                                  // holds to 20 arc seconds off the vertical; beyond it rounding leaves cones
-inline constexpr double kLargest = 1e30;  // of what a user gives: squares stay finite
+inline constexpr double kLargest = 1e30;      // of what a user gives: squares stay finite
+inline constexpr double kMostFriction = 1e4;  // where more is given rounding leaves the cones
 
 [[noreturn]] void Reject(const std::string& body, const std::string& field, const std::string& problem);
 void RequireFinite(const std::string& body, const std::string& field, const Vector3& value);

@@ -71,15 +71,15 @@ FclibExport::FclibExport(std::string folder, std::vector<int> frames, std::strin
   std::error_code error;
   fs::create_directory(folder_, error);
   if (error) throw std::runtime_error("cannot make the folder " + folder_ + ": " + error.message());
-  for (fs::directory_iterator file(folder_, error), end; !error && file != end; file.increment(error))
-    if (file->path().extension() == ".hdf5") others_.insert(file->path().filename().string());
 }
 
 std::string FclibExport::Told() const {
   std::size_t left = 0;
-  for (const std::string& other : others_) left += names_.count(other) == 0;
+  std::error_code error;
+  for (fs::directory_iterator file(folder_, error), end; !error && file != end; file.increment(error))
+    left += file->path().extension() == ".hdf5" && names_.count(file->path().filename().string()) == 0;
   const std::string beside = left > 0 ? ", beside " + std::to_string(left) + " files that were there before" : "";
-  return "  exported      " + std::to_string(names_.size()) + " problems to " + folder_ + beside + "\n";
+  return "  exported      " + std::to_string(files()) + " problems to " + folder_ + beside + "\n";
 }
 
 void FclibExport::CheckFolder(const std::string& option, const std::string& folder) {

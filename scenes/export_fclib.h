@@ -41,8 +41,7 @@ class FclibExport {
   std::string folder_;
   std::vector<int> frames_;
   std::string label_;
-  std::set<std::string> names_;   // of the files so far
-  std::set<std::string> others_;  // that were there before
+  std::set<std::string> names_;  // of the files so far
 };
 
 }  // namespace islet

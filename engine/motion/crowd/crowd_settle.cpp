@@ -102,9 +102,9 @@ void Crowd::Settle(StepReport* report) {
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
 }
 
-// What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain
-// energy by them is held with the rest, and does not rebound; if some gain even so, all that hits in the island. Who gains without any
-// rebound keeps the velocity that the carrying impulses left.
+// What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain energy by them is held with
+// the rest, and does not rebound; if some gain even so, all that hits in the island. Who gains without any rebound keeps the velocity that
+// the carrying impulses left.
 void Crowd::SettleIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   if (contacts.empty()) return;

@@ -168,10 +168,7 @@ double Stepper::FindCourse(double h) {
     for (size_t g = 0; g < guards_.size(); ++g) {
       const int pair = guard_of_[g].pair;
       const double target = ((1 - PushOut(pair)) * GapBefore(pair) - guard_of_[g].gap) / h;
-      held_.push_back(guards_[g]);
-      held_.back().point_W = PointAhead(pair, guards_[g].point_W, h);
-      held_of_.push_back({pair, CentreAhead(pair, h), target, target});
-      impulse_W_.push_back(Vector3::Zero());
+      Hold(pair, guards_[g], target, Vector3::Zero(), h);
     }
     Carry(h, true);
     Fly(h);

@@ -103,6 +103,7 @@ class Stepper {
 
   // stepper_carry.cpp: what carries, and its impulses.
   void SelectHeld(double h);
+  void Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h);
   void Carry(double h, bool first);
   bool StillCarries(double h);
   void NextTargets(double h);
@@ -126,8 +127,8 @@ class Stepper {
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   Vector3 Shared(int pair, const Vector3& of_a, const Vector3& of_b) const;
-  Vector3 PointAhead(int pair, const Vector3& point, double h) const;
-  Vector3 CentreAhead(int pair, double h) const;
+  Vector3 CentreAhead(int i, double h) const;
+  Vector3 PointAhead(int i, const Vector3& point, double h) const;
   Vector3 CentreHalfway(int pair) const;
   Vector3 Halfway(int pair, const Vector3& start, const Vector3& end) const;
   bool TurnInThemselves(int pair) const;

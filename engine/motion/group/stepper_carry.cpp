@@ -17,6 +17,15 @@ constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in suc
 
 }  // namespace
 
+// A contact of the start of the piece, with the lever that it has halfway if its bodies go on as they do.
+void Stepper::Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h) {
+  const auto [a, b] = group_->pairs[pair];
+  held_.push_back(contact);
+  held_.back().point_W = Shared(pair, PointAhead(a, contact.point_W, h), PointAhead(b, contact.point_W, h));
+  held_of_.push_back({pair, Shared(pair, CentreAhead(a, h), CentreAhead(b, h)), target, target});
+  impulse_W_.push_back(impulse_W);
+}
+
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
 // a ball that rolls over an edge is near it, and never meets it.
 void Stepper::SelectHeld(double h) {
@@ -42,14 +51,10 @@ void Stepper::SelectHeld(double h) {
     const Vector3 guess = h * force_W_[c];
     if (contact.gap > kExact * Size(pair) && guess.isZero(0)) continue;
     closed_[c] = true;
-    held_.push_back(contact);
-    held_.back().point_W = PointAhead(now_pair_[c], contact.point_W, h);
     const double yields = yields_[now_pair_[c]];
     const double gap =
         contact.gap > kTouching * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
-    const double target = yields > 0 ? -yields : -gap / h;
-    held_of_.push_back({now_pair_[c], CentreAhead(now_pair_[c], h), target, target});
-    impulse_W_.push_back(WithinCone(contact, guess));
+    Hold(now_pair_[c], contact, yields > 0 ? -yields : -gap / h, WithinCone(contact, guess), h);
   }
 }
 
@@ -85,7 +90,6 @@ void Stepper::Record(Stage stage, QpStatus status) {
 // Impulses that keep the held contacts open at the end of the piece. Unknown: the mean velocity, after half of each impulse.
 void Stepper::Carry(double h, bool first) {
   if (held_.empty()) return;
-  const double t = time_of_piece_;
   const std::vector<Body>& bodies = group_->bodies;
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& b = bodies[i];
@@ -95,13 +99,13 @@ void Stepper::Carry(double h, bool first) {
                   Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
     spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
     Body& p = posed_[i];
-    p.position_W = first ? Vector3(s.pose.position_W + 0.5 * h * s.linear_W) : middle_[i].position_W;
+    p.position_W = first ? CentreAhead(static_cast<int>(i), h) : middle_[i].position_W;
     p.rotation_WB = turned_[i].rotation_WB;
     p.linear_velocity_W = s.linear_W + 0.5 * h * (settings_.gravity + b.force_W / b.mass);
     p.angular_velocity_W = spun_[i];
     if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
   }
-  PlaceWallsAt(t + 0.5 * h, [&](size_t i, const Pose& pose) {
+  PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) {
     posed_[i].position_W = pose.position_W;
     posed_[i].rotation_WB = pose.rotation_WB;
   });

@@ -164,25 +164,17 @@ Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) cons
   return share * of_a + (1 - share) * of_b;
 }
 
-// [m] where a place of now is halfway, if both bodies go on as they do.
-Vector3 Stepper::PointAhead(int pair, const Vector3& point, double h) const {
-  const auto ahead = [&](int i) -> Vector3 {
-    const State& s = state_[i];
-    const Vector3 centre = s.pose.position_W + 0.5 * h * s.linear_W, arm = point - s.pose.position_W;
-    if (group_->shapes[i]->kind() == ShapeKind::kSphere) return centre + arm;
-    return centre + Exp(0.5 * h * VisibleSpinOf(i)) * arm;
-  };
-  return Shared(pair, ahead(group_->pairs[pair].a), ahead(group_->pairs[pair].b));
-}
+// [m] of a body halfway, if it goes on as it does where the piece begins.
+Vector3 Stepper::CentreAhead(int i, double h) const { return state_[i].pose.position_W + 0.5 * h * state_[i].linear_W; }
 
-// [m] what a contact moves along with, the same.
-Vector3 Stepper::CentreAhead(int pair, double h) const {
-  const auto ahead = [&](int i) -> Vector3 { return state_[i].pose.position_W + 0.5 * h * state_[i].linear_W; };
-  return Shared(pair, ahead(group_->pairs[pair].a), ahead(group_->pairs[pair].b));
+// [m] the same of a place on it.
+Vector3 Stepper::PointAhead(int i, const Vector3& point, double h) const {
+  const Vector3 arm = point - state_[i].pose.position_W;
+  if (group_->shapes[i]->kind() == ShapeKind::kSphere) return CentreAhead(i, h) + arm;
+  return CentreAhead(i, h) + Exp(0.5 * h * VisibleSpinOf(i)) * arm;
 }
 
 // [m] what a contact moves along with.
-
 Vector3 Stepper::CentreHalfway(int pair) const {
   return Shared(pair, middle_[group_->pairs[pair].a].position_W, middle_[group_->pairs[pair].b].position_W);
 }
