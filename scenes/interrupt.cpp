@@ -8,6 +8,8 @@
 #include <cstring>
 #include <utility>
 
+#include "scenes/output_file.h"
+
 namespace islet {
 namespace {
 
@@ -25,7 +27,10 @@ void Say(const char* text) {
 }
 
 void Handle(int) {
-  if (asked.exchange(true)) ::_exit(Interrupt::kExitStatus);
+  if (asked.exchange(true)) {
+    RemoveTemporaries();
+    ::_exit(Interrupt::kExitStatus);
+  }
   Say("\nislet: ");
   Say(message);
   Say("; once more ends it at once\n");

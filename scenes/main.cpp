@@ -14,8 +14,8 @@
 //
 // Exit status: 0 the run went to its end (what the solvers could not do is in the report; failed steps are told on the
 // standard error), 1 an output, the standard output among them, could not be written, a problem not be read, or a check
-// failed that must hold, 2 a bad argument: the message names the field and the value, and no file has been touched, 3 a
-// step failed in a run with --strict: all has been written, 130 interrupted: what was done has been written.
+// failed that must hold, 2 a bad argument: the message names the field and the value, and no file has been touched, 3 with
+// --strict a step failed or a problem is not solved: all has been written, 130 interrupted: what was done has been written.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -81,10 +81,9 @@ int Run(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
-      "2 a bad argument; 3 with run --strict: a step failed; 130 interrupted. The first Ctrl-C (or SIGTERM) ends run,\n"
-      "view, replay --check, solve and verify in order: what is done is written and reported. The second one ends "
-      "them\n"
-      "at once.");
+      "2 a bad argument; 3 with --strict: a step failed, or a problem is not solved; 130 interrupted.\n"
+      "The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and verify in order: what is done is written\n"
+      "and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
   bool with_expectations = false;
@@ -164,7 +163,11 @@ int Run(int argc, char** argv) {
   if (replay->parsed()) islet::Replay(replay_options);
   if (export_scene->parsed()) islet::ExportScene(export_options);
   if (check->parsed() && !islet::CheckSceneFiles(check_options)) return 2;
-  if (solve->parsed()) good = islet::SolveFiles(solve_options);
+  if (solve->parsed()) {
+    const islet::SolveEnd end = islet::SolveFiles(solve_options);
+    good = end != islet::SolveEnd::kNotRead;
+    strictly_failed = end == islet::SolveEnd::kNotSolved && solve_options.strict;
+  }
   if (verify->parsed()) good = islet::Verify(verify_options, islet::AllChecks());
   if (completion->parsed()) islet::Print(stdout, islet::Completion(app, shell, Words()));
   if (manual->parsed()) islet::Print(stdout, islet::Manual(app, islet::Version()));

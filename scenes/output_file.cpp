@@ -3,6 +3,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -34,6 +37,18 @@ fs::path TemporaryBeside(const fs::path& target) {
   temporary += ".part" + std::to_string(::getpid());
   return temporary;
 }
+
+// Names of the temporary files that there are. What does not fit in is left by a process that ends at once.
+std::array<std::atomic<const char*>, 16> temporaries{};
+static_assert(std::atomic<const char*>::is_always_lock_free);  // or a handler could not read them
+
+void Exchange(const char* from, const char* to) {
+  const auto slot = std::find(temporaries.begin(), temporaries.end(), from);
+  if (slot != temporaries.end()) *slot = to;
+}
+// The name must stay where it is until it is unlisted.
+void List(const std::string& name) { Exchange(nullptr, name.c_str()); }
+void Unlist(const std::string& name) { Exchange(name.c_str(), nullptr); }
 
 // Empty if all went well, else the reason.
 std::string Write(const fs::path& path, const std::string& text) {
@@ -70,6 +85,11 @@ bool Print(std::FILE* stream, const std::string& text) {
   return good && !std::ferror(stream);
 }
 
+void RemoveTemporaries() {
+  for (const std::atomic<const char*>& name : temporaries)
+    if (const char* const path = name) ::unlink(path);
+}
+
 void FinishStandardOutput() {
   Print(stdout, "");
   if (stdout_error != 0)
@@ -99,6 +119,7 @@ void WriteWhole(const std::string& path, const std::string& text) {
     reason = Write(target, text);
   } else {
     const fs::path temporary = TemporaryBeside(target);
+    List(temporary.native());
     reason = Write(temporary, text);
     std::error_code error;
     if (reason.empty()) {
@@ -106,6 +127,7 @@ void WriteWhole(const std::string& path, const std::string& text) {
       if (error) reason = error.message();
     }
     if (!reason.empty()) fs::remove(temporary, error);
+    Unlist(temporary.native());
   }
   if (!reason.empty()) Fail(path, reason);
 }
@@ -117,11 +139,14 @@ OutputFile::OutputFile(const std::string& path) : path_(path) {
   errno = 0;
   stream_.open(temporary_.empty() ? target_ : temporary_, std::ios::binary);
   if (!stream_) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
+  if (!temporary_.empty()) List(temporary_);
 }
 
 OutputFile::~OutputFile() {
   std::error_code error;
-  if (!temporary_.empty()) fs::remove(temporary_, error);
+  if (temporary_.empty()) return;
+  fs::remove(temporary_, error);
+  Unlist(temporary_);
 }
 
 void OutputFile::Commit() {
@@ -134,6 +159,7 @@ void OutputFile::Commit() {
     if (error) reason = error.message();
   }
   if (!reason.empty()) throw std::runtime_error("cannot write " + path_ + ": " + reason);
+  Unlist(temporary_);
   temporary_.clear();
 }
 
@@ -148,15 +174,17 @@ GrowingFile::GrowingFile(const std::string& path, std::string_view first) : path
   const fs::path place = direct ? target : TemporaryBeside(target);
   file_ = ::open(place.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0666);
   if (file_ < 0) Fail(path, std::strerror(errno));
+  if (!direct) List(place.native());
   std::string reason = WriteAll(file_, first);
   std::error_code error;
   if (!direct && reason.empty()) {
     fs::rename(place, target, error);
     if (error) reason = error.message();
   }
+  if (!reason.empty() && !direct) fs::remove(place, error);
+  Unlist(place.native());
   if (!reason.empty()) {
     ::close(file_);
-    if (!direct) fs::remove(place, error);
     Fail(path, reason);
   }
   size_ = first.size();

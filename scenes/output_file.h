@@ -59,6 +59,9 @@ class GrowingFile {
 // To stdout or stderr, at once. False if it could not be written, now or before.
 bool Print(std::FILE* stream, const std::string& text);
 
+// Of files that are being written: for a process that ends at once. May be called by a signal handler.
+void RemoveTemporaries();
+
 // Throws std::runtime_error if anything printed to stdout did not arrive. A closed pipe must not have ended the process before:
 // the program ignores SIGPIPE.
 void FinishStandardOutput();

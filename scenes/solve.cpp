@@ -243,6 +243,7 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
           "--time-limit", [o](const std::string& text) { o->time_limit = ParseSeconds("--time-limit", text); },
           "give a problem up after S seconds, its reading included (default: none)")
       ->type_name("S");
+  command->add_flag("--strict", o->strict, "exit status 3 if a problem is not solved");
   command->add_option("--report", o->report, "write all numbers as a JSON list; - is the standard output")
       ->type_name("FILE");
   command->footer(
@@ -252,7 +253,7 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
       "  islet solve problems/*.hdf5 --model convex --cone octagon --report answers.json");
 }
 
-bool SolveFiles(const SolveOptions& options) {
+SolveEnd SolveFiles(const SolveOptions& options) {
   CheckOptions(options);
   std::FILE* const table = options.report == "-" ? stderr : stdout;
   Print(table, fmt::format(kHeader, "file", "contacts", "bodies", "method", "status", "steps", "ms", "map rms",
@@ -283,7 +284,8 @@ bool SolveFiles(const SolveOptions& options) {
   if (options.report == "-") Print(stdout, list.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   if (!options.report.empty() && options.report != "-")
     WriteWhole(options.report, list.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-  return all_read;
+  if (!all_read) return SolveEnd::kNotRead;
+  return solved == static_cast<int>(list.size()) ? SolveEnd::kSolved : SolveEnd::kNotSolved;
 }
 
 }  // namespace islet

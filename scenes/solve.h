@@ -23,12 +23,15 @@ struct SolveOptions {
   double tolerance = 1e-6;
   std::optional<int> threads;        // 0: all cores
   std::optional<double> time_limit;  // [s] wall time a problem, its reading included; none: as long as it takes
+  bool strict = false;               // a problem that is not solved is an exit status of its own
   std::string report;                // file, "-" for the standard output, empty for none
 };
 
 void AddSolveOptions(CLI::App* command, SolveOptions* options);
 
-// True if every file could be read; what the solvers could not do, in time or at all, is in the table.
-bool SolveFiles(const SolveOptions& options);
+enum class SolveEnd { kSolved, kNotSolved, kNotRead };
+
+// kNotRead if a file could not be read, else kNotSolved if one could not be solved: to the tolerance, in time or at all.
+SolveEnd SolveFiles(const SolveOptions& options);
 
 }  // namespace islet

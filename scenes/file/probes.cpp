@@ -1,5 +1,8 @@
 #include "scenes/file/probes.h"
 
+#include <set>
+#include <utility>
+
 #include "scenes/file/number_format.h"
 
 namespace islet {
@@ -26,16 +29,19 @@ std::vector<Vector3> ImpulsesOf(const World& world) {
 
 Probes::Probes(const SceneDescription& description, const MadeScene& made) {
   text_ = "frame,time";
+  std::set<std::pair<int, ProbeWhat>> known;
   for (const ProbeEntry& probe : description.probes) {
     const std::vector<int> bodies = ChosenBodies(made, probe.bodies);
     for (size_t i = 0; i < bodies.size(); ++i) {
       for (const ProbeWhat what : probe.write) {
+        const std::string name = NameOf(probe.bodies, i, bodies.size()) + "." + kProbeNames[static_cast<int>(what)];
+        if (!known.emplace(bodies[i], what).second)
+          probe.bodies.place.Refuse("its probes write " + name + " twice: one column has been asked for already");
         columns_.push_back({bodies[i], what});
         with_forces_ = with_forces_ || what == ProbeWhat::kForce;
         if (columns_.size() > kMostColumns / 4)
           probe.bodies.place.Refuse("too many columns: all probes together have at most " +
                                     std::to_string(kMostColumns));
-        const std::string name = NameOf(probe.bodies, i, bodies.size()) + "." + kProbeNames[static_cast<int>(what)];
         for (const char* axis : {".w", ".x", ".y", ".z"})
           if (axis[1] != 'w' || what == ProbeWhat::kRotation) text_ += "," + name + axis;
       }

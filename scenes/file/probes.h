@@ -3,7 +3,7 @@
 //   in:  the world at the start and after each step      out: text, numbers that read back as the same bits
 //   columns: frame, time, then for each body and quantity its x, y, z (rotation: w, x, y, z): `ball.velocity.x`. The force is the
 //            mean over the step of all contacts on the body, W; 0 in frame 0
-//   errors: std::invalid_argument that names the place in the file; at most kMostColumns
+//   errors: std::invalid_argument that names the place in the file: where a column is asked for twice, and for more than kMostColumns
 //   threads: one caller
 #pragma once
 

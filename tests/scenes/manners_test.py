@@ -168,9 +168,10 @@ class Interrupts(unittest.TestCase):
 
     def test_second_signal_ends_at_once(self):
         # A frame of many seconds, so that the first signal cannot be obeyed before the second is there.
-        program = start(["run", "cubejam", "--count", "20000", "--report", self.path("r.json")])
+        program = start(["run", "cubejam", "--count", "20000", "--report", self.path("r.json"), "--html", self.path("p.html")])
         time.sleep(0.2)
         wait_for(lambda: caught(program.pid))
+        wait_for(lambda: os.listdir(self.folder.name))  # the page is written as the run goes
         program.send_signal(signal.SIGINT)
         self.assertIn("once more ends it at once", program.stderr.readline() + program.stderr.readline())
         before = time.monotonic()

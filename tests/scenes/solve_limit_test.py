@@ -49,6 +49,13 @@ class TimeLimit(unittest.TestCase):
         self.assertEqual([entries[0][key] for key in ("status", "contacts", "natural_map_rms")], ["time limit", 600, None])
         self.assertIn("not solved within --time-limit 1 s", done.stderr)
 
+    def test_strictly_what_is_not_solved_is_a_failure(self):
+        problem = self.export(150)
+        done, _ = self.solve([problem, "--tolerance", "1e-15", "--time-limit", "1", "--strict"], 4)
+        self.assertEqual(done.returncode, 3)
+        done, _ = self.solve([problem, "--strict"], 60)
+        self.assertEqual(done.returncode, 0)
+
     def test_changes_no_answer(self):
         problem = self.export(5)
         known = [self.solve([problem] + more, 60)[1][0] for more in ([], ["--time-limit", "1000"])]
