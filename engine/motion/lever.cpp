@@ -51,10 +51,18 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
   return found;
 }
 
-double ShareOfA(double mass_a, bool turns_in_itself_a, double mass_b, bool turns_in_itself_b) {
-  if (!std::isfinite(mass_a)) return 0;
-  if (!std::isfinite(mass_b)) return 1;
-  return turns_in_itself_a == turns_in_itself_b ? mass_b / (mass_a + mass_b) : turns_in_itself_a ? 1 : 0;
+double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W) {
+  const bool round = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||
+                     (shape.kind() == ShapeKind::kCylinder &&
+                      2 * std::pow(normal_W.dot(rotation_WB * Vector3::UnitZ()), 2) < 1);
+  return round ? shape.radius() : INFINITY;
+}
+
+double ShareOfA(const Side& a, const Side& b) {
+  const auto share = [](double of_a, double of_b) {
+    return std::isinf(of_a) ? 0 : std::isinf(of_b) ? 1 : of_b / (of_a + of_b);
+  };
+  return std::isinf(a.radius) && std::isinf(b.radius) ? share(a.mass, b.mass) : share(a.radius, b.radius);
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {

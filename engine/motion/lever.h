@@ -11,6 +11,7 @@
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/motion/path.h"
+#include "engine/shape.h"
 
 namespace islet::motion {
 
@@ -39,10 +40,20 @@ inline constexpr double kSamePlace = 1e-2;
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far);
 
-// How far a contact goes with body a; the rest with b. mass: [kg], infinite for what stands still. It goes with what turns in itself rather
-// than with what does not: so the normal impulse on it passes through its centre. Else the lighter one has the more of it: where two that
-// slide on each other take an impulse at one point, the lever of one or the other is off, and a heavy body does not feel it.
-double ShareOfA(double mass_a, bool turns_in_itself_a, double mass_b, bool turns_in_itself_b);
+// [m] radius of the round side on which a shape takes a contact with that normal: of a sphere, a capsule, a cylinder that lies more on its
+// side than on its end; infinite elsewhere.
+double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W);
+
+// A body as a contact sees it.
+struct Side {
+  double mass;    // [kg] infinite for what stands still
+  double radius;  // [m] of its round side
+};
+
+// How far a contact goes with body a; the rest with b. As two round sides roll on each other it stays between their centres, as one rolls
+// on a flat side with its centre alone: so the normal impulse passes through it, and spins it not. Else the lighter one has the more of it:
+// where two that slide on each other take an impulse at one point, the lever of one or the other is off, and a heavy body does not feel it.
+double ShareOfA(const Side& a, const Side& b);
 
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);

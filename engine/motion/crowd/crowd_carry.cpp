@@ -90,7 +90,10 @@ bool Crowd::IsRound(const Contact& c) const {
 }
 
 double Crowd::Share(const Contact& c) const {
-  return ShareOfA(MassOf(c.body_a), TurnsInItself(c.body_a), MassOf(c.body_b), TurnsInItself(c.body_b));
+  const auto side = [&](int i) -> Side {
+    return {MassOf(i), RoundRadius(shapes_[i], begin_[i].pose.rotation_WB, c.normal_W)};
+  };
+  return ShareOfA(side(c.body_a), side(c.body_b));
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {

@@ -21,8 +21,8 @@ constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in suc
 void Stepper::Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h) {
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
-  held_.back().point_W = Shared(pair, PointAhead(a, contact.point_W, h), PointAhead(b, contact.point_W, h));
-  held_of_.push_back({pair, Shared(pair, CentreAhead(a, h), CentreAhead(b, h)), target, target});
+  held_.back().point_W = Shared(contact, PointAhead(a, contact.point_W, h), PointAhead(b, contact.point_W, h));
+  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target});
   impulse_W_.push_back(impulse_W);
 }
 
@@ -192,7 +192,7 @@ void Stepper::NextTargets(double h) {
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
     const Contact* const start = ClosedAtStart(e);
     if (start) {
-      contact.point_W = Halfway(pair, start->point_W, contact.point_W);
+      contact.point_W = Halfway(contact, start->point_W, contact.point_W);
       const double turn = (contact.normal_W - start->normal_W).norm();
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
       TurnLever((contact.gap - start->gap) / h, turn, CourseOf(a), CourseOf(b), Size(group_->pairs[pair]), &contact);
@@ -203,7 +203,7 @@ void Stepper::NextTargets(double h) {
       contact.point_W = probe_[0].point_W;
       contact.normal_W = probe_[0].normal_W;
     } else {
-      contact.point_W -= Shared(pair, end_state_[a].pose.position_W - middle_[a].position_W,
+      contact.point_W -= Shared(contact, end_state_[a].pose.position_W - middle_[a].position_W,
                                 end_state_[b].pose.position_W - middle_[b].position_W);
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
@@ -212,7 +212,7 @@ void Stepper::NextTargets(double h) {
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
-    next_of_.push_back({pair, CentreHalfway(pair), target, opens});
+    next_of_.push_back({pair, CentreHalfway(contact), target, opens});
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.
@@ -231,7 +231,7 @@ void Stepper::NextTargets(double h) {
               &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);
     old.target = old.opens + contact.normal_W.dot(u) - parted / h;
-    old.centre = CentreHalfway(old.pair);
+    old.centre = CentreHalfway(contact);
     next_.push_back(contact);
     next_of_.push_back(old);
     next_impulse_W_.push_back(impulse_W_[c]);

@@ -51,7 +51,7 @@ bool Stepper::TurnIntoLine() {
     if (impulse_W_[c].isZero(0) || !TurnInThemselves(held_of_[c].pair)) continue;
     const Vector3 line = (middle_[contact.body_b].position_W - middle_[contact.body_a].position_W).normalized();
     const Vector3& from = middle_[contact.body_a].position_W;
-    const Vector3 place = contact.point_W + CentreHalfway(held_of_[c].pair) - held_of_[c].centre;
+    const Vector3 place = contact.point_W + CentreHalfway(contact) - held_of_[c].centre;
     contact.point_W += from + line.dot(place - from) * line - place;
     if ((line - contact.normal_W).squaredNorm() < kRounding * kRounding) continue;
     impulse_W_[c] = Quaternion::FromTwoVectors(contact.normal_W, line) * impulse_W_[c];
@@ -82,7 +82,7 @@ void Stepper::Fly(double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];
     const int a = contact.body_a, b = contact.body_b;
-    acted_at_[c] = contact.point_W + (CentreHalfway(held_of_[c].pair) - held_of_[c].centre);  // it moves along
+    acted_at_[c] = contact.point_W + (CentreHalfway(contact) - held_of_[c].centre);  // it moves along
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
@@ -155,12 +155,12 @@ Course Stepper::CourseOf(int i) const {
 }
 
 // Of what the two bodies of a contact do, what the contact does.
-Vector3 Stepper::Shared(int pair, const Vector3& of_a, const Vector3& of_b) const {
-  const auto [a, b] = group_->pairs[pair];
-  const auto mass = [&](int i) {
-    return group_->bodies[i].Moves() ? 1 : INFINITY;
-  };  // nothing lands within: both alike
-  const double share = ShareOfA(mass(a), BodyRadius(a) == 0, mass(b), BodyRadius(b) == 0);
+Vector3 Stepper::Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const {
+  const auto side = [&](int i) -> Side {
+    return {group_->bodies[i].Moves() ? 1 : INFINITY,  // nothing lands within: both alike
+            RoundRadius(*group_->shapes[i], state_[i].pose.rotation_WB, contact.normal_W)};
+  };
+  const double share = ShareOfA(side(contact.body_a), side(contact.body_b));
   return share * of_a + (1 - share) * of_b;
 }
 
@@ -175,14 +175,13 @@ Vector3 Stepper::PointAhead(int i, const Vector3& point, double h) const {
 }
 
 // [m] what a contact moves along with.
-Vector3 Stepper::CentreHalfway(int pair) const {
-  return Shared(pair, middle_[group_->pairs[pair].a].position_W, middle_[group_->pairs[pair].b].position_W);
+Vector3 Stepper::CentreHalfway(const Contact& contact) const {
+  return Shared(contact, middle_[contact.body_a].position_W, middle_[contact.body_b].position_W);
 }
 
 // Between these points of start and end, on the arc about each body's axis.
-Vector3 Stepper::Halfway(int pair, const Vector3& start, const Vector3& end) const {
-  return Shared(pair, OnArc(CourseOf(group_->pairs[pair].a), start, end),
-                OnArc(CourseOf(group_->pairs[pair].b), start, end));
+Vector3 Stepper::Halfway(const Contact& contact, const Vector3& start, const Vector3& end) const {
+  return Shared(contact, OnArc(CourseOf(contact.body_a), start, end), OnArc(CourseOf(contact.body_b), start, end));
 }
 
 // [rad/s] of a body halfway.
