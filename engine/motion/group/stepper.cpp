@@ -201,7 +201,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
         *h = Shorten(*h, moment);
         DetectEnd();
       }
-      missed = Missed();
+      missed = std::max(Missed(), enough == kExact ? Shifted() : 0);
       ++pass;
     }
     const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kTouching || (redone && WayIsBarred(*h));
@@ -211,6 +211,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
     strike_W_.assign(end_.size(), Vector3::Zero());
     if (*cut) Strike();
     KeepAccounts(*h);
+    missed = std::max(missed, Shifted());
     if (!gains_ || missed <= kExact || pass >= kPasses) return deep;
   }
 }

@@ -100,6 +100,7 @@ class Stepper {
   double FreshOverlap() const;
   double DeepestSinceStart() const;
   double Missed() const;
+  double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
   void SelectHeld(double h);

@@ -134,6 +134,15 @@ double Stepper::Missed() const {
   return worst;
 }
 
+// Of a size: by how much levers are not those that the problem had, since middles came to lie elsewhere.
+double Stepper::Shifted() const {
+  double worst = 0;
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (!impulse_W_[c].isZero(0))
+      worst = std::max(worst, (acted_at_[c] - held_[c].point_W).norm() / Size(group_->pairs[held_of_[c].pair]));
+  return worst;
+}
+
 // Of the contacts at another time of the piece the one that this contact is; -1: none. The same feature is the same
 // place only as far as the two bodies' points have parted, or as a piece may turn: the lowest point of a rim goes around it.
 int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const {
