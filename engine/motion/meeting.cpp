@@ -15,15 +15,24 @@ constexpr int kTouches = 12;    // of them in a row without leaving: they touch
 constexpr double kInside =
     0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 
-// [m/s] fastest closing of the gap along the normal (from a to b) from t on: a relative velocity that changes linearly is
-// fastest at an end; a turn moves no point along the normal faster than |rate x normal| radius.
-double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) {
+// [m/s] fastest approach of the centres along the normal (from a to b) from t on: what changes linearly is fastest at an end.
+double Approach(const MeetingQuery& query, double t, const Vector3& normal) {
   const auto approach = [&](double time) {
     return -normal.dot(query.path_b.VelocityAt(time) - query.path_a.VelocityAt(time));
   };
-  // The normal of a pair turns with the pair, so the whole rate counts.
-  return std::max(approach(t), approach(query.duration)) + query.path_a.TurnSpeed(t, query.duration) +
+  return std::max(approach(t), approach(query.duration));
+}
+
+// [m/s] fastest closing of the gap from t on. Its normal turns with the pair, so the whole rate counts.
+double ClosingSpeed(const MeetingQuery& query, double t, const Vector3& normal) {
+  return Approach(query, t, normal) + query.path_a.TurnSpeed(t, query.duration) +
          query.path_b.TurnSpeed(t, query.duration);
+}
+
+// The same of the separation along a normal that stays as it is: a turn about it moves nothing along it.
+double ClosingAlong(const MeetingQuery& query, double t, const Vector3& normal) {
+  return Approach(query, t, normal) + query.path_a.TurnSpeedAlong(normal, t, query.duration) +
+         query.path_b.TurnSpeedAlong(normal, t, query.duration);
 }
 
 // From t on, at least until the gap is half of what it was when seen last: the separation along any direction is no more than the gap. Those
@@ -35,11 +44,16 @@ double Glance(const MeetingQuery& query, double seen, double t, double gap, doub
     const Pose a = query.path_a.At(t), b = query.path_b.At(t);
     const Placement at_a = a.placement(), at_b = b.placement();
     double longest = 0;
-    for (const Vector3& n : {normal, Vector3(at_a.rotation_WB * in_a), Vector3(at_b.rotation_WB * in_b)}) {
+    const auto look = [&](const Vector3& n, auto closing_of) {
       const double left = SeparationAlong(*query.a, at_a, *query.b, at_b, n) - floor;
-      if (left < 0.5 * (gap - floor)) continue;
-      const double closing = ClosingSpeed(query, t, n);
+      if (left < 0.5 * (gap - floor)) return;
+      const double closing = closing_of(query, t, n);
       longest = std::max(longest, closing > 0 ? left / closing : query.duration);
+    };
+    look(normal, ClosingAlong);
+    if (t + longest < query.duration) {
+      look(at_a.rotation_WB * in_a, ClosingSpeed);
+      look(at_b.rotation_WB * in_b, ClosingSpeed);
     }
     if (longest == 0) break;
     t += longest;

@@ -39,6 +39,10 @@ struct Path {
   double TurnSpeed(double t, double end) const {
     return radius == 0 ? 0 : radius * std::max(RateAt(t).norm(), RateAt(end).norm());
   }
+  // [m/s] the same along one direction.
+  double TurnSpeedAlong(const Vector3& n_W, double t, double end) const {
+    return radius == 0 ? 0 : radius * std::max(RateAt(t).cross(n_W).norm(), RateAt(end).cross(n_W).norm());
+  }
 };
 
 // The path from a pose with these velocities to where the body has turned after h [s].
