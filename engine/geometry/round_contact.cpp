@@ -333,11 +333,11 @@ class Manifold {
       if (along < 0 || along > 1) continue;
       const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
       if (between.dot(nearest_.normal) <= kNegligible * size_) continue;
-      const double apart = between.norm();
+      const double apart = between.norm(), gap = apart - ends.girth - side.girth;
+      if (gap < nearest_.gap - kNegligible * size_) continue;  // deeper than the separation: beside what they share
       const Vector3 n = between / apart, own_surface = end + sign * ends.girth * n,
                     surface = on_core - sign * side.girth * n;
-      Add(1 + (sign > 0 ? 0 : 2) + k, sign > 0 ? own_surface : surface, sign > 0 ? surface : own_surface, n,
-          apart - ends.girth - side.girth);
+      Add(1 + (sign > 0 ? 0 : 2) + k, sign > 0 ? own_surface : surface, sign > 0 ? surface : own_surface, n, gap);
     }
   }
 

@@ -52,9 +52,9 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
 }
 
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W) {
-  const bool round = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||
-                     (shape.kind() == ShapeKind::kCylinder &&
-                      2 * std::pow(normal_W.dot(rotation_WB * Vector3::UnitZ()), 2) < 1);
+  const bool round =
+      shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||
+      (shape.kind() == ShapeKind::kCylinder && 2 * std::pow(normal_W.dot(rotation_WB * Vector3::UnitZ()), 2) < 1);
   return round ? shape.radius() : INFINITY;
 }
 

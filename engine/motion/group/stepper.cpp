@@ -184,7 +184,7 @@ double Stepper::FindCourse(double h) {
 bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   DetectEnd();
   double missed = Missed();
-  const bool moves = LeversMove(*h) || NormalsMove();
+  const bool moves = LeversMove(*h) || NormalsMove() || SinksFreely();
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
   int pass = 1;
   for (double enough = kTouching;; enough = kExact) {

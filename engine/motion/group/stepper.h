@@ -109,6 +109,7 @@ class Stepper {
   bool StillCarries(double h);
   void NextTargets(double h);
   bool NormalsMove() const;
+  bool SinksFreely() const;
   bool LeversMove(double h) const;
   double LighterMass(const Contact& contact) const;
   void PartProblem();

@@ -159,6 +159,15 @@ bool Stepper::NormalsMove() const {
   return false;
 }
 
+// Whether anything that presses nothing got deeper: as it is where the piece begins it would not, so its normal or its lever moved.
+bool Stepper::SinksFreely() const {
+  for (size_t e = 0; e < end_.size(); ++e) {
+    const double before = GapBefore(end_pair_[e]), least = kExact * Size(group_->pairs[end_pair_[e]]);
+    if (end_[e].gap < before - least && yields_[end_pair_[e]] == 0 && !Hits(e) && CarriedBy(e).isZero(0)) return true;
+  }
+  return false;
+}
+
 // The same of levers: what presses turns, or slides on what moves.
 bool Stepper::LeversMove(double h) const {
   for (size_t c = 0; c < held_.size(); ++c) {

@@ -105,8 +105,8 @@ Path Stepper::PathOf(int i, double h) const {
   const State &s = state_[i], &e = end_state_[i];
   if (!b.Moves()) {  // a wheel shows nothing of its turn, as long as its axis stays
     const bool shows = VisibleSpinOf(i).norm() > kNegligible * s.angular_W.norm();
-    return {s.pose, b.linear_velocity_W, Vector3::Zero(), shows ? s.angular_W : Vector3::Zero(), Vector3::Zero(),
-            BodyRadius(i)};
+    return {s.pose,          b.linear_velocity_W, Vector3::Zero(), shows ? s.angular_W : Vector3::Zero(),
+            Vector3::Zero(), BodyRadius(i)};
   }
   // By its mean velocity: that at the end may be the one after a blow.
   return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, VisibleSpinOf(i),

@@ -134,6 +134,25 @@ TEST(RoundContact, CylinderLiesOnAnEdgeAtBothEnds) {
   }
 }
 
+// Two cylinders side by side at 0.25 rad, where the rim of one meets the side of the other. The end of a long side as seen across that is
+// no place as deep as the separation: it was told of as 1.6e-3 m deep.
+TEST(RoundContact, EndsOfSidesAreNoDeeperThanTheSeparation) {
+  const Shape a = Shape::Cylinder(0.1914222099414037, 0.5185561391639807),
+              b = Shape::Cylinder(0.17933035462751723, 0.24624619263499545);
+  const auto turned = [](double x, double y, double z, double w) {
+    return Quaternion(w, x, y, z).normalized().toRotationMatrix();
+  };
+  const Placement at_a{Vector3::Zero(),
+                       turned(-0.41174687084982603, 0.6207481169168982, 0.5409681992251977, -0.39049929208200673)},
+      at_b{{0.24813301597354298, -0.1353432742840939, 0.4317311845070303},
+           turned(-0.7281412428385785, -0.034368727683152966, -0.5698611230319702, -0.3793249550078051)};
+  std::vector<Contact> contacts;
+  CollideShapes(a, at_a, b, at_b, 1e-2, &contacts);
+  ASSERT_FALSE(contacts.empty());
+  Random random(5);
+  EXPECT_NEAR(LeastGap(contacts), LargestSeparation(a, at_a, b, at_b, &random), 1e-7);
+}
+
 TEST(RoundContact, GapIsTheLargestSeparation) {
   Random random(3);
   const std::vector<Shape> shapes = Shapes();

@@ -56,6 +56,76 @@ TEST(Round, RollsOnAsFastAsItDid) {
 }
 
 // a = g sin(angle) / (1 + I / (m r^2)).
+// A contact goes with the round side that takes it, not halfway between both bodies: rollers on what can move were braked by a part of
+// their speed each step, and planks on rollers sank, and grew as fast as that gave.
+TEST(Round, RollsAsFreelyOnWhatCanMove) {
+  for (const Shape& shape : Rollers()) {
+    for (const double dt : {1.0 / 30, 1.0 / 240}) {
+      World world(Awake());
+      world.Add(Floor(0.8));
+      world.Add({.shape = Shape::Box({10, 1, 0.1}), .mass = 1000, .position_W = {0, 0, 0.1}, .friction = 0.8});
+      BodyDefinition roller = Lying(shape, 0.2 + kRadius);
+      roller.linear_velocity_W = {1, 0, 0};
+      roller.angular_velocity_W = {0, 1 / kRadius, 0};
+      world.Add(roller);
+      StepTimes(&world, static_cast<int>(5 / dt), dt);
+      EXPECT_NEAR(world.body(2).linear_velocity_W.x(), 1, 1e-8) << dt;
+    }
+  }
+}
+
+TEST(Round, CarriesAPlankThatCoasts) {
+  for (const Shape& shape : Rollers()) {
+    for (const int count : {3, 25}) {  // a small group, and a crowd
+      for (const double dt : {1.0 / 30, 1.0 / 240}) {
+        World world(Awake());
+        world.Add(Floor(0.8));
+        const double speed = 0.05;
+        for (int k = 0; k < count; ++k) {
+          BodyDefinition roller = Lying(shape, kRadius);
+          roller.position_W.x() = 0.5 * (k - 0.5 * (count - 1));
+          roller.linear_velocity_W = {0.5 * speed, 0, 0};
+          roller.angular_velocity_W = {0, 0.5 * speed / kRadius, 0};
+          world.Add(roller);
+        }
+        world.Add({.shape = Shape::Box({0.25 * count, 0.5, 0.05}),
+                   .mass = 100,
+                   .position_W = {0, 0, 2 * kRadius + 0.05},
+                   .linear_velocity_W = {speed, 0, 0},
+                   .friction = 0.8});
+        StepTimes(&world, static_cast<int>(4 / dt), dt);
+        EXPECT_NEAR(world.body(count + 1).linear_velocity_W.x(), speed, 1e-9) << count << ' ' << dt;
+        EXPECT_NEAR(world.body(count + 1).position_W.z(), 2 * kRadius + 0.05, 1e-9) << count << ' ' << dt;
+      }
+    }
+  }
+}
+
+// What rides on a table that turns takes one piece a step, and stays where it is on it. A piece that gains was halved until it gained no
+// more: nine pieces, forty times the time.
+TEST(Round, RidesOnATurntableInWholeSteps) {
+  for (const Shape& table : {Shape::Cylinder(3, 0.1), Shape::Box({3, 3, 0.1})}) {
+    World world(Awake());
+    world.Add({.shape = table,
+               .kind = BodyKind::kKinematic,
+               .position_W = {0, 0, -0.1},
+               .angular_velocity_W = {0, 0, 2},
+               .friction = 0.6});
+    world.Add({.shape = Shape::Box({0.05, 0.05, 0.05}),
+               .mass = 1,
+               .position_W = {1, 0, 0.05},
+               .linear_velocity_W = {0, 2, 0},
+               .angular_velocity_W = {0, 0, 2},
+               .friction = 0.6});
+    for (int step = 0; step < 60; ++step) {
+      const StepReport report = world.Step(1.0 / 60);
+      EXPECT_FALSE(report.Failed());
+      EXPECT_LE(report.pieces, 2) << step;
+    }
+    EXPECT_NEAR(world.body(1).position_W.head<2>().norm(), 1, 1e-9);
+  }
+}
+
 TEST(Round, RollsDownAnIncline) {
   constexpr double kAngle = 0.3, kTime = 1;
   for (const Shape& shape : Rollers()) {
