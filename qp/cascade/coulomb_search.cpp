@@ -77,11 +77,27 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
     if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
+    if (!(map.Meets(goal) && Stands(task)) && CanStand(task, convex)) map = Improve(task, now_.MapOf(task));
     if (factorisations_ > 0) solution->rung = Rung::kNewton;
   }
   if ((!climbs || IsLost(task, map)) && SolveFromConvex(task, convex, &map, solution)) return;
   now_.Return(task, solution);
   solution->status = map.Meets(goal) ? Status::kSolved : Status::kInaccurate;
+}
+
+// What is at rest, has no impulses to begin with and would fall by the answer at hand stays so where it can: friction has several answers.
+// What the convex problem says is one of exact friction, too, where nothing slides. (Not at once: it squeezes what fits between walls.)
+bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
+  if (!AllZero(task.start)) return false;
+  before_.TakeNone(task.problem);
+  if (ContactSpeed(task.problem, before_.velocities.data()) > task.scale()) return false;
+  convex->Solve(task.problem, task.settings, {}, &trial_);
+  if (trial_.status != Status::kSolved) return false;
+  std::swap(now_, before_);
+  now_.impulses = trial_.impulses, now_.velocities = trial_.velocities;
+  if (Stands(task)) return true;
+  std::swap(now_, before_);
+  return false;
 }
 
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since

@@ -21,6 +21,7 @@ class CoulombSearch {
   int factorisations() const { return factorisations_; }  // of Newton's method, in the last call
 
  private:
+  bool CanStand(const Task& task, ConvexSolver* convex);
   NaturalMap Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried);
   NaturalMap Improve(const Task& task, NaturalMap map);
   NaturalMap Search(const Task& task, NaturalMap best);

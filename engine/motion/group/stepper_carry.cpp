@@ -159,11 +159,13 @@ bool Stepper::NormalsMove() const {
   return false;
 }
 
-// Whether anything that presses nothing got deeper: as it is where the piece begins it would not, so its normal or its lever moved.
+// Whether anything closed that presses nothing got deeper: by its place where the piece begins it would not, so its normal or lever moved.
 bool Stepper::SinksFreely() const {
   for (size_t e = 0; e < end_.size(); ++e) {
     const double before = GapBefore(end_pair_[e]), least = kExact * Size(group_->pairs[end_pair_[e]]);
-    if (end_[e].gap < before - least && yields_[end_pair_[e]] == 0 && !Hits(e) && CarriedBy(e).isZero(0)) return true;
+    if (end_[e].gap < before - least && yields_[end_pair_[e]] == 0 && !Hits(e) && CarriedBy(e).isZero(0) &&
+        ClosedAtStart(e))
+      return true;
   }
   return false;
 }
