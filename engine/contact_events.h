@@ -27,7 +27,8 @@ struct HitEvent {
   int body_a, body_b;                   // a < b
   Vector3 point_W = Vector3::Zero();    // [m]
   Vector3 impulse_W = Vector3::Zero();  // [N s] on body_b: all that the pair's points gave in the step
-  double approach = 0;                  // [m/s] at which they closed as the step began, 0: they did not
+  // [m/s] at which they closed as the step began. 0: they did not, as where a blow is handed on within the step; the impulse tells of that.
+  double approach = 0;
 };
 
 }  // namespace islet

@@ -228,6 +228,11 @@ Vector3 LedgerKeeper::CentreAt(const Account& account, const LedgerImpulse& j) c
   return 0.5 * (PositionAt(account, j.time) + PositionAt(account, j.time + j.duration));
 }
 
+// [m] of the centre, while the impulse acts: of a parabola by Simpson's rule.
+Vector3 LedgerKeeper::MeanPlaceAt(const Account& account, const LedgerImpulse& j) const {
+  return 1.0 / 3 * CentreAt(account, j) + 2.0 / 3 * PositionAt(account, j.time + 0.5 * j.duration);
+}
+
 Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time, Spin* last) const {
   const Body& body = step.before[number];
   const std::vector<Spin>& spins = accounts_[number].spins;
@@ -269,8 +274,10 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
       const Body& w = step.before[wall];
       if (w.kind != BodyKind::kKinematic) continue;
       const Vector3 at = w.position_W + (j.time + 0.5 * j.duration) * w.linear_velocity_W;
-      account->gain -=
-          SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
+      const Vector3 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W;
+      account->gain -= SignOn(j, number) *
+                       (j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at)) +
+                        friction_W.dot(w.angular_velocity_W.cross(MeanPlaceAt(*account, j) - centre)));
     }
   }
   if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});

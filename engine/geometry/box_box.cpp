@@ -90,7 +90,9 @@ bool Separates(const Pair& pair, int axis) {
 
 // Both return the axis that shows that the boxes are out of reach, or -1.
 int BestFace(const Pair& pair, Axis* best) {
-  for (int k = 0; k < 6; ++k) {
+  const int first = pair.half_b.prod() > pair.half_a.prod() ? 3 : 0;
+  for (int i = 0; i < 6; ++i) {
+    const int k = (first + i) % 6;
     const Separation separation = AlongFace(pair, k);
     if (separation.value > pair.reach) return k;
     const AxisScore most = AxisScore::Of(separation.value, 0, pair.size);  // the travel takes some of it away

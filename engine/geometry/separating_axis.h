@@ -13,7 +13,7 @@
 namespace islet {
 
 // Among axes whose scores differ by less than this the earlier one is kept, so that round-off does not make the contact
-// jump between features: first the faces of a, then those of b, then the edge pairs.
+// jump between features: first the faces of a, of boxes those of the larger one, then those of the other, then the edge pairs.
 inline double FaceSlack(double size) { return 1e-6 * size; }  // size: [m] smallest extent of the pair
 inline double EdgeSlack(double size) { return 1e-4 * size; }
 

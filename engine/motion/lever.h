@@ -11,6 +11,7 @@
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/motion/path.h"
+#include "engine/rotation.h"
 #include "engine/shape.h"
 
 namespace islet::motion {
@@ -57,6 +58,30 @@ double ShareOfA(const Side& a, const Side& b);
 
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);
+
+// [m] from the middle of a body's chord to the mean of all places of its centre on the arc over it. What speeds it up along its way bends
+// nothing. way_W: [m/s] its mean velocity.
+inline Vector3 OffChord(double h, const Vector3& acceleration_W, const Vector3& way_W) {
+  const double square = way_W.squaredNorm();
+  const Vector3 along = square > 0 ? Vector3(acceleration_W.dot(way_W) / square * way_W) : Vector3::Zero();
+  return -h * h / 12 * (acceleration_W - along);
+}
+
+// [N] a force between two bodies a piece later, if it goes along with a wall that turns.
+inline Vector3 GoesAlong(const Body& a, const Body& b, double h, const Vector3& force_W) {
+  const Body& wall = a.kind == BodyKind::kKinematic ? a : b;
+  if (wall.kind != BodyKind::kKinematic || wall.angular_velocity_W.isZero(0)) return force_W;
+  return Exp(h * wall.angular_velocity_W) * force_W;
+}
+
+// [m/s] what friction sees of walls that turn beside their velocities: they go by under the mean place of a body's centre, which lies off the
+// middle of its chord. Without it what sticks on a turntable falls behind. bend: [m] OffChord of the two bodies.
+inline Vector3 WallSlip(const Body& a, const Body& b, const Vector3& bend_a, const Vector3& bend_b) {
+  const auto slip = [](const Body& wall, const Vector3& bend) -> Vector3 {
+    return wall.kind == BodyKind::kKinematic ? wall.angular_velocity_W.cross(bend) : Vector3::Zero();
+  };
+  return slip(b, bend_a) - slip(a, bend_b);
+}
 
 // Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
 // gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change. That of a sphere

@@ -226,7 +226,7 @@ class World:
     def impulses(self) -> Dict[str, np.ndarray]: ...  # of the last step; also impulses (n, 3) [N s] on the second body
     def impulse_on(self, body: int) -> np.ndarray: ...  # (3,) [N s]
     def events(self) -> List[Tuple[str, int, int, bool]]: ...  # 'begin', 'persist' or 'end', two bodies, of a sensor
-    def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...  # bodies, point, impulse, approach [m/s]
+    def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...  # bodies, point, impulse, approach [m/s] as the step began: 0 where a blow is handed on
     def cast_ray(
         self, origin: Vector, way: Vector, layers: int = 0xFFFFFFFF
     ) -> Optional[Tuple[int, float, np.ndarray, np.ndarray]]: ...  # body, share of the way, point, normal

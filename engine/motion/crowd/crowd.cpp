@@ -155,6 +155,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     }
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
+    contact.surface_W = held_of_[c].belt_W;
     impulses_.push_back({contact, impulse_W_[c], t, h});
   }
   Settle(report);

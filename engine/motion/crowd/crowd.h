@@ -70,6 +70,7 @@ class Crowd {
     double target = 0;                                       // [m/s] least normal mean velocity
     double allowed = 0;                                      // [m] <= 0: gap at which it may end
     double push = 0;                                         // [m] of that: what the step takes back of an overlap
+    Vector3 belt_W = Vector3::Zero();                        // [m/s] the contact's own surface velocity
     bool pressed = false;                                    // in some pass
     int opened = 0;                                          // passes after which its pair was open, though it pressed
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
@@ -138,6 +139,8 @@ class Crowd {
   double MassOf(int i) const { return cut_[i] ? INFINITY : bodies_[i].mass; }  // [kg]
   double LighterMass(const Contact& contact) const;
   double Share(const Contact& contact) const;
+  Vector3 SlipOfWalls(const Contact& contact) const;
+  void Bend();
   bool IsRound(const Contact& contact) const;
 
   // crowd_flight.cpp: the course under impulses.
@@ -225,6 +228,7 @@ class Crowd {
   // Of a pass.
   std::vector<Pose> middle_;                   // per body, halfway on the chord
   std::vector<Vector3> mean_W_, mean_spin_W_;  // [m/s], [rad/s]
+  std::vector<Vector3> bend_W_;                // [m] OffChord of each body
   std::vector<Vector3> travel_;                // [m] that the next piece may take it
   std::vector<std::uint8_t> disturbed_;        // per body: it is solved again
   std::vector<Contact> held_, next_;

@@ -139,6 +139,8 @@ void Crowd::Aim(size_t e) {
   // What is asked to part may gain by it: who did in this piece is not asked again.
   const double most = gained_[a] || gained_[b] ? 0 : kFastest * floor_;
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
+  held.belt_W = contact.surface_W;
+  contact.surface_W += SlipOfWalls(contact);
   next_.push_back(contact);
   next_of_.push_back(held);
   next_impulse_W_.push_back(WithinCone(contact, carried_W_[e]));
@@ -174,12 +176,13 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     c.body_b = b;
     c.friction = pair.friction;
     c.restitution = pair.restitution;
-    c.surface_W = pair.surface_W;
+    c.surface_W = pair.surface_W + SlipOfWalls(pair);
     const Vector3 half = 0.5 * c.gap * c.normal_W;
     Held held;
     held.in_a = Inside(a, at_a, c.point_W - half);
     held.in_b = Inside(b, at_b, c.point_W + half);
     held.pressed = true;
+    held.belt_W = pair.surface_W;
     const double share = Share(c);
     const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W),
                   with_b = c.point_W + (middle_[b].position_W - at_b.position_W);

@@ -37,6 +37,7 @@ void Crowd::Select() {
   held_of_.clear();
   impulse_W_.clear();
   centre_.clear();
+  Bend();
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
@@ -72,6 +73,8 @@ void Crowd::Select() {
       return contact.point_W + ahead(body) + 0.5 * (TurnLessOne(dt_ * spin) * (contact.point_W - body.position_W));
     };
     centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
+    held_of_.back().belt_W = contact.surface_W;
+    held_.back().surface_W += SlipOfWalls(contact);
     held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
   }
 }
@@ -94,6 +97,25 @@ double Crowd::Share(const Contact& c) const {
     return {MassOf(i), RoundRadius(shapes_[i], begin_[i].pose.rotation_WB, c.normal_W)};
   };
   return ShareOfA(side(c.body_a), side(c.body_b));
+}
+
+// [m/s] what friction sees of walls beside their velocities.
+Vector3 Crowd::SlipOfWalls(const Contact& c) const {
+  return WallSlip(bodies_[c.body_a], bodies_[c.body_b], bend_W_[c.body_a], bend_W_[c.body_b]);
+}
+
+// How bodies bend off their chords, if forces go on as they do.
+void Crowd::Bend() {
+  bend_W_.resize(bodies_.size());
+  for (size_t i = 0; i < bodies_.size(); ++i) bend_W_[i] = settings_.gravity + bodies_[i].force_W / bodies_[i].mass;
+  for (size_t c = 0; c < start_.size(); ++c) {
+    const int a = start_[c].body_a, b = start_[c].body_b;
+    const Vector3 force = GoesAlong(bodies_[a], bodies_[b], dt_, start_force_W_[c]);
+    bend_W_[a] -= force / bodies_[a].mass;
+    bend_W_[b] += force / bodies_[b].mass;
+  }
+  for (size_t i = 0; i < bodies_.size(); ++i)
+    bend_W_[i] = cut_[i] ? Vector3::Zero() : OffChord(dt_, bend_W_[i], begin_[i].linear_W + 0.5 * dt_ * bend_W_[i]);
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {

@@ -21,7 +21,10 @@ void Crowd::Fly() {
     if (!cut_[b]) mean_W_[b] += 0.5 / bodies_[b].mass * impulse_W_[c];
   }
   for (size_t i = 0; i < n; ++i)
-    if (!cut_[i]) middle_[i].position_W = begin_[i].pose.position_W + 0.5 * dt_ * mean_W_[i];
+    if (!cut_[i]) {
+      middle_[i].position_W = begin_[i].pose.position_W + 0.5 * dt_ * mean_W_[i];
+      bend_W_[i] = OffChord(dt_, 2 / dt_ * (mean_W_[i] - begin_[i].linear_W), mean_W_[i]);
+    }
   acted_at_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) {
     const int a = held_[c].body_a, b = held_[c].body_b;

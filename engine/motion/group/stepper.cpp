@@ -56,6 +56,7 @@ void Stepper::LoadState() {
   spun_.resize(n);
   spun_after_.resize(n);
   mean_W_.resize(n);
+  bend_W_.assign(n, Vector3::Zero());
   posed_ = group_->bodies;
   cut_.resize(n);
   for (size_t i = 0; i < n; ++i) cut_[i] = !posed_[i].Moves();
@@ -98,6 +99,7 @@ void Stepper::Commit(double t, double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = held_[c];
+    contact.surface_W = held_of_[c].belt_W;
     contact.point_W = acted_at_[c];
     if (follows_[c] >= 0) {
       carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());

@@ -45,6 +45,7 @@ class Stepper {
     Vector3 centre;  // [m] of the bodies that its point moves along with, where that was found
     double target;   // [m/s] least normal mean velocity
     double opens;    // [m/s] by which its gap changes then, negative: closes
+    Vector3 belt_W;  // [m/s] the contact's own surface velocity
     int age = 0;     // passes since it was last seen
   };
   struct Guarded {  // a pair that meets within the piece
@@ -103,6 +104,7 @@ class Stepper {
   double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
+  void Bend(double h);
   void SelectHeld(double h);
   void Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h);
   void Carry(double h, bool first);
@@ -132,6 +134,7 @@ class Stepper {
   Vector3 CentreAhead(int i, double h) const;
   Vector3 PointAhead(int i, const Vector3& point, double h) const;
   Vector3 CentreHalfway(const Contact& contact) const;
+  Vector3 SlipOfWalls(const Contact& contact) const;
   Vector3 Halfway(const Contact& contact, const Vector3& start, const Vector3& end) const;
   bool TurnInThemselves(int pair) const;
   Quaternion SeenAs(int i, const Pose& pose) const;
@@ -198,6 +201,7 @@ class Stepper {
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
+  std::vector<Vector3> bend_W_;              // [m] OffChord of each body
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
   std::vector<Contact> now_, end_, held_, next_, last_, probe_;
   std::vector<int> now_pair_, end_pair_;

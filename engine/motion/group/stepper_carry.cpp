@@ -22,8 +22,23 @@ void Stepper::Hold(int pair, const Contact& contact, double target, const Vector
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact.point_W, h), PointAhead(b, contact.point_W, h));
-  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target});
+  held_.back().surface_W += SlipOfWalls(contact);
+  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W});
   impulse_W_.push_back(impulse_W);
+}
+
+// How bodies bend off their chords, if forces go on as they do.
+void Stepper::Bend(double h) {
+  const std::vector<Body>& bodies = group_->bodies;
+  for (size_t i = 0; i < bodies.size(); ++i) bend_W_[i] = settings_.gravity + bodies[i].force_W / bodies[i].mass;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    const int a = now_[c].body_a, b = now_[c].body_b;
+    const Vector3 force = GoesAlong(bodies[a], bodies[b], h, force_W_[c]);
+    bend_W_[a] -= force / bodies[a].mass;
+    bend_W_[b] += force / bodies[b].mass;
+  }
+  for (size_t i = 0; i < bodies.size(); ++i)
+    bend_W_[i] = bodies[i].Moves() ? OffChord(h, bend_W_[i], state_[i].linear_W + 0.5 * h * bend_W_[i]) : Vector3::Zero();
 }
 
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
@@ -33,6 +48,7 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   closed_.assign(now_.size(), false);
+  Bend(h);
   const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
@@ -221,9 +237,11 @@ void Stepper::NextTargets(double h) {
     const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
     double target = u - (contact.gap - (1 - PushOut(pair)) * before) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
+    const Vector3 belt_W = contact.surface_W;
+    contact.surface_W += SlipOfWalls(contact);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
-    next_of_.push_back({pair, CentreHalfway(contact), target, opens});
+    next_of_.push_back({pair, CentreHalfway(contact), target, opens, belt_W});
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.

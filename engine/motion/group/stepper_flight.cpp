@@ -37,6 +37,7 @@ void Stepper::MoveCentres(double h) {
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
     mean_W_[i] = 0.5 * (state_[i].linear_W + end_state_[i].linear_W);
+    bend_W_[i] = OffChord(h, (end_state_[i].linear_W - state_[i].linear_W) / h, mean_W_[i]);
     end_state_[i].pose.position_W = state_[i].pose.position_W + h * mean_W_[i];
     middle_[i].position_W = state_[i].pose.position_W + 0.5 * h * mean_W_[i];
   }
@@ -180,6 +181,12 @@ Vector3 Stepper::PointAhead(int i, const Vector3& point, double h) const {
 // [m] what a contact moves along with.
 Vector3 Stepper::CentreHalfway(const Contact& contact) const {
   return Shared(contact, middle_[contact.body_a].position_W, middle_[contact.body_b].position_W);
+}
+
+// [m/s] what friction sees of walls beside their velocities.
+Vector3 Stepper::SlipOfWalls(const Contact& contact) const {
+  const int a = contact.body_a, b = contact.body_b;
+  return WallSlip(group_->bodies[a], group_->bodies[b], bend_W_[a], bend_W_[b]);
 }
 
 // Between these points of start and end, on the arc about each body's axis.

@@ -122,7 +122,9 @@ TEST(Round, RidesOnATurntableInWholeSteps) {
       EXPECT_FALSE(report.Failed());
       EXPECT_LE(report.pieces, 2) << step;
     }
-    EXPECT_NEAR(world.body(1).position_W.head<2>().norm(), 1, 1e-9);
+    // It fell behind by w^3 r dt^2 / 12 a second, 1.9e-4 here, while walls went by under the middle of its chord.
+    EXPECT_NEAR(world.body(1).position_W.x(), std::cos(2), 1e-6);
+    EXPECT_NEAR(world.body(1).position_W.y(), std::sin(2), 1e-6);
   }
 }
 
