@@ -6,8 +6,8 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kTurns = 1e-7;          // sine of half a turn: less is none
-constexpr double kTilts = 1e-3;          // of a spin: less across the normal is none
+constexpr double kTurns = 1e-7;  // sine of half a turn: less is none
+constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
 void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
@@ -52,10 +52,21 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
 }
 
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W) {
-  const bool round =
-      shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||
-      (shape.kind() == ShapeKind::kCylinder && 2 * std::pow(normal_W.dot(rotation_WB * Vector3::UnitZ()), 2) < 1);
-  return round ? shape.radius() : INFINITY;
+  const double along = normal_W.dot(rotation_WB * Vector3::UnitZ());
+  const bool round = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||
+                     (shape.kind() == ShapeKind::kCylinder && std::abs(along) < kTilts);
+  return round ? shape.girth() : INFINITY;
+}
+
+Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
+                 const Vector3& outward_W) {
+  if (turn_W.isZero(0)) return arm_W;
+  const Quaternion turn = Exp(turn_W);
+  const double radius = RoundRadius(shape, rotation_WB, outward_W);
+  if (std::isinf(radius)) return turn * arm_W;
+  if (shape.kind() != ShapeKind::kCylinder) return turn * Vector3(arm_W - radius * outward_W) + radius * outward_W;
+  const Vector3 axis = rotation_WB * Vector3::UnitZ(), after = turn * axis;
+  return axis.dot(arm_W) * after + radius * (outward_W - outward_W.dot(after) * after).normalized();
 }
 
 double ShareOfA(const Side& a, const Side& b) {

@@ -41,9 +41,14 @@ inline constexpr double kSamePlace = 1e-2;
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far);
 
-// [m] radius of the round side on which a shape takes a contact with that normal: of a sphere, a capsule, a cylinder that lies more on its
-// side than on its end; infinite elsewhere.
+// [m] radius of the round side on which a shape takes a contact with that normal: of a sphere, a capsule, a cylinder that lies on its
+// side; infinite elsewhere, and of a rim.
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W);
+
+// [m] from the body's centre to where it takes a contact, after a turn [rad] of what of it shows. What rolls on a round side takes it where that
+// faces the other body, not where its point went. arm: now. outward_W: the contact's normal, out of the body.
+Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
+                 const Vector3& outward_W);
 
 // A body as a contact sees it.
 struct Side {

@@ -39,9 +39,11 @@ struct Path {
   double TurnSpeed(double t, double end) const {
     return radius == 0 ? 0 : radius * std::max(RateAt(t).norm(), RateAt(end).norm());
   }
-  // [m/s] the same along one direction.
+  // [m/s] the same along one direction. Where the axis turns, too, the angular velocity differs from RateAt by half of their cross product.
   double TurnSpeedAlong(const Vector3& n_W, double t, double end) const {
-    return radius == 0 ? 0 : radius * std::max(RateAt(t).cross(n_W).norm(), RateAt(end).cross(n_W).norm());
+    if (radius == 0) return 0;
+    return radius * (std::max(RateAt(t).cross(n_W).norm(), RateAt(end).cross(n_W).norm()) +
+                     0.5 * end * end * rate_W.cross(half_change_W).norm());
   }
 };
 

@@ -68,9 +68,12 @@ void Crowd::Select() {
     // At the lever of halfway, as far as bodies move and turn on.
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
-      const Vector3 spin = VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W);
-      if (TurnsInItself(i) || spin.isZero(0)) return contact.point_W + ahead(body);
-      return contact.point_W + ahead(body) + 0.5 * (TurnLessOne(dt_ * spin) * (contact.point_W - body.position_W));
+      const Vector3 spin = VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W),
+                    arm = contact.point_W - body.position_W;
+      if (TurnsInItself(i)) return contact.point_W + ahead(body);
+      const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
+      return contact.point_W + ahead(body) +
+             0.5 * (ArmAfter(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward) - arm);
     };
     centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
     held_of_.back().belt_W = contact.surface_W;

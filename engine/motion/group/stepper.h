@@ -132,7 +132,7 @@ class Stepper {
   Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
   Vector3 Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const;
   Vector3 CentreAhead(int i, double h) const;
-  Vector3 PointAhead(int i, const Vector3& point, double h) const;
+  Vector3 PointAhead(int i, const Contact& contact, double h) const;
   Vector3 CentreHalfway(const Contact& contact) const;
   Vector3 SlipOfWalls(const Contact& contact) const;
   Vector3 Halfway(const Contact& contact, const Vector3& start, const Vector3& end) const;

@@ -21,7 +21,7 @@ constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in suc
 void Stepper::Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h) {
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
-  held_.back().point_W = Shared(contact, PointAhead(a, contact.point_W, h), PointAhead(b, contact.point_W, h));
+  held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
   held_.back().surface_W += SlipOfWalls(contact);
   held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W});
   impulse_W_.push_back(impulse_W);
@@ -38,7 +38,8 @@ void Stepper::Bend(double h) {
     bend_W_[b] += force / bodies[b].mass;
   }
   for (size_t i = 0; i < bodies.size(); ++i)
-    bend_W_[i] = bodies[i].Moves() ? OffChord(h, bend_W_[i], state_[i].linear_W + 0.5 * h * bend_W_[i]) : Vector3::Zero();
+    bend_W_[i] =
+        bodies[i].Moves() ? OffChord(h, bend_W_[i], state_[i].linear_W + 0.5 * h * bend_W_[i]) : Vector3::Zero();
 }
 
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:

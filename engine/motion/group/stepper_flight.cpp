@@ -172,10 +172,12 @@ Vector3 Stepper::Shared(const Contact& contact, const Vector3& of_a, const Vecto
 Vector3 Stepper::CentreAhead(int i, double h) const { return state_[i].pose.position_W + 0.5 * h * state_[i].linear_W; }
 
 // [m] the same of a place on it.
-Vector3 Stepper::PointAhead(int i, const Vector3& point, double h) const {
-  const Vector3 arm = point - state_[i].pose.position_W;
+Vector3 Stepper::PointAhead(int i, const Contact& contact, double h) const {
+  const Vector3 arm = contact.point_W - state_[i].pose.position_W;
   if (group_->shapes[i]->kind() == ShapeKind::kSphere) return CentreAhead(i, h) + arm;
-  return CentreAhead(i, h) + Exp(0.5 * h * VisibleSpinOf(i)) * arm;
+  const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
+  return CentreAhead(i, h) +
+         ArmAfter(*group_->shapes[i], state_[i].pose.rotation_WB, 0.5 * h * VisibleSpinOf(i), arm, outward);
 }
 
 // [m] what a contact moves along with.
