@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "qp/smallness.h"
+
 namespace islet::motion {
 namespace {
 
@@ -69,11 +71,31 @@ Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector
   return axis.dot(arm_W) * after + radius * (outward_W - outward_W.dot(after) * after).normalized();
 }
 
-double ShareOfA(const Side& a, const Side& b) {
-  const auto share = [](double of_a, double of_b) {
-    return std::isinf(of_a) ? 0 : std::isinf(of_b) ? 1 : of_b / (of_a + of_b);
+Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, const Vector3& normal_W) {
+  const Vector3 axis = rotation_WB * Vector3::UnitZ();
+  const bool lies = shape.HasAxis() && std::abs(normal_W.dot(axis)) < kTilts;  // not on a cap
+  return {mass, RoundRadius(shape, rotation_WB, normal_W), lies ? axis : Vector3(Vector3::Zero())};
+}
+
+Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W) {
+  const double by_mass = std::isinf(a.mass) ? 0 : std::isinf(b.mass) ? 1 : b.mass / (a.mass + b.mass);
+  if (std::isinf(a.radius) && std::isinf(b.radius)) return by_mass * Matrix3::Identity();
+  const Matrix3 frame = ContactFrame(normal_W);
+  const double least = kExact / std::min(a.radius, b.radius);  // a curvature that decides where there is no other
+  const auto curvature = [&](const Side& side, double share) -> Eigen::Matrix2d {
+    Eigen::Matrix2d round = share * least * Eigen::Matrix2d::Identity();
+    if (std::isinf(side.radius)) return round;
+    const Eigen::Vector2d straight = frame.rightCols<2>().transpose() * side.straight_W;
+    const double square = straight.squaredNorm();
+    round += 1 / side.radius * Eigen::Matrix2d::Identity();
+    if (square > kNegligible) round -= 1 / (side.radius * square) * straight * straight.transpose();
+    return round;
   };
-  return std::isinf(a.radius) && std::isinf(b.radius) ? share(a.mass, b.mass) : share(a.radius, b.radius);
+  const Eigen::Matrix2d of_a = curvature(a, by_mass), of_b = curvature(b, 1 - by_mass);
+  Matrix3 share = Matrix3::Zero();
+  share(0, 0) = std::isinf(a.radius) ? 0 : std::isinf(b.radius) ? 1 : b.radius / (a.radius + b.radius);
+  share.bottomRightCorner<2, 2>() = of_a * (of_a + of_b).inverse();
+  return frame * share * frame.transpose();
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {

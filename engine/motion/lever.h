@@ -52,25 +52,20 @@ Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector
 
 // A body as a contact sees it.
 struct Side {
-  double mass;    // [kg] infinite for what stands still
-  double radius;  // [m] of its round side
+  double mass;         // [kg] infinite for what stands still
+  double radius;       // [m] of its round side
+  Vector3 straight_W;  // along which that is straight: the axis of what lies on its side, zero of spheres and caps
 };
+Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, const Vector3& normal_W);
 
-// How far a contact goes with body a; the rest with b. As two round sides roll on each other it stays between their centres, as one rolls
-// on a flat side with its centre alone: so the normal impulse passes through it, and spins it not. Else the lighter one has the more of it:
-// where two that slide on each other take an impulse at one point, the lever of one or the other is off, and a heavy body does not feel it.
-double ShareOfA(const Side& a, const Side& b);
+// How far a contact goes with body a; the rest with b. Along each direction as their sides are curved there: between two round ones it stays
+// between their centres, on a flat one it goes with the centre of the round one alone. So the normal impulse passes through it, and spins it
+// not. Where neither is curved the lighter one has the more of it: where two that slide on each other take an impulse at one point, the lever
+// of one or the other is off, and a heavy body does not feel it.
+Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
 
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);
-
-// [m] from the middle of a body's chord to the mean of all places of its centre on the arc over it. What speeds it up along its way bends
-// nothing. way_W: [m/s] its mean velocity.
-inline Vector3 OffChord(double h, const Vector3& acceleration_W, const Vector3& way_W) {
-  const double square = way_W.squaredNorm();
-  const Vector3 along = square > 0 ? Vector3(acceleration_W.dot(way_W) / square * way_W) : Vector3::Zero();
-  return -h * h / 12 * (acceleration_W - along);
-}
 
 // [N] a force between two bodies a piece later, if it goes along with a wall that turns.
 inline Vector3 GoesAlong(const Body& a, const Body& b, double h, const Vector3& force_W) {
@@ -79,13 +74,28 @@ inline Vector3 GoesAlong(const Body& a, const Body& b, double h, const Vector3& 
   return Exp(h * wall.angular_velocity_W) * force_W;
 }
 
-// [m/s] what friction sees of walls that turn beside their velocities: they go by under the mean place of a body's centre, which lies off the
-// middle of its chord. Without it what sticks on a turntable falls behind. bend: [m] OffChord of the two bodies.
-inline Vector3 WallSlip(const Body& a, const Body& b, const Vector3& bend_a, const Vector3& bend_b) {
-  const auto slip = [](const Body& wall, const Vector3& bend) -> Vector3 {
-    return wall.kind == BodyKind::kKinematic ? wall.angular_velocity_W.cross(bend) : Vector3::Zero();
+// How a body's centre goes on.
+struct Going {
+  Vector3 acceleration_W = Vector3::Zero(), mean_W = Vector3::Zero();  // [m/s^2], [m/s]
+};
+
+// The mean place of a centre on its arc lies off the middle of its chord by so many accelerations, and off where its first velocity alone
+// would have taken it in half of the piece.
+inline double OffChord(double h) { return -h * h / 12; }
+inline double OffAhead(double h) { return h * h / 6; }
+
+// [m/s] what friction sees of walls that turn beside their velocities: they go by under the mean place of a body's centre. Without it what
+// sticks on a turntable falls behind. What speeds a body up along its way, as the wall sees it, bends nothing. off: [s^2].
+inline Vector3 WallSlip(const Body& a, const Body& b, double off, const Going& of_a, const Going& of_b) {
+  const auto slip = [&](const Body& wall, const Going& way) -> Vector3 {
+    if (wall.kind != BodyKind::kKinematic || wall.angular_velocity_W.isZero(0)) return Vector3::Zero();
+    const Vector3 along = way.mean_W - wall.linear_velocity_W;
+    const double square = along.squaredNorm();
+    Vector3 across = way.acceleration_W;
+    if (square > 0) across -= across.dot(along) / square * along;
+    return wall.angular_velocity_W.cross(off * across);
   };
-  return slip(b, bend_a) - slip(a, bend_b);
+  return slip(b, of_a) - slip(a, of_b);
 }
 
 // Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete

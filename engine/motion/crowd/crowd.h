@@ -138,9 +138,10 @@ class Crowd {
   double GapAtStart(const Contact& pair) const;
   double MassOf(int i) const { return cut_[i] ? INFINITY : bodies_[i].mass; }  // [kg]
   double LighterMass(const Contact& contact) const;
-  double Share(const Contact& contact) const;
+  Matrix3 Share(const Contact& contact) const;
+  Vector3 Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const;
   Vector3 SlipOfWalls(const Contact& contact) const;
-  void Bend();
+  void Foresee();
   bool IsRound(const Contact& contact) const;
 
   // crowd_flight.cpp: the course under impulses.
@@ -228,7 +229,8 @@ class Crowd {
   // Of a pass.
   std::vector<Pose> middle_;                   // per body, halfway on the chord
   std::vector<Vector3> mean_W_, mean_spin_W_;  // [m/s], [rad/s]
-  std::vector<Vector3> bend_W_;                // [m] OffChord of each body
+  std::vector<Going> ways_;                    // of each body, as far as it is known
+  double off_ = 0;                             // [s^2] OffAhead of a first pass, OffChord of later ones
   std::vector<Vector3> travel_;                // [m] that the next piece may take it
   std::vector<std::uint8_t> disturbed_;        // per body: it is solved again
   std::vector<Contact> held_, next_;

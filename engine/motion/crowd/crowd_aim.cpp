@@ -21,9 +21,9 @@ constexpr double kAlike = 0.999;  // cosine: normals that are the same
 Crowd::Place Crowd::PlaceAtEnd(size_t c) const {
   const int a = held_[c].body_a, b = held_[c].body_b;
   const Vector3 with_a = TakesOn(a, c), with_b = TakesOn(b, c);
-  const double share = Share(held_[c]);
-  return {acted_at_[c] + share * with_a + (1 - share) * with_b,
-          std::max(share, 1 - share) * (with_a - with_b).norm() +
+  const Matrix3 share = Share(held_[c]);
+  return {acted_at_[c] + Shared(held_[c], with_a, with_b),
+          std::max(share.diagonal().maxCoeff(), 1 - share.diagonal().minCoeff()) * (with_a - with_b).norm() +
               dt_ * ((begin_[b].linear_W - begin_[a].linear_W).norm() + (mean_W_[b] - mean_W_[a]).norm() +
                      SlipOf(c).norm())};
 }
@@ -116,7 +116,6 @@ void Crowd::Aim(size_t e) {
   Held held;
   held.in_a = Inside(a, {bodies_[a].position_W, bodies_[a].rotation_WB}, contact.point_W - half);
   held.in_b = Inside(b, {bodies_[b].position_W, bodies_[b].rotation_WB}, contact.point_W + half);
-  const double share = Share(contact);
   const Contact* const start = AtStart(contact);
   if (shapes_[a].kind() == ShapeKind::kSphere && shapes_[b].kind() == ShapeKind::kSphere) {
     contact.normal_W = (middle_[b].position_W - middle_[a].position_W).normalized();
@@ -124,13 +123,13 @@ void Crowd::Aim(size_t e) {
   } else if (start && start->gap <= kReach * size) {
     const Course course_a = CourseOf(a), course_b = CourseOf(b);
     const Vector3 end = contact.point_W;
-    contact.point_W = share * OnArc(course_a, start->point_W, end) + (1 - share) * OnArc(course_b, start->point_W, end);
+    contact.point_W = Shared(contact, OnArc(course_a, start->point_W, end), OnArc(course_b, start->point_W, end));
     const double turn = (contact.normal_W - start->normal_W).norm();
     contact.normal_W = (start->normal_W + contact.normal_W).normalized();
     TurnLever((contact.gap - start->gap) / dt_, turn, course_a, course_b, size, &contact);
   } else {
     // At the surface of each: where it lands, not between the two, which may be deep in each other so far.
-    contact.point_W = share * halfway(a, contact.point_W - half) + (1 - share) * halfway(b, contact.point_W + half);
+    contact.point_W = Shared(contact, halfway(a, contact.point_W - half), halfway(b, contact.point_W + half));
   }
   held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
@@ -183,10 +182,9 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     held.in_b = Inside(b, at_b, c.point_W + half);
     held.pressed = true;
     held.belt_W = pair.surface_W;
-    const double share = Share(c);
     const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W),
                   with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
-    c.point_W = share * with_a + (1 - share) * with_b;
+    c.point_W = Shared(c, with_a, with_b);
     held.allowed = before_[e];
     held.target = std::min(TargetOf(c, GapAlong(c, held), held.allowed), most);
     next_.push_back(c);

@@ -37,7 +37,7 @@ void Crowd::Select() {
   held_of_.clear();
   impulse_W_.clear();
   centre_.clear();
-  Bend();
+  Foresee();
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
@@ -64,7 +64,6 @@ void Crowd::Select() {
     held.in_b = Inside(contact.body_b, begin_[contact.body_b].pose, contact.point_W + half);
     held_of_.push_back(held);
     impulse_W_.push_back(WithinCone(contact, dt_ * start_force_W_[c]));
-    const double share = Share(contact);
     // At the lever of halfway, as far as bodies move and turn on.
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
@@ -75,10 +74,10 @@ void Crowd::Select() {
       return contact.point_W + ahead(body) +
              0.5 * (ArmAfter(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward) - arm);
     };
-    centre_.push_back(share * (a.position_W + ahead(a)) + (1 - share) * (b.position_W + ahead(b)));
+    centre_.push_back(Shared(contact, a.position_W + ahead(a), b.position_W + ahead(b)));
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += SlipOfWalls(contact);
-    held_.back().point_W = share * halfway(a, contact.body_a) + (1 - share) * halfway(b, contact.body_b);
+    held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
   }
 }
 
@@ -95,30 +94,36 @@ bool Crowd::IsRound(const Contact& c) const {
          (a == ShapeKind::kSphere || b == ShapeKind::kSphere);
 }
 
-double Crowd::Share(const Contact& c) const {
-  const auto side = [&](int i) -> Side {
-    return {MassOf(i), RoundRadius(shapes_[i], begin_[i].pose.rotation_WB, c.normal_W)};
-  };
-  return ShareOfA(side(c.body_a), side(c.body_b));
+Matrix3 Crowd::Share(const Contact& c) const {
+  const auto side = [&](int i) { return SideOf(shapes_[i], begin_[i].pose.rotation_WB, MassOf(i), c.normal_W); };
+  return ShareOfA(side(c.body_a), side(c.body_b), c.normal_W);
+}
+
+Vector3 Crowd::Shared(const Contact& c, const Vector3& of_a, const Vector3& of_b) const {
+  const Matrix3 share = Share(c);
+  return share * of_a + (Matrix3::Identity() - share) * of_b;
 }
 
 // [m/s] what friction sees of walls beside their velocities.
 Vector3 Crowd::SlipOfWalls(const Contact& c) const {
-  return WallSlip(bodies_[c.body_a], bodies_[c.body_b], bend_W_[c.body_a], bend_W_[c.body_b]);
+  return WallSlip(bodies_[c.body_a], bodies_[c.body_b], off_, ways_[c.body_a], ways_[c.body_b]);
 }
 
-// How bodies bend off their chords, if forces go on as they do.
-void Crowd::Bend() {
-  bend_W_.resize(bodies_.size());
-  for (size_t i = 0; i < bodies_.size(); ++i) bend_W_[i] = settings_.gravity + bodies_[i].force_W / bodies_[i].mass;
+// How bodies go on, if forces do.
+void Crowd::Foresee() {
+  ways_.assign(bodies_.size(), {});
+  off_ = OffAhead(dt_);
+  if (!driven_) return;
+  for (size_t i = 0; i < bodies_.size(); ++i)
+    ways_[i].acceleration_W = settings_.gravity + bodies_[i].force_W / bodies_[i].mass;
   for (size_t c = 0; c < start_.size(); ++c) {
     const int a = start_[c].body_a, b = start_[c].body_b;
     const Vector3 force = GoesAlong(bodies_[a], bodies_[b], dt_, start_force_W_[c]);
-    bend_W_[a] -= force / bodies_[a].mass;
-    bend_W_[b] += force / bodies_[b].mass;
+    ways_[a].acceleration_W -= force / bodies_[a].mass;
+    ways_[b].acceleration_W += force / bodies_[b].mass;
   }
   for (size_t i = 0; i < bodies_.size(); ++i)
-    bend_W_[i] = cut_[i] ? Vector3::Zero() : OffChord(dt_, bend_W_[i], begin_[i].linear_W + 0.5 * dt_ * bend_W_[i]);
+    ways_[i].mean_W = begin_[i].linear_W + 0.5 * dt_ * ways_[i].acceleration_W;
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {

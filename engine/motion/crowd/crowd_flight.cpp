@@ -23,14 +23,13 @@ void Crowd::Fly() {
   for (size_t i = 0; i < n; ++i)
     if (!cut_[i]) {
       middle_[i].position_W = begin_[i].pose.position_W + 0.5 * dt_ * mean_W_[i];
-      bend_W_[i] = OffChord(dt_, 2 / dt_ * (mean_W_[i] - begin_[i].linear_W), mean_W_[i]);
+      ways_[i] = {2 / dt_ * (mean_W_[i] - begin_[i].linear_W), mean_W_[i]};
     }
+  off_ = OffChord(dt_);
   acted_at_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) {
     const int a = held_[c].body_a, b = held_[c].body_b;
-    const double share = Share(held_[c]);
-    acted_at_[c] =
-        held_[c].point_W + (share * middle_[a].position_W + (1 - share) * middle_[b].position_W - centre_[c]);
+    acted_at_[c] = held_[c].point_W + (Centre(held_[c]) - centre_[c]);
     if (impulse_W_[c].isZero(0)) continue;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
@@ -79,8 +78,7 @@ Vector3 Crowd::Outside(int i, const Pose& pose, const Vector3& point) const {
 }
 
 Vector3 Crowd::Centre(const Contact& c) const {
-  const double share = Share(c);
-  return share * middle_[c.body_a].position_W + (1 - share) * middle_[c.body_b].position_W;
+  return Shared(c, middle_[c.body_a].position_W, middle_[c.body_b].position_W);
 }
 
 Path Crowd::PathOf(int i) const {

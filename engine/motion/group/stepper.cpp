@@ -56,7 +56,7 @@ void Stepper::LoadState() {
   spun_.resize(n);
   spun_after_.resize(n);
   mean_W_.resize(n);
-  bend_W_.assign(n, Vector3::Zero());
+  ways_.assign(n, {});
   posed_ = group_->bodies;
   cut_.resize(n);
   for (size_t i = 0; i < n; ++i) cut_[i] = !posed_[i].Moves();

@@ -104,7 +104,7 @@ class Stepper {
   double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
-  void Bend(double h);
+  void Foresee(double h);
   void SelectHeld(double h);
   void Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h);
   void Carry(double h, bool first);
@@ -201,7 +201,8 @@ class Stepper {
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
   std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
-  std::vector<Vector3> bend_W_;              // [m] OffChord of each body
+  std::vector<Going> ways_;                  // of each body, as far as it is known
+  double off_ = 0;                           // [s^2] OffAhead of a first look, OffChord of passes
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
   std::vector<Contact> now_, end_, held_, next_, last_, probe_;
   std::vector<int> now_pair_, end_pair_;

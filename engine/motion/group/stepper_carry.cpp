@@ -27,19 +27,19 @@ void Stepper::Hold(int pair, const Contact& contact, double target, const Vector
   impulse_W_.push_back(impulse_W);
 }
 
-// How bodies bend off their chords, if forces go on as they do.
-void Stepper::Bend(double h) {
+// How bodies go on, if forces do.
+void Stepper::Foresee(double h) {
   const std::vector<Body>& bodies = group_->bodies;
-  for (size_t i = 0; i < bodies.size(); ++i) bend_W_[i] = settings_.gravity + bodies[i].force_W / bodies[i].mass;
+  off_ = OffAhead(h);
+  for (size_t i = 0; i < bodies.size(); ++i)
+    ways_[i].acceleration_W = settings_.gravity + bodies[i].force_W / bodies[i].mass;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int a = now_[c].body_a, b = now_[c].body_b;
     const Vector3 force = GoesAlong(bodies[a], bodies[b], h, force_W_[c]);
-    bend_W_[a] -= force / bodies[a].mass;
-    bend_W_[b] += force / bodies[b].mass;
+    ways_[a].acceleration_W -= force / bodies[a].mass;
+    ways_[b].acceleration_W += force / bodies[b].mass;
   }
-  for (size_t i = 0; i < bodies.size(); ++i)
-    bend_W_[i] =
-        bodies[i].Moves() ? OffChord(h, bend_W_[i], state_[i].linear_W + 0.5 * h * bend_W_[i]) : Vector3::Zero();
+  for (size_t i = 0; i < bodies.size(); ++i) ways_[i].mean_W = state_[i].linear_W + 0.5 * h * ways_[i].acceleration_W;
 }
 
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
@@ -49,7 +49,7 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   closed_.assign(now_.size(), false);
-  Bend(h);
+  Foresee(h);
   const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];

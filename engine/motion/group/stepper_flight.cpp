@@ -25,6 +25,7 @@ void Stepper::PlaceWallsAt(double t, const std::function<void(size_t, const Pose
 
 // Positions and velocities of centres.
 void Stepper::MoveCentres(double h) {
+  off_ = OffChord(h);
   const std::vector<Body>& bodies = group_->bodies;
   for (size_t i = 0; i < bodies.size(); ++i)
     if (bodies[i].Moves())
@@ -37,7 +38,7 @@ void Stepper::MoveCentres(double h) {
   for (size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].Moves()) continue;
     mean_W_[i] = 0.5 * (state_[i].linear_W + end_state_[i].linear_W);
-    bend_W_[i] = OffChord(h, (end_state_[i].linear_W - state_[i].linear_W) / h, mean_W_[i]);
+    ways_[i] = {(end_state_[i].linear_W - state_[i].linear_W) / h, mean_W_[i]};
     end_state_[i].pose.position_W = state_[i].pose.position_W + h * mean_W_[i];
     middle_[i].position_W = state_[i].pose.position_W + 0.5 * h * mean_W_[i];
   }
@@ -160,12 +161,12 @@ Course Stepper::CourseOf(int i) const {
 
 // Of what the two bodies of a contact do, what the contact does.
 Vector3 Stepper::Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const {
-  const auto side = [&](int i) -> Side {
-    return {group_->bodies[i].Moves() ? 1 : INFINITY,  // nothing lands within: both alike
-            RoundRadius(*group_->shapes[i], state_[i].pose.rotation_WB, contact.normal_W)};
+  const auto side = [&](int i) {
+    const double mass = group_->bodies[i].Moves() ? 1 : INFINITY;  // nothing lands within: both alike
+    return SideOf(*group_->shapes[i], state_[i].pose.rotation_WB, mass, contact.normal_W);
   };
-  const double share = ShareOfA(side(contact.body_a), side(contact.body_b));
-  return share * of_a + (1 - share) * of_b;
+  const Matrix3 share = ShareOfA(side(contact.body_a), side(contact.body_b), contact.normal_W);
+  return share * of_a + (Matrix3::Identity() - share) * of_b;
 }
 
 // [m] of a body halfway, if it goes on as it does where the piece begins.
@@ -188,7 +189,7 @@ Vector3 Stepper::CentreHalfway(const Contact& contact) const {
 // [m/s] what friction sees of walls beside their velocities.
 Vector3 Stepper::SlipOfWalls(const Contact& contact) const {
   const int a = contact.body_a, b = contact.body_b;
-  return WallSlip(group_->bodies[a], group_->bodies[b], bend_W_[a], bend_W_[b]);
+  return WallSlip(group_->bodies[a], group_->bodies[b], off_, ways_[a], ways_[b]);
 }
 
 // Between these points of start and end, on the arc about each body's axis.
