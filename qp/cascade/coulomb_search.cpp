@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "qp/body_algebra.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
@@ -90,7 +91,10 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
 bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
   if (!AllZero(task.start)) return false;
   before_.TakeNone(task.problem);
-  if (ContactSpeed(task.problem, before_.velocities.data()) > task.scale()) return false;
+  for (const ContactTerm& contact : task.problem.contacts) {  // a blow is not at rest
+    if (contact.target > 0 || ContactVelocity(contact, before_.velocities.data()).norm() > (1 + kExact) * task.scale())
+      return false;
+  }
   convex->Solve(task.problem, task.settings, {}, &trial_);
   if (trial_.status != Status::kSolved) return false;
   std::swap(now_, before_);
