@@ -228,19 +228,24 @@ Vector3 LedgerKeeper::CentreAt(const Account& account, const LedgerImpulse& j) c
   return 0.5 * (PositionAt(account, j.time) + PositionAt(account, j.time + j.duration));
 }
 
-// [m] of the centre, while the impulse acts: of a parabola by Simpson's rule.
-Vector3 LedgerKeeper::MeanPlaceAt(const Account& account, const LedgerImpulse& j) const {
-  return 1.0 / 3 * CentreAt(account, j) + 2.0 / 3 * PositionAt(account, j.time + 0.5 * j.duration);
+// [m] from the middle of the centre's chord, while an impulse acts, to the mean of its places: of a parabola by Simpson's rule.
+Vector3 LedgerKeeper::OffChord(const Account& account, const LedgerImpulse& j) const {
+  return 2.0 / 3 * (PositionAt(account, j.time + 0.5 * j.duration) - CentreAt(account, j));
 }
 
-// [m] from the middle of the centre's chord to its mean place, but for what speeds it up along its way as the wall sees it.
-Vector3 LedgerKeeper::OffChordOf(const Account& account, const LedgerImpulse& j, const Body& wall) const {
-  const Vector3 off = MeanPlaceAt(account, j) - CentreAt(account, j);
-  if (j.duration == 0) return off;
-  const Vector3 way =
-      PositionAt(account, j.time + j.duration) - PositionAt(account, j.time) - j.duration * wall.linear_velocity_W;
+// What friction at a wall that turns works beside the velocities at the middle of the chord: the wall goes by under the mean place of the
+// centre. What speeds that up along its way, as the wall sees it, does not count.
+void LedgerKeeper::JudgeTurningWall(const LedgerImpulse& j, const Body& wall, double sign, Account* account) const {
+  if (wall.angular_velocity_W.isZero(0) || j.duration == 0) return;
+  const Vector3 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W,
+                off = OffChord(*account, j),
+                way = PositionAt(*account, j.time + j.duration) - PositionAt(*account, j.time) -
+                      j.duration * wall.linear_velocity_W;
   const double square = way.squaredNorm();
-  return square > 0 ? Vector3(off - off.dot(way) / square * way) : off;
+  const Vector3 across = square > 0 ? Vector3(off - off.dot(way) / square * way) : off;
+  account->gain -= sign * friction_W.dot(wall.angular_velocity_W.cross(across));
+  // A first look foresees it, and may be wrong by as much.
+  account->allowed += 2 * friction_W.norm() * wall.angular_velocity_W.cross(off).norm();
 }
 
 Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time, Spin* last) const {
@@ -284,12 +289,9 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
       const Body& w = step.before[wall];
       if (w.kind != BodyKind::kKinematic) continue;
       const Vector3 at = w.position_W + (j.time + 0.5 * j.duration) * w.linear_velocity_W;
-      const Vector3 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W;
-      account->gain -= SignOn(j, number) *
-                       (j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at)) +
-                        friction_W.dot(w.angular_velocity_W.cross(OffChordOf(*account, j, w))));
-      // How far off is known to as much as it is: in a first look it is foreseen.
-      account->allowed += 2 * friction_W.norm() * w.angular_velocity_W.cross(MeanPlaceAt(*account, j) - centre).norm();
+      account->gain -=
+          SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
+      JudgeTurningWall(j, w, SignOn(j, number), account);
     }
   }
   if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});

@@ -78,8 +78,8 @@ class LedgerKeeper {
   void FindCourse(const LedgerStep& step, int body, Account* account) const;
   Vector3 PositionAt(const Account& account, double time) const;
   Vector3 CentreAt(const Account& account, const LedgerImpulse& impulse) const;
-  Vector3 MeanPlaceAt(const Account& account, const LedgerImpulse& impulse) const;
-  Vector3 OffChordOf(const Account& account, const LedgerImpulse& impulse, const Body& wall) const;
+  Vector3 OffChord(const Account& account, const LedgerImpulse& impulse) const;
+  void JudgeTurningWall(const LedgerImpulse& impulse, const Body& wall, double sign, Account* account) const;
   // last: what was asked last, no later; is set to what is answered.
   Quaternion RotationAt(const LedgerStep& step, int body, double time, Spin* last) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);

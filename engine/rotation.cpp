@@ -83,6 +83,12 @@ Quaternion Exp(const Vector3& v) {
   return Quaternion(cosine, share * v.x(), share * v.y(), share * v.z());
 }
 
+Matrix3 TurnLessOne(const Vector3& v) {
+  const Quaternion q = Exp(v);
+  const Matrix3 cross = CrossMatrix(q.vec());
+  return 2 * (q.w() * cross + cross * cross);
+}
+
 Vector3 Log(const Quaternion& q) {
   const double sign = q.w() < 0 ? -1 : 1;
   const double sine = q.vec().norm();

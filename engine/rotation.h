@@ -16,6 +16,8 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
 
 // exp of a rotation vector, as a unit quaternion.
 Quaternion Exp(const Vector3& rotation_vector);
+// exp of a rotation vector, as a matrix, less the identity: what it adds to a vector, without cancellation.
+Matrix3 TurnLessOne(const Vector3& rotation_vector);
 // Inverse of Exp, angle in [0, pi].
 Vector3 Log(const Quaternion& rotation);
 

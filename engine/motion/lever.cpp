@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/rotation.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -11,6 +12,8 @@ namespace {
 constexpr double kTurns = 1e-7;  // sine of half a turn: less is none
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
+
+bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
 
 void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
   const Vector3 &centre = sphere.middle.position_W, &n = contact->normal_W;
@@ -60,15 +63,15 @@ double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vect
   return round ? shape.girth() : INFINITY;
 }
 
-Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
-                 const Vector3& outward_W) {
-  if (turn_W.isZero(0)) return arm_W;
-  const Quaternion turn = Exp(turn_W);
+Vector3 ArmChange(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
+                  const Vector3& outward_W) {
+  if (turn_W.isZero(0)) return Vector3::Zero();
+  const Matrix3 more = TurnLessOne(turn_W);
   const double radius = RoundRadius(shape, rotation_WB, outward_W);
-  if (std::isinf(radius)) return turn * arm_W;
-  if (shape.kind() != ShapeKind::kCylinder) return turn * Vector3(arm_W - radius * outward_W) + radius * outward_W;
-  const Vector3 axis = rotation_WB * Vector3::UnitZ(), after = turn * axis;
-  return axis.dot(arm_W) * after + radius * (outward_W - outward_W.dot(after) * after).normalized();
+  if (std::isinf(radius)) return more * arm_W;
+  if (shape.kind() != ShapeKind::kCylinder) return more * (arm_W - radius * outward_W);
+  const Vector3 axis = rotation_WB * Vector3::UnitZ(), after = axis + more * axis;
+  return axis.dot(arm_W) * after + radius * (outward_W - outward_W.dot(after) * after).normalized() - arm_W;
 }
 
 Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, const Vector3& normal_W) {
@@ -79,23 +82,48 @@ Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, cons
 
 Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W) {
   const double by_mass = std::isinf(a.mass) ? 0 : std::isinf(b.mass) ? 1 : b.mass / (a.mass + b.mass);
-  if (std::isinf(a.radius) && std::isinf(b.radius)) return by_mass * Matrix3::Identity();
+  const bool round = std::isfinite(a.radius) || std::isfinite(b.radius);
+  const double by_radius = std::isinf(a.radius) ? 0 : std::isinf(b.radius) ? 1 : b.radius / (a.radius + b.radius);
+  if (!round || (a.straight_W.isZero(0) && b.straight_W.isZero(0)))  // the same in all directions
+    return (round ? by_radius : by_mass) * Matrix3::Identity();
   const Matrix3 frame = ContactFrame(normal_W);
   const double least = kExact / std::min(a.radius, b.radius);  // a curvature that decides where there is no other
   const auto curvature = [&](const Side& side, double share) -> Eigen::Matrix2d {
-    Eigen::Matrix2d round = share * least * Eigen::Matrix2d::Identity();
-    if (std::isinf(side.radius)) return round;
-    const Eigen::Vector2d straight = frame.rightCols<2>().transpose() * side.straight_W;
-    const double square = straight.squaredNorm();
-    round += 1 / side.radius * Eigen::Matrix2d::Identity();
-    if (square > kNegligible) round -= 1 / (side.radius * square) * straight * straight.transpose();
-    return round;
+    const Eigen::Vector2d straight = (frame.rightCols<2>().transpose() * side.straight_W).normalized();
+    const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
+    return share * least * one + 1 / side.radius * (one - straight * straight.transpose());
   };
   const Eigen::Matrix2d of_a = curvature(a, by_mass), of_b = curvature(b, 1 - by_mass);
   Matrix3 share = Matrix3::Zero();
-  share(0, 0) = std::isinf(a.radius) ? 0 : std::isinf(b.radius) ? 1 : b.radius / (a.radius + b.radius);
+  share(0, 0) = by_radius;
   share.bottomRightCorner<2, 2>() = of_a * (of_a + of_b).inverse();
   return frame * share * frame.transpose();
+}
+
+void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std::span<const Contact> contacts,
+             std::span<const Vector3> forces_W, std::span<Going> ways) {
+  for (size_t i = 0; i < bodies.size(); ++i) ways[i].acceleration_W = gravity + bodies[i].force_W / bodies[i].mass;
+  for (size_t c = 0; c < contacts.size(); ++c) {
+    const Body &a = bodies[contacts[c].body_a], &b = bodies[contacts[c].body_b];
+    const Body& wall = IsTurningWall(a) ? a : b;
+    const Vector3 force = IsTurningWall(wall) ? Exp(h * wall.angular_velocity_W) * forces_W[c] : forces_W[c];
+    ways[contacts[c].body_a].acceleration_W -= force / a.mass;
+    ways[contacts[c].body_b].acceleration_W += force / b.mass;
+  }
+  for (Going& way : ways) way.mean_W += 0.5 * h * way.acceleration_W;
+}
+
+Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double off, std::span<const Going> ways) {
+  const auto slip = [&](int number, int other) -> Vector3 {
+    const Body& wall = bodies[number];
+    if (!IsTurningWall(wall)) return Vector3::Zero();
+    const Vector3 along = ways[other].mean_W - wall.linear_velocity_W;
+    const double square = along.squaredNorm();
+    Vector3 across = ways[other].acceleration_W;
+    if (square > 0) across -= across.dot(along) / square * along;
+    return wall.angular_velocity_W.cross(off * across);
+  };
+  return slip(contact.body_b, contact.body_a) - slip(contact.body_a, contact.body_b);
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {

@@ -11,7 +11,6 @@
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/motion/path.h"
-#include "engine/rotation.h"
 #include "engine/shape.h"
 
 namespace islet::motion {
@@ -45,10 +44,10 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
 // side; infinite elsewhere, and of a rim.
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W);
 
-// [m] from the body's centre to where it takes a contact, after a turn [rad] of what of it shows. What rolls on a round side takes it where that
-// faces the other body, not where its point went. arm: now. outward_W: the contact's normal, out of the body.
-Vector3 ArmAfter(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
-                 const Vector3& outward_W);
+// [m] by which the arm from a body's centre to a contact changes in a turn [rad] of what of the body shows. What rolls takes a contact where its
+// round side faces the other body, not where its point went. arm_W: [m] before. outward_W: the contact's normal, out of the body.
+Vector3 ArmChange(const Shape& shape, const Quaternion& rotation_WB, const Vector3& turn_W, const Vector3& arm_W,
+                  const Vector3& outward_W);
 
 // A body as a contact sees it.
 struct Side {
@@ -67,36 +66,23 @@ Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);
 
-// [N] a force between two bodies a piece later, if it goes along with a wall that turns.
-inline Vector3 GoesAlong(const Body& a, const Body& b, double h, const Vector3& force_W) {
-  const Body& wall = a.kind == BodyKind::kKinematic ? a : b;
-  if (wall.kind != BodyKind::kKinematic || wall.angular_velocity_W.isZero(0)) return force_W;
-  return Exp(h * wall.angular_velocity_W) * force_W;
-}
-
-// How a body's centre goes on.
+// How a body's centre goes through a piece.
 struct Going {
   Vector3 acceleration_W = Vector3::Zero(), mean_W = Vector3::Zero();  // [m/s^2], [m/s]
 };
 
-// The mean place of a centre on its arc lies off the middle of its chord by so many accelerations, and off where its first velocity alone
-// would have taken it in half of the piece.
+// How bodies go on if forces [N] do. Those of a wall that turns go along with it. ways: in: mean_W as the piece begins; out: halfway.
+void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std::span<const Contact> contacts,
+             std::span<const Vector3> forces_W, std::span<Going> ways);
+
+// [s^2] By so many accelerations the mean place of a centre lies off the middle of its chord, and off where its first velocity alone takes
+// it in half of the piece.
 inline double OffChord(double h) { return -h * h / 12; }
 inline double OffAhead(double h) { return h * h / 6; }
 
 // [m/s] what friction sees of walls that turn beside their velocities: they go by under the mean place of a body's centre. Without it what
-// sticks on a turntable falls behind. What speeds a body up along its way, as the wall sees it, bends nothing. off: [s^2].
-inline Vector3 WallSlip(const Body& a, const Body& b, double off, const Going& of_a, const Going& of_b) {
-  const auto slip = [&](const Body& wall, const Going& way) -> Vector3 {
-    if (wall.kind != BodyKind::kKinematic || wall.angular_velocity_W.isZero(0)) return Vector3::Zero();
-    const Vector3 along = way.mean_W - wall.linear_velocity_W;
-    const double square = along.squaredNorm();
-    Vector3 across = way.acceleration_W;
-    if (square > 0) across -= across.dot(along) / square * along;
-    return wall.angular_velocity_W.cross(off * across);
-  };
-  return slip(b, of_a) - slip(a, of_b);
-}
+// sticks on a turntable falls behind. What speeds a body up along its way, as the wall sees it, bends nothing. off: one of the two above.
+Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double off, std::span<const Going> ways);
 
 // Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
 // gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change. That of a sphere

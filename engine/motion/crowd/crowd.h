@@ -140,8 +140,6 @@ class Crowd {
   double LighterMass(const Contact& contact) const;
   Matrix3 Share(const Contact& contact) const;
   Vector3 Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const;
-  Vector3 SlipOfWalls(const Contact& contact) const;
-  void Foresee();
   bool IsRound(const Contact& contact) const;
 
   // crowd_flight.cpp: the course under impulses.

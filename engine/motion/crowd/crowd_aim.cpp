@@ -139,7 +139,7 @@ void Crowd::Aim(size_t e) {
   const double most = gained_[a] || gained_[b] ? 0 : kFastest * floor_;
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
   held.belt_W = contact.surface_W;
-  contact.surface_W += SlipOfWalls(contact);
+  contact.surface_W += WallSlip(contact, bodies_, off_, ways_);
   next_.push_back(contact);
   next_of_.push_back(held);
   next_impulse_W_.push_back(WithinCone(contact, carried_W_[e]));
@@ -175,7 +175,7 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     c.body_b = b;
     c.friction = pair.friction;
     c.restitution = pair.restitution;
-    c.surface_W = pair.surface_W + SlipOfWalls(pair);
+    c.surface_W = pair.surface_W + WallSlip(pair, bodies_, off_, ways_);
     const Vector3 half = 0.5 * c.gap * c.normal_W;
     Held held;
     held.in_a = Inside(a, at_a, c.point_W - half);

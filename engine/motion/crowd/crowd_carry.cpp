@@ -37,7 +37,10 @@ void Crowd::Select() {
   held_of_.clear();
   impulse_W_.clear();
   centre_.clear();
-  Foresee();
+  off_ = OffAhead(dt_);
+  ways_.resize(bodies_.size());
+  for (size_t i = 0; i < bodies_.size(); ++i) ways_[i].mean_W = begin_[i].linear_W;
+  if (driven_) Foresee(dt_, settings_.gravity, bodies_, start_, start_force_W_, ways_);
   for (size_t c = 0; c < start_.size(); ++c) {
     const Contact& contact = start_[c];
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
@@ -71,12 +74,11 @@ void Crowd::Select() {
                     arm = contact.point_W - body.position_W;
       if (TurnsInItself(i)) return contact.point_W + ahead(body);
       const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
-      return contact.point_W + ahead(body) +
-             0.5 * (ArmAfter(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward) - arm);
+      return contact.point_W + ahead(body) + 0.5 * ArmChange(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward);
     };
     centre_.push_back(Shared(contact, a.position_W + ahead(a), b.position_W + ahead(b)));
     held_of_.back().belt_W = contact.surface_W;
-    held_.back().surface_W += SlipOfWalls(contact);
+    held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
     held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
   }
 }
@@ -102,28 +104,6 @@ Matrix3 Crowd::Share(const Contact& c) const {
 Vector3 Crowd::Shared(const Contact& c, const Vector3& of_a, const Vector3& of_b) const {
   const Matrix3 share = Share(c);
   return share * of_a + (Matrix3::Identity() - share) * of_b;
-}
-
-// [m/s] what friction sees of walls beside their velocities.
-Vector3 Crowd::SlipOfWalls(const Contact& c) const {
-  return WallSlip(bodies_[c.body_a], bodies_[c.body_b], off_, ways_[c.body_a], ways_[c.body_b]);
-}
-
-// How bodies go on, if forces do.
-void Crowd::Foresee() {
-  ways_.assign(bodies_.size(), {});
-  off_ = OffAhead(dt_);
-  if (!driven_) return;
-  for (size_t i = 0; i < bodies_.size(); ++i)
-    ways_[i].acceleration_W = settings_.gravity + bodies_[i].force_W / bodies_[i].mass;
-  for (size_t c = 0; c < start_.size(); ++c) {
-    const int a = start_[c].body_a, b = start_[c].body_b;
-    const Vector3 force = GoesAlong(bodies_[a], bodies_[b], dt_, start_force_W_[c]);
-    ways_[a].acceleration_W -= force / bodies_[a].mass;
-    ways_[b].acceleration_W += force / bodies_[b].mass;
-  }
-  for (size_t i = 0; i < bodies_.size(); ++i)
-    ways_[i].mean_W = begin_[i].linear_W + 0.5 * dt_ * ways_[i].acceleration_W;
 }
 
 void Crowd::Part(std::span<const Contact> contacts) {

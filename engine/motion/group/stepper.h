@@ -104,7 +104,6 @@ class Stepper {
   double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
-  void Foresee(double h);
   void SelectHeld(double h);
   void Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h);
   void Carry(double h, bool first);
@@ -134,7 +133,6 @@ class Stepper {
   Vector3 CentreAhead(int i, double h) const;
   Vector3 PointAhead(int i, const Contact& contact, double h) const;
   Vector3 CentreHalfway(const Contact& contact) const;
-  Vector3 SlipOfWalls(const Contact& contact) const;
   Vector3 Halfway(const Contact& contact, const Vector3& start, const Vector3& end) const;
   bool TurnInThemselves(int pair) const;
   Quaternion SeenAs(int i, const Pose& pose) const;

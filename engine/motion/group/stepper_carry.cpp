@@ -22,24 +22,9 @@ void Stepper::Hold(int pair, const Contact& contact, double target, const Vector
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
-  held_.back().surface_W += SlipOfWalls(contact);
+  held_.back().surface_W += WallSlip(contact, group_->bodies, off_, ways_);
   held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W});
   impulse_W_.push_back(impulse_W);
-}
-
-// How bodies go on, if forces do.
-void Stepper::Foresee(double h) {
-  const std::vector<Body>& bodies = group_->bodies;
-  off_ = OffAhead(h);
-  for (size_t i = 0; i < bodies.size(); ++i)
-    ways_[i].acceleration_W = settings_.gravity + bodies[i].force_W / bodies[i].mass;
-  for (size_t c = 0; c < now_.size(); ++c) {
-    const int a = now_[c].body_a, b = now_[c].body_b;
-    const Vector3 force = GoesAlong(bodies[a], bodies[b], h, force_W_[c]);
-    ways_[a].acceleration_W -= force / bodies[a].mass;
-    ways_[b].acceleration_W += force / bodies[b].mass;
-  }
-  for (size_t i = 0; i < bodies.size(); ++i) ways_[i].mean_W = state_[i].linear_W + 0.5 * h * ways_[i].acceleration_W;
 }
 
 // Contacts that may carry: what touches and does not leave. What is open carries where bodies meet (Guard), not where they are near:
@@ -49,7 +34,9 @@ void Stepper::SelectHeld(double h) {
   held_of_.clear();
   impulse_W_.clear();
   closed_.assign(now_.size(), false);
-  Foresee(h);
+  off_ = OffAhead(h);
+  for (size_t i = 0; i < ways_.size(); ++i) ways_[i].mean_W = state_[i].linear_W;
+  Foresee(h, settings_.gravity, group_->bodies, now_, force_W_, ways_);
   const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
@@ -239,7 +226,7 @@ void Stepper::NextTargets(double h) {
     double target = u - (contact.gap - (1 - PushOut(pair)) * before) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     const Vector3 belt_W = contact.surface_W;
-    contact.surface_W += SlipOfWalls(contact);
+    contact.surface_W += WallSlip(contact, group_->bodies, off_, ways_);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
     next_of_.push_back({pair, CentreHalfway(contact), target, opens, belt_W});

@@ -177,19 +177,13 @@ Vector3 Stepper::PointAhead(int i, const Contact& contact, double h) const {
   const Vector3 arm = contact.point_W - state_[i].pose.position_W;
   if (group_->shapes[i]->kind() == ShapeKind::kSphere) return CentreAhead(i, h) + arm;
   const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
-  return CentreAhead(i, h) +
-         ArmAfter(*group_->shapes[i], state_[i].pose.rotation_WB, 0.5 * h * VisibleSpinOf(i), arm, outward);
+  return CentreAhead(i, h) + arm +
+         ArmChange(*group_->shapes[i], state_[i].pose.rotation_WB, 0.5 * h * VisibleSpinOf(i), arm, outward);
 }
 
 // [m] what a contact moves along with.
 Vector3 Stepper::CentreHalfway(const Contact& contact) const {
   return Shared(contact, middle_[contact.body_a].position_W, middle_[contact.body_b].position_W);
-}
-
-// [m/s] what friction sees of walls beside their velocities.
-Vector3 Stepper::SlipOfWalls(const Contact& contact) const {
-  const int a = contact.body_a, b = contact.body_b;
-  return WallSlip(group_->bodies[a], group_->bodies[b], off_, ways_[a], ways_[b]);
 }
 
 // Between these points of start and end, on the arc about each body's axis.

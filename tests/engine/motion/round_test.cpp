@@ -55,7 +55,6 @@ TEST(Round, RollsOnAsFastAsItDid) {
   }
 }
 
-// a = g sin(angle) / (1 + I / (m r^2)).
 // A contact goes with the round side that takes it, not halfway between both bodies: rollers on what can move were braked by a part of
 // their speed each step, and planks on rollers sank, and grew as fast as that gave.
 TEST(Round, RollsAsFreelyOnWhatCanMove) {
@@ -176,6 +175,7 @@ TEST(Round, RidesOnATurntableInWholeSteps) {
   }
 }
 
+// a = g sin(angle) / (1 + I / (m r^2)).
 TEST(Round, RollsDownAnIncline) {
   constexpr double kAngle = 0.3, kTime = 1;
   for (const Shape& shape : Rollers()) {

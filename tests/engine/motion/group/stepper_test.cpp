@@ -373,6 +373,32 @@ TEST(Stepper, BallRollsOverACubeThatRests) {
   }
 }
 
+// A pyramid of 9, 4 and 1 balls that touch. By a linear program forces within the cones balance it with a friction of 0.6, and none do with
+// 0.45. With 0.6 exact friction has another answer, too, in which it falls.
+TEST(Stepper, PyramidThatCanStandStands) {
+  for (const double friction : {0.6, 0.45}) {
+    World world(Grouped());
+    world.Add(Floor(friction));
+    constexpr double kRadius = 0.1;
+    std::vector<Vector3> places;
+    for (int layer = 0; layer < 3; ++layer) {
+      const int side = 3 - layer;
+      for (int i = 0; i < side * side; ++i)
+        places.emplace_back((2 * (i / side) - side + 1) * kRadius, (2 * (i % side) - side + 1) * kRadius,
+                            (1 + layer * std::sqrt(2)) * kRadius);
+    }
+    for (const Vector3& place : places) world.Add(Ball(place, kRadius, friction));
+    StepClean(&world, 1.0 / 60, 60);
+    double farthest = 0;
+    for (size_t i = 0; i < places.size(); ++i)
+      farthest = std::max(farthest, (world.body(static_cast<int>(i) + 1).position_W - places[i]).norm());
+    if (friction > 0.5)
+      EXPECT_LT(farthest, 1e-9);
+    else
+      EXPECT_GT(farthest, 1e-2);
+  }
+}
+
 // A box that spins as it lands on another, at a thousandth of a second. What presses nothing, and gets deeper as its normal turns, is posed
 // again as it ends: it sank by 5e-6 of a size in a dozen short pieces, until none was short enough, and then by 5e-4.
 TEST(Stepper, WhatSpinsOnAnotherDoesNotSinkInFineSteps) {
