@@ -16,33 +16,21 @@ constexpr double kStepShare = 0.995;  // of the way to the boundary
 // The same on the way to an aim below the tolerance, where affine steps reach farther than that: all contacts clearly stick,
 // slide or part, and the gap falls by what a step leaves of the way.
 constexpr double kMostShare = 0.9999;
-constexpr int kSigmaPower = 6;    // of what the affine step leaves; Mehrotra's 3 centres more than correctors need
-constexpr int kCarefulPower = 3;  // the same, after so many iterations without progress
-constexpr int kStuck = 3;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
 constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
-constexpr double kResidualShare = 2;   // residuals [velocity] may be this many times the tolerance of the gap
 constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
-constexpr int kPatience = 15, kShortPatience = 3;  // iterations without progress; the same with a solved point in hand
+constexpr int kPatience = 15;          // iterations without progress
 // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
 // this much of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
 constexpr double kMapAim = 1e-11, kMapPerGap = 0.1;
 constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
-constexpr double kCorrectorReach = 0.3;                 // by how much a corrector tries to lengthen the step
-constexpr double kCorrectorGain = 0.1;                  // what it must have gained of that to be kept
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
 
 // bound: 1 / the longest step.
 double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / bound : limit; }
-
-double Power(double x, int exponent) {
-  double power = x;
-  for (int i = 1; i < exponent; ++i) power *= x;
-  return power;
-}
 
 }  // namespace
 
@@ -162,7 +150,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   const double motion = 0.5 * scaled_.num_bodies();  // kinetic energy at v_ref
   for (;; ++solution->iterations) {
     const Residuals now = ComputeResiduals();
-    const double gap = now.gap / energy_scale_, residual = std::max(now.primal, now.dual) / kResidualShare;
+    const double gap = now.gap / energy_scale_, residual = std::max(now.primal, now.dual);
     double merit = std::max(gap, residual);
     if (!std::isfinite(merit)) break;
     // Among solved points that which is nearest to the answer counts: a residual e moves velocities by e, a gap by its root. If
@@ -189,26 +177,22 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       there = map <= kMapAim;
       look_below = merit * kMapAim / map;
     }
-    if (there || solution->iterations >= settings.max_iterations || stalled >= (solved ? kShortPatience : kPatience))
-      break;
+    if (there || solution->iterations >= settings.max_iterations || stalled >= kPatience) break;
     if (!UpdateScalings()) break;
     kkt_.Factorise(scaled_, blocks_, normal_blocks_);
     ComputeDirection(1, false, &direction_);
     const double mu = now.gap / degree_;
     refine_ = gap < kRefineBelow;
-    refine_to_ = 0.1 * std::min(kResidualShare * tolerance, std::sqrt(aim));
+    refine_to_ = 0.1 * std::min(tolerance, std::sqrt(aim));
     const double affine = LongestStep(direction_.bound, 1);
-    // Where second-order terms of affine steps that cannot be taken lead in circles, they count less, and the centre more.
-    const bool stuck = stalled >= kStuck;
-    const bool careful = stuck || least_sigma > 0;
-    const double sigma = std::max(least_sigma, Power(1 - affine, careful ? kCarefulPower : kSigmaPower));
+    const double left = 1 - affine, sigma = std::max(least_sigma, left * left * left);  // [Meh92]
     // Complementarity is not driven far below the aim: the scalings would span more orders of magnitude than numbers hold,
     // and what is left of the residuals could no longer be removed.
     const double least = kLeastShare * aim * (aim < tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     const double share = least_sigma > 0 ? std::clamp(affine, kStepShare, kMostShare) : kStepShare;
-    AimAt(goal, stuck ? affine : 1);
+    AimAt(goal);
     ComputeDirection(weight, refine_, &direction_);
     double step = std::min(1.0, share * LongestStep(direction_.bound, 2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
@@ -246,17 +230,15 @@ double InteriorPoint::LeastEnergy() {
   return 0.5 * lack * lack / push;
 }
 
-// One centrality corrector: look where a longer step would lead, pull the products that leave the band back into it,
+// One centrality corrector: look where the whole step would lead, pull the products that leave the band back into it,
 // and keep the new direction if it can be followed farther.                                                     [Gon96]
 bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
-  const double reach = std::min(1.0, *step + kCorrectorReach);
   ForBatches([&](int first, int last) {
-    kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, reach, kProductLow * aim,
-                     kProductHigh * aim);
+    kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, kProductLow * aim, kProductHigh * aim);
   });
   ComputeDirection(weight, refine_, &trial_);
   const double longer = std::min(1.0, kStepShare * LongestStep(trial_.bound, 2));
-  if (longer < *step + kCorrectorGain * (reach - *step)) return false;
+  if (longer <= *step) return false;
   *step = longer;
   std::swap(direction_, trial_);
   return true;

@@ -62,7 +62,7 @@ class InteriorPoint {
   void Correct(Direction* direction);
   double DirectionError(double weight, Direction* direction);
   double MassNorm(const std::vector<double>& momentum) const;
-  void AimAt(double goal, double share);
+  void AimAt(double goal);
   bool ImproveCentrality(double weight, double aim, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);

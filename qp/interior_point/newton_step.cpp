@@ -101,8 +101,8 @@ bool InteriorPoint::UpdateScalings() {
   return std::none_of(partial_.begin(), partial_.end(), [](double failed) { return failed > 0; });
 }
 
-void InteriorPoint::AimAt(double goal, double share) {
-  ForBatches([&](int first, int last) { kernels_->aim(Arrays(), direction_.View(), first, last, goal, share); });
+void InteriorPoint::AimAt(double goal) {
+  ForBatches([&](int first, int last) { kernels_->aim(Arrays(), direction_.View(), first, last, goal); });
 }
 
 // With t the target in scaled space: W dz + W^-1 ds = t, ds = T (J dy + R dj) - weight r_p, dj = T^T dz. Eliminating ds and

@@ -60,11 +60,11 @@ struct RowKernels {
   RowSums (*residuals)(const RowArrays& arrays, int from, int to, const double* y, Lanes* forces);
   // Scaling and affine target; D (9 Lanes a batch, softened) with (I + D R)^-1. False if s or z left its cone.
   bool (*scale)(const RowArrays& arrays, int from, int to, Lanes* target, Lanes* d);
-  // Mehrotra's target: s o z = goal e, less `share` of what the direction leaves of second order.
-  void (*aim)(const RowArrays& arrays, const RowDirection& direction, int from, int to, double goal, double share);
-  // Gondzio's target in `next`: that of `now`, and what pulls products at a step of `reach` into [low, high].
+  // Mehrotra's target: s o z = goal e, less what the direction leaves of second order.
+  void (*aim)(const RowArrays& arrays, const RowDirection& direction, int from, int to, double goal);
+  // Gondzio's target in `next`: that of `now`, and what pulls products after the whole step into [low, high].
   void (*centre)(const RowArrays& arrays, const RowDirection& now, const RowDirection& next, int from, int to,
-                 double reach, double low, double high);
+                 double low, double high);
   // Constants of the direction, and the forces that they are.
   void (*start)(const RowArrays& arrays, const RowDirection& direction, int from, int to, double weight, Lanes* forces);
   // ds, dz and plain that belong to dy. Returns 1 / the longest step, or 0 if there is no bound.

@@ -115,7 +115,7 @@ bool Scale(const RowArrays& arrays, int from, int to, Lanes* target, Lanes* d) {
   return true;
 }
 
-void Aim(const RowArrays& arrays, const RowDirection& direction, int from, int to, double goal, double share) {
+void Aim(const RowArrays& arrays, const RowDirection& direction, int from, int to, double goal) {
   for (int b = from; b < to; ++b) {
     const RowBatch& batch = arrays.batches[b];
     ForBatch(batch, [&](auto rows, int lane) {
@@ -125,7 +125,7 @@ void Aim(const RowArrays& arrays, const RowDirection& direction, int from, int t
       LoadRows(direction.dz + batch.first, lane, dz);
       LoadRows(arrays.lambda + batch.first, lane, lambda);
       JordanProduct(ds, dz, product);
-      for (int i = 0; i < N; ++i) product[i] = (N == 3 && i > 0 ? 0 : goal) - share * product[i];
+      for (int i = 0; i < N; ++i) product[i] = (N == 3 && i > 0 ? 0 : goal) - product[i];
       JordanDivide(lambda, product);
       for (int i = 0; i < N; ++i) product[i] = (product[i] - lambda[i]) * Load(batch.used + lane);
       StoreRows(product, lane, direction.target + batch.first);
@@ -133,8 +133,8 @@ void Aim(const RowArrays& arrays, const RowDirection& direction, int from, int t
   }
 }
 
-void Centre(const RowArrays& arrays, const RowDirection& now, const RowDirection& next, int from, int to, double reach,
-            double low, double high) {
+void Centre(const RowArrays& arrays, const RowDirection& now, const RowDirection& next, int from, int to, double low,
+            double high) {
   for (int b = from; b < to; ++b) {
     const RowBatch& batch = arrays.batches[b];
     ForBatch(batch, [&](auto rows, int lane) {
@@ -144,7 +144,7 @@ void Centre(const RowArrays& arrays, const RowDirection& now, const RowDirection
       LoadRows(now.dz + batch.first, lane, dz);
       LoadRows(now.target + batch.first, lane, target);
       LoadRows(arrays.lambda + batch.first, lane, lambda);
-      for (int i = 0; i < N; ++i) ds[i] = lambda[i] + reach * ds[i], dz[i] = lambda[i] + reach * dz[i];
+      for (int i = 0; i < N; ++i) ds[i] += lambda[i], dz[i] += lambda[i];
       JordanProduct(ds, dz, product);
       BandCorrection(low, high, product);
       JordanDivide(lambda, product);

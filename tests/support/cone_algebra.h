@@ -128,14 +128,14 @@ inline double MaxStep(ConeKind kind, const double* lambda, const double* directi
   return inverse * limit > 1 ? 1 / inverse : limit;
 }
 
-// Mehrotra's corrector: the target, in scaled space, that leads to s o z = goal e, with a share of what the direction (ds, dz)
-// leaves of second order taken off.
+// Mehrotra's corrector: the target, in scaled space, that leads to s o z = goal e, with what the direction (ds, dz) leaves of
+// second order taken off.
 inline void AimAtCentre(ConeKind kind, const double* lambda, const double* ds, const double* dz, double goal,
-                        double share, double* target) {
+                        double* target) {
   double unit[kMaxRows], product[kMaxRows];
   JordanProduct(kind, ds, dz, product);
   Identity(kind, unit);
-  for (int i = 0; i < NumRows(kind); ++i) product[i] = goal * unit[i] - share * product[i];
+  for (int i = 0; i < NumRows(kind); ++i) product[i] = goal * unit[i] - product[i];
   JordanDivide(kind, lambda, product, product);
   for (int i = 0; i < NumRows(kind); ++i) target[i] = product[i] - lambda[i];
 }
@@ -157,13 +157,13 @@ inline void BandCorrection(ConeKind kind, double low, double high, double* v) {
   v[2] *= share;
 }
 
-// Adds to the target what pulls the products at a step of `reach` along (ds, dz) back into the band [low, high].  [Gon96]
-inline void CorrectCentrality(ConeKind kind, const double* lambda, const double* ds, const double* dz, double reach,
-                              double low, double high, double* target) {
+// Adds to the target what pulls the products after the step (ds, dz) back into the band [low, high].            [Gon96]
+inline void CorrectCentrality(ConeKind kind, const double* lambda, const double* ds, const double* dz, double low,
+                              double high, double* target) {
   double a[kMaxRows], b[kMaxRows];
   for (int i = 0; i < NumRows(kind); ++i) {
-    a[i] = lambda[i] + reach * ds[i];
-    b[i] = lambda[i] + reach * dz[i];
+    a[i] = lambda[i] + ds[i];
+    b[i] = lambda[i] + dz[i];
   }
   JordanProduct(kind, a, b, a);
   BandCorrection(kind, low, high, a);

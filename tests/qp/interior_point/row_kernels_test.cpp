@@ -246,18 +246,18 @@ TEST_P(RowKernelsOf, TargetsAreThoseOfTheCones) {
   ASSERT_TRUE(kernels_->scale(Arrays(), 0, End(), target_.data(), d_.data()));
   kernels_->start(Arrays(), Direction(), 0, End(), 1, forces_.data());
   kernels_->complete(Arrays(), Direction(), 0, End(), 1, dy_.data());
-  kernels_->aim(Arrays(), Direction(), 0, End(), 0.3, 0.6);
+  kernels_->aim(Arrays(), Direction(), 0, End(), 0.3);
   qp::RowDirection next = Direction();
   next.target = other_.data();
-  kernels_->centre(Arrays(), Direction(), next, 0, End(), 0.8, 0.1, 0.15);
+  kernels_->centre(Arrays(), Direction(), next, 0, End(), 0.1, 0.15);
   int corrected = 0;
   for (const Entry& e : entries_) {
     Rows target{};
     const Rows lambda = Get(lambda_, e), ds = Get(ds_, e), dz = Get(dz_, e);
-    AimAtCentre(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.3, 0.6, target.data());
+    AimAtCentre(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.3, target.data());
     ExpectSame(Get(target_, e), target, e);
     const double before = target[0];
-    CorrectCentrality(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.8, 0.1, 0.15, target.data());
+    CorrectCentrality(e.cone.kind, lambda.data(), ds.data(), dz.data(), 0.1, 0.15, target.data());
     ExpectSame(Get(other_, e), target, e);
     corrected += target[0] != before;
   }
@@ -267,7 +267,7 @@ TEST_P(RowKernelsOf, TargetsAreThoseOfTheCones) {
 TEST_P(RowKernelsOf, StepsMoveAllButEmptyLanes) {
   ASSERT_TRUE(kernels_->scale(Arrays(), 0, End(), target_.data(), d_.data()));
   kernels_->residuals(Arrays(), 0, End(), y_.data(), forces_.data());
-  kernels_->aim(Arrays(), Direction(), 0, End(), 0.3, 1);
+  kernels_->aim(Arrays(), Direction(), 0, End(), 0.3);
   kernels_->start(Arrays(), Direction(), 0, End(), 1, forces_.data());
   kernels_->complete(Arrays(), Direction(), 0, End(), 1, dy_.data());
   std::vector<Rows> moved_s, moved_z;
@@ -315,10 +315,10 @@ TEST_P(RowKernelsOf, BitsAreThoseOfTheNarrowest) {
     k.start(Arrays(), Direction(), 0, End(), 0.7, forces_.data());
     all.push_back(k.complete(Arrays(), Direction(), 0, End(), 0.7, dy_.data()));
     all.push_back(k.correct(Arrays(), Direction(), 0, End(), correction_.data()));
-    k.aim(Arrays(), Direction(), 0, End(), 0.3, 0.6);
+    k.aim(Arrays(), Direction(), 0, End(), 0.3);
     qp::RowDirection next = Direction();
     next.target = other_.data();
-    k.centre(Arrays(), Direction(), next, 0, End(), 0.8, 0.1, 0.15);
+    k.centre(Arrays(), Direction(), next, 0, End(), 0.1, 0.15);
     k.forces(Arrays(), Direction(), 0, End(), forces_.data());
     std::vector<double> gathered(12 * kBodies);
     batches_.Gather(k, 0, kBodies, forces_.data(), gathered.data());
