@@ -9,7 +9,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kTurns = 1e-7;  // sine of half a turn: less is none
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
@@ -130,7 +129,7 @@ Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) 
   const Vector3 before = start_W - body.begin.position_W, after = end_W - body.end.position_W,
                 mean = 0.5 * (before + after);
   const Vector3 turn = (body.end.rotation_WB * body.begin.rotation_WB.conjugate()).vec();
-  if (body.turns_in_itself || turn.norm() < kTurns) return body.middle.position_W + mean;
+  if (body.turns_in_itself || turn.norm() < kNegligible) return body.middle.position_W + mean;
   const Vector3 axis = turn.normalized(), across = mean - axis.dot(mean) * axis;
   const double radius = 0.5 * ((before - axis.dot(before) * axis).norm() + (after - axis.dot(after) * axis).norm());
   const double chord = across.norm();

@@ -16,8 +16,6 @@ using ConstBlock = Eigen::Map<const Vector3>;
 // Nesterov's momentum wants a gradient; the law of friction is none, and full momentum circles around jammed piles for ever.
 constexpr double kMaxMomentum = 0.8;
 constexpr double kMaxGrowth = 2;  // of |x - z|^2 from sweep to sweep
-constexpr double kTrace =
-    1e-30;  // of the largest impulse: one that has faded so far is none, before its square is no number
 
 // Lower G with G G^T = a; a column of zeros where a has no more rank.
 Matrix3 Root(const Matrix3& a) {
@@ -333,7 +331,7 @@ int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_s
   double largest = 0;
   for (const Vector3& j : *impulses) largest = std::max(largest, j.cwiseAbs().maxCoeff());
   for (Vector3& j : *impulses)
-    if (j.cwiseAbs().maxCoeff() < kTrace * largest) j.setZero();
+    if (j.cwiseAbs().maxCoeff() < kRounding * kRounding * largest) j.setZero();  // before its square is no number
   Load(problem, *impulses, *velocities, field);
   double theta = 1, last_change = INFINITY;
   Number momentum = 0;

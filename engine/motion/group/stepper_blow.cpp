@@ -69,9 +69,8 @@ bool Stepper::Agrees(const Contact& contact, const Vector3& impulse, const Vecto
   const double press = n.dot(impulse), opening = n.dot(velocity);
   const Vector3 friction = impulse - press * n, slip = velocity - opening * n;
   if (std::abs(opening) > still) return false;
-  constexpr double kAlike = 1e-6;  // of the normal impulse
-  if (slip.norm() <= still) return friction.norm() <= (1 + kAlike) * contact.friction * press;
-  return (friction + contact.friction * press / slip.norm() * slip).norm() <= kAlike * press;
+  if (slip.norm() <= still) return friction.norm() <= (1 + kNegligible) * contact.friction * press;
+  return (friction + contact.friction * press / slip.norm() * slip).norm() <= kNegligible * press;
 }
 
 // The bodies of the contact problems, as they are at the end.
