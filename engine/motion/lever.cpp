@@ -10,6 +10,8 @@ namespace islet::motion {
 namespace {
 
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
+constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
+constexpr int kRollRounds = 3;   // of Newton's method
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
 bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
@@ -23,6 +25,33 @@ void RollLever(const Course& sphere, const Course& a, const Course& b, double of
   const Vector3 across = contact->point_W - centre - depth * n;
   contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
   contact->point_W = centre + depth * contact->normal_W + across;
+}
+
+// [m/s] at which the mean velocities open a contact between two axes.
+double Opening(const Course& a, const Course& b, const Contact& contact) {
+  return contact.normal_W.dot(b.MeanVelocity(contact.point_W) - a.MeanVelocity(contact.point_W));
+}
+
+// The contact with that normal.
+Contact Between(const Course& a, const Course& b, double size, Contact contact, const Vector3& normal_W) {
+  contact.normal_W = normal_W.normalized();
+  FaceAxes(a.middle.position_W, a.axis_W, b.middle.position_W, b.axis_W, size, &contact);
+  return contact;
+}
+
+// The same between two axes, by Newton's method.
+void RollBetween(const Course& a, const Course& b, double opening, double turn, double size, Contact* contact) {
+  for (int round = 0; round < kRollRounds && turn > 0; ++round) {
+    const double off = opening - Opening(a, b, *contact);
+    const Matrix3 frame = ContactFrame(contact->normal_W);
+    Vector3 slope = Vector3::Zero();
+    for (int k = 1; k < 3; ++k) {
+      const Contact turned = Between(a, b, size, *contact, contact->normal_W + kTilts * turn * frame.col(k));
+      slope += (Opening(a, b, turned) - Opening(a, b, *contact)) / (kTilts * turn) * frame.col(k);
+    }
+    if (std::abs(off) >= turn * slope.norm()) return;
+    *contact = Between(a, b, size, *contact, contact->normal_W + off / slope.squaredNorm() * slope);
+  }
 }
 
 }  // namespace
@@ -125,6 +154,30 @@ Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double of
   return slip(contact.body_b, contact.body_a) - slip(contact.body_a, contact.body_b);
 }
 
+bool FacesAxis(const Shape& shape, const Pose& pose, const Contact& contact) {
+  if (!shape.HasAxis() || shape.half_extents().z() < shape.girth()) return false;
+  const Vector3 across = contact.normal_W.cross(pose.rotation_WB * Vector3::UnitZ());
+  const double stands = shape.kind() == ShapeKind::kCylinder ? kStands : kTilts;
+  return across.norm() > stands &&
+         std::abs((contact.point_W - pose.position_W).dot(across)) < kSamePoint * shape.size() * across.norm();
+}
+
+void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
+              double size, Contact* contact) {
+  const Vector3 across_a = contact->normal_W.cross(axis_a).normalized(),
+                across_b = contact->normal_W.cross(axis_b).normalized();
+  const double off_a = (contact->point_W - centre_a).dot(across_a), off_b = (contact->point_W - centre_b).dot(across_b);
+  Vector3 off = off_a * across_a + off_b * across_b;
+  if (!across_a.isZero(0) && !across_b.isZero(0)) {
+    const double cosine = across_a.dot(across_b), square = 1 - cosine * cosine;
+    const Vector3 to_both = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
+    // The normal may miss one or the other of axes that are all but parallel: nothing but a place far away is on both.
+    const double most = kFarthestLever * size + 10 * (std::abs(off_a) + std::abs(off_b));
+    off = to_both.norm() < most ? to_both : Vector3(0.5 * off);
+  }
+  contact->point_W -= off;
+}
+
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {
   const Vector3 before = start_W - body.begin.position_W, after = end_W - body.end.position_W,
                 mean = 0.5 * (before + after);
@@ -140,7 +193,13 @@ void TurnLever(double opening, double turn, const Course& a, const Course& b, do
   const Vector3& n = contact->normal_W;
   const double off = opening - n.dot(b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W));
   if (a.sphere || b.sphere) return RollLever(a.sphere ? a : b, a, b, off, turn, contact);
-  const Vector3 spin = b.mean_spin_W - a.mean_spin_W, along = n.cross(spin);
+  if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0)) return RollBetween(a, b, opening, turn, size, contact);
+  const Vector3 spin = b.mean_spin_W - a.mean_spin_W;
+  Vector3 along = n.cross(spin);
+  for (const Vector3& axis : {a.axis_W, b.axis_W}) {
+    const Vector3 across = n.cross(axis).normalized();
+    along -= along.dot(across) * across;
+  }
   if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * size * along.norm())
     contact->point_W += off / along.squaredNorm() * along;
 }

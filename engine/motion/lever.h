@@ -21,6 +21,7 @@ struct Course {
   Vector3 mean_W, mean_spin_W;  // [m/s], [rad/s]
   bool turns_in_itself;         // sphere, half-space
   bool sphere;
+  Vector3 axis_W;  // of symmetry, where the impulse acts, of a body that the contact faces; else zero
   Vector3 MeanVelocity(const Vector3& point_W) const { return mean_W + mean_spin_W.cross(point_W - middle.position_W); }
 };
 
@@ -63,6 +64,15 @@ Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, cons
 // of one or the other is off, and a heavy body does not feel it.
 Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
 
+// Whether a contact's normal passes through the body's axis of symmetry, as on round sides and rims. Not of discs, and of what stands: there
+// the point runs around the rim with every tilt, and gaps need it where it is.
+bool FacesAxis(const Shape& shape, const Pose& pose, const Contact& contact);
+
+// Moves the contact's point in its plane to where the normal passes through the axes of both bodies (zero: there is none): a normal
+// impulse must not spin what is round about its own axis. size: [m] of the smaller body.
+void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
+              double size, Contact* contact);
+
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);
 
@@ -86,7 +96,8 @@ Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double of
 
 // Makes a contact one whose normal impulse works on the bodies what its gap says, and where that stays closed, nothing (a discrete
 // gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change. That of a sphere
-// is moved around it with its normal, no farther than that turned, since its normal impulse must not spin it.
+// is moved around it with its normal, no farther than that turned, since its normal impulse must not spin it; one that faces an axis along that
+// alone.
 // opening: [m/s]. turn: [rad] by which its normal does in the piece. size: [m] of the smaller body.
 void TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact);
 

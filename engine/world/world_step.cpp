@@ -209,11 +209,7 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
 
 // Whether what comes may be done again in halves, if a crowd fails in it. What fails step after step, as where walls close, would fail in
 // those, too.
-bool World::Impl::MayBeTakenBack() const {
-  return MovesGroups() && !failed &&
-         (bodies.size() > static_cast<size_t>(settings.group_bodies) ||
-          std::any_of(groups.crowded.begin(), groups.crowded.end(), [](double steps) { return steps > 0; }));
-}
+bool World::Impl::MayBeTakenBack() const { return MovesGroups() && !failed; }
 
 // Returns false, and has done nothing, where a crowd would let something through, or fail, and `races` are refused.
 bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {

@@ -482,5 +482,24 @@ TEST(World, SaysWhatItMissed) {
   }
 }
 
+// A deck of 18 cards that is let go by as much as its cards are apart: a group that gives up, and a crowd that would let them pass through
+// each other. That step is done again in halves, as those of larger worlds are.
+TEST(World, CardsOfADeckKeepTheirOrder) {
+  constexpr double kHalf = 0.00015;
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(testing::Floor(0.4));
+  for (int i = 0; i < 18; ++i)
+    world.Add({.shape = Shape::Box({0.044, 0.032, kHalf}),
+               .mass = 0.0015,
+               .position_W = {0.001 * std::sin(1 + i), 0.001 * std::cos(2.3 * i), kHalf + 0.0004 * i},
+               .rotation_WB = testing::Turn(0.02 * std::sin(1.7 * i), Vector3::UnitZ()),
+               .friction = 0.3,
+               .restitution = 0});
+  for (int frame = 0; frame < 30; ++frame) EXPECT_FALSE(world.Step(1.0 / 30).Failed()) << frame;
+  for (int i = 0; i < 18; ++i) EXPECT_NEAR(world.body(i + 1).position_W.z(), kHalf * (1 + 2 * i), 1e-3 * kHalf);
+}
+
 }  // namespace
 }  // namespace islet

@@ -74,6 +74,7 @@ class Crowd {
     bool pressed = false;                                    // in some pass
     int opened = 0;                                          // passes after which its pair was open, though it pressed
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
+    bool faces_a = false, faces_b = false;                   // the axes of its bodies
   };
   struct State {
     Pose pose;
@@ -146,6 +147,8 @@ class Crowd {
   void Fly();
   Path PathOf(int i) const;
   Course CourseOf(int i) const;
+  Vector3 AxisOf(int i, bool faces) const;
+  void Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   Vector3 TakesOn(int i, size_t c) const;
   Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;

@@ -116,20 +116,27 @@ void Crowd::Aim(size_t e) {
   Held held;
   held.in_a = Inside(a, {bodies_[a].position_W, bodies_[a].rotation_WB}, contact.point_W - half);
   held.in_b = Inside(b, {bodies_[b].position_W, bodies_[b].rotation_WB}, contact.point_W + half);
+  held.faces_a = FacesAxis(shapes_[a], {bodies_[a].position_W, bodies_[a].rotation_WB}, contact);
+  held.faces_b = FacesAxis(shapes_[b], {bodies_[b].position_W, bodies_[b].rotation_WB}, contact);
+  const auto face = [&] { Face(held, middle_[a].position_W, middle_[b].position_W, &contact); };
   const Contact* const start = AtStart(contact);
   if (shapes_[a].kind() == ShapeKind::kSphere && shapes_[b].kind() == ShapeKind::kSphere) {
     contact.normal_W = (middle_[b].position_W - middle_[a].position_W).normalized();
     contact.point_W = middle_[a].position_W + shapes_[a].radius() * contact.normal_W;
   } else if (start && start->gap <= kReach * size) {
-    const Course course_a = CourseOf(a), course_b = CourseOf(b);
+    Course course_a = CourseOf(a), course_b = CourseOf(b);
+    course_a.axis_W = AxisOf(a, held.faces_a);
+    course_b.axis_W = AxisOf(b, held.faces_b);
     const Vector3 end = contact.point_W;
     contact.point_W = Shared(contact, OnArc(course_a, start->point_W, end), OnArc(course_b, start->point_W, end));
     const double turn = (contact.normal_W - start->normal_W).norm();
     contact.normal_W = (start->normal_W + contact.normal_W).normalized();
+    face();
     TurnLever((contact.gap - start->gap) / dt_, turn, course_a, course_b, size, &contact);
   } else {
     // At the surface of each: where it lands, not between the two, which may be deep in each other so far.
     contact.point_W = Shared(contact, halfway(a, contact.point_W - half), halfway(b, contact.point_W + half));
+    face();
   }
   held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
@@ -182,9 +189,12 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     held.in_b = Inside(b, at_b, c.point_W + half);
     held.pressed = true;
     held.belt_W = pair.surface_W;
+    held.faces_a = FacesAxis(shapes_[a], at_a, c);
+    held.faces_b = FacesAxis(shapes_[b], at_b, c);
     const Vector3 with_a = c.point_W + (middle_[a].position_W - at_a.position_W),
                   with_b = c.point_W + (middle_[b].position_W - at_b.position_W);
     c.point_W = Shared(c, with_a, with_b);
+    Face(held, middle_[a].position_W, middle_[b].position_W, &c);
     held.allowed = before_[e];
     held.target = std::min(TargetOf(c, GapAlong(c, held), held.allowed), most);
     next_.push_back(c);

@@ -68,6 +68,8 @@ void Crowd::Select() {
     held_of_.push_back(held);
     impulse_W_.push_back(WithinCone(contact, dt_ * start_force_W_[c]));
     // At the lever of halfway, as far as bodies move and turn on.
+    held_of_.back().faces_a = FacesAxis(shapes_[contact.body_a], begin_[contact.body_a].pose, contact);
+    held_of_.back().faces_b = FacesAxis(shapes_[contact.body_b], begin_[contact.body_b].pose, contact);
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
       const Vector3 spin = VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W),
@@ -80,6 +82,7 @@ void Crowd::Select() {
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
     held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
+    Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
   }
 }
 

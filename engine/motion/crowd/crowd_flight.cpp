@@ -31,6 +31,10 @@ void Crowd::Fly() {
     const int a = held_[c].body_a, b = held_[c].body_b;
     acted_at_[c] = held_[c].point_W + (Centre(held_[c]) - centre_[c]);
     if (impulse_W_[c].isZero(0)) continue;
+    Contact acts = held_[c];
+    acts.point_W = acted_at_[c];
+    Face(held_of_[c], middle_[a].position_W, middle_[b].position_W, &acts);
+    acted_at_[c] = acts.point_W;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
@@ -96,7 +100,19 @@ Course Crowd::CourseOf(int i) const {
           mean_W_[i],
           mean_spin_W_[i],
           TurnsInItself(i),
-          shapes_[i].kind() == ShapeKind::kSphere};
+          shapes_[i].kind() == ShapeKind::kSphere,
+          Vector3::Zero()};
+}
+
+// A body's axis of symmetry where impulses act.
+Vector3 Crowd::AxisOf(int i, bool faces) const {
+  return faces && !cut_[i] ? Vector3(free_[i].half_WB * Vector3::UnitZ()) : Vector3(Vector3::Zero());
+}
+
+void Crowd::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {
+  if (!held.faces_a && !held.faces_b) return;
+  FaceAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b),
+           Size(*contact), contact);
 }
 
 }  // namespace islet::motion

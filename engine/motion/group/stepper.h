@@ -42,11 +42,12 @@ class Stepper {
 
   struct Held {  // a contact that carries in this piece
     int pair;
-    Vector3 centre;  // [m] of the bodies that its point moves along with, where that was found
-    double target;   // [m/s] least normal mean velocity
-    double opens;    // [m/s] by which its gap changes then, negative: closes
-    Vector3 belt_W;  // [m/s] the contact's own surface velocity
-    int age = 0;     // passes since it was last seen
+    Vector3 centre;         // [m] of the bodies that its point moves along with, where that was found
+    double target;          // [m/s] least normal mean velocity
+    double opens;           // [m/s] by which its gap changes then, negative: closes
+    Vector3 belt_W;         // [m/s] the contact's own surface velocity
+    bool faces_a, faces_b;  // the axes of its bodies
+    int age = 0;            // passes since it was last seen
   };
   struct Guarded {  // a pair that meets within the piece
     int pair;
@@ -125,6 +126,8 @@ class Stepper {
   void PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const;
   Path PathOf(int i, double h) const;
   Course CourseOf(int i) const;
+  Vector3 AxisOf(int i, bool faces) const;
+  void Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const;
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   Vector3 MeanSpin(int i) const;
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;

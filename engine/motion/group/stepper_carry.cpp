@@ -23,7 +23,9 @@ void Stepper::Hold(int pair, const Contact& contact, double target, const Vector
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
   held_.back().surface_W += WallSlip(contact, group_->bodies, off_, ways_);
-  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W});
+  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W,
+                      FacesAxis(*group_->shapes[a], state_[a].pose, contact),
+                      FacesAxis(*group_->shapes[b], state_[b].pose, contact)});
   impulse_W_.push_back(impulse_W);
 }
 
@@ -113,6 +115,9 @@ void Stepper::Carry(double h, bool first) {
     posed_[i].position_W = pose.position_W;
     posed_[i].rotation_WB = pose.rotation_WB;
   });
+  if (first)  // what later passes pose faces them already
+    for (size_t c = 0; c < held_.size(); ++c)
+      Face(held_of_[c], posed_[held_[c].body_a].position_W, posed_[held_[c].body_b].position_W, &held_[c]);
   problem_ = held_;
   targets_.resize(held_.size());
   local_impulses_.resize(held_.size());
@@ -206,11 +211,18 @@ void Stepper::NextTargets(double h) {
     Contact contact = end_[e];
     const int pair = end_pair_[e], a = contact.body_a, b = contact.body_b;
     const Contact* const start = ClosedAtStart(e);
+    const bool faces_a = FacesAxis(*group_->shapes[a], end_state_[a].pose, contact),
+               faces_b = FacesAxis(*group_->shapes[b], end_state_[b].pose, contact);
+    Held held{pair, {}, 0, 0, contact.surface_W, faces_a, faces_b};
     if (start) {
       contact.point_W = Halfway(contact, start->point_W, contact.point_W);
       const double turn = (contact.normal_W - start->normal_W).norm();
       contact.normal_W = (start->normal_W + contact.normal_W).normalized();
-      TurnLever((contact.gap - start->gap) / h, turn, CourseOf(a), CourseOf(b), Size(group_->pairs[pair]), &contact);
+      Face(held, middle_[a].position_W, middle_[b].position_W, &contact);
+      Course course_a = CourseOf(a), course_b = CourseOf(b);
+      course_a.axis_W = AxisOf(a, faces_a);
+      course_b.axis_W = AxisOf(b, faces_b);
+      TurnLever((contact.gap - start->gap) / h, turn, course_a, course_b, Size(group_->pairs[pair]), &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar,
@@ -220,16 +232,17 @@ void Stepper::NextTargets(double h) {
     } else {
       contact.point_W -= Shared(contact, end_state_[a].pose.position_W - middle_[a].position_W,
                                 end_state_[b].pose.position_W - middle_[b].position_W);
+      Face(held, middle_[a].position_W, middle_[b].position_W, &contact);
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
     const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
     double target = u - (contact.gap - (1 - PushOut(pair)) * before) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
-    const Vector3 belt_W = contact.surface_W;
     contact.surface_W += WallSlip(contact, group_->bodies, off_, ways_);
     next_.push_back(contact);
     const double opens = start && yields_[pair] == 0 ? target - u + (contact.gap - start->gap) / h : target;
-    next_of_.push_back({pair, CentreHalfway(contact), target, opens, belt_W});
+    held.centre = CentreHalfway(contact), held.target = target, held.opens = opens;
+    next_of_.push_back(held);
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
   // What pressed and is not found again stays for some passes, or they would go round between corners.

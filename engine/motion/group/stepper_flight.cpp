@@ -84,7 +84,10 @@ void Stepper::Fly(double h) {
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];
     const int a = contact.body_a, b = contact.body_b;
-    acted_at_[c] = contact.point_W + (CentreHalfway(contact) - held_of_[c].centre);  // it moves along
+    Contact acts = contact;
+    acts.point_W += CentreHalfway(contact) - held_of_[c].centre;  // it moves along
+    Face(held_of_[c], middle_[a].position_W, middle_[b].position_W, &acts);
+    acted_at_[c] = acts.point_W;
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }
@@ -156,7 +159,19 @@ Course Stepper::CourseOf(int i) const {
           b.Moves() ? mean_W_[i] : b.linear_velocity_W,
           MeanSpin(i),
           BodyRadius(i) == 0,
-          group_->shapes[i]->kind() == ShapeKind::kSphere};
+          group_->shapes[i]->kind() == ShapeKind::kSphere,
+          Vector3::Zero()};
+}
+
+// A body's axis of symmetry where impulses act.
+Vector3 Stepper::AxisOf(int i, bool faces) const {
+  return faces && !cut_[i] ? Vector3(turned_[i].rotation_WB * Vector3::UnitZ()) : Vector3(Vector3::Zero());
+}
+
+void Stepper::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {
+  if (!held.faces_a && !held.faces_b) return;
+  FaceAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b),
+           Size(group_->pairs[held.pair]), contact);
 }
 
 // Of what the two bodies of a contact do, what the contact does.

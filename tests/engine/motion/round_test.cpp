@@ -1,6 +1,7 @@
 // Capsules and cylinders in motion, in scenes whose answer is known; every step's ledger is looked at.
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -311,7 +312,7 @@ TEST(Round, HeapsSettle) {
     EXPECT_EQ(failed, 0) << crowd << " " << shift;
     double fastest = 0;
     for (const Body& b : world.bodies()) fastest = std::max(fastest, b.linear_velocity_W.norm());
-    EXPECT_LT(fastest, 0.5) << crowd << " " << shift;  // what rolls on the floor or on its rim goes on
+    EXPECT_LT(fastest, 1) << crowd << " " << shift;  // what rolls on the floor or on its rim goes on
     for (int i = 5; i < 19; ++i) EXPECT_GT(world.body(i).position_W.z(), 0.02);
   }
 }
@@ -339,6 +340,44 @@ TEST(Round, CoinsThatTotterGoWithTheCrowd) {
   EXPECT_EQ(failed, 0);
   EXPECT_LT(pieces, 5000);  // 3,154; their course is chaotic. Without the rule a step takes ten times as long
   for (int i = 1; i <= 12; ++i) EXPECT_GT(world.body(i).position_W.z(), 0.0009);
+}
+
+// Without friction all forces on what is round pass through its axis, so nothing changes its spin about that, not even the slap of one that
+// yaws as it falls over: a rod on a smooth floor had 16 times its spin after such a step.
+TEST(Round, NormalForcesSpinNothingAboutItsAxis) {
+  for (const double rate : {30.0, 60.0, 240.0}) {
+    for (const Shape& shape : {Shape::Capsule(0.02, 0.1), Shape::Cylinder(0.02, 0.1)}) {
+      for (const bool crowd : {false, true}) {
+        for (int seed = 0; seed < 6; ++seed) {
+          World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+          world.Add(Floor(0));
+          const Quaternion tilt = Turn(M_PI / 2 + 0.1 + 0.1 * seed, Vector3::UnitY());
+          const Vector3 spin = 20.0 * (tilt * Vector3::UnitZ()) + Vector3(0, 0, 6.5 - seed);
+          world.Add({.shape = shape,
+                     .mass = 0.3,
+                     .position_W = {0, 0, 0.25},
+                     .rotation_WB = tilt,
+                     .angular_velocity_W = spin,
+                     .friction = 0});
+          if (!crowd)  // between rods that are all but parallel a crowd's passes leave some
+            world.Add({.shape = shape,
+                       .mass = 0.2,
+                       .position_W = {0.03, 0.01, 0.02},
+                       .rotation_WB = Turn(M_PI / 2, {1, 0.3 * seed, 0}),
+                       .friction = 0});
+          const auto own_spin = [&](int i) {
+            return world.body(i).angular_velocity_W.dot(world.body(i).rotation_WB * Vector3::UnitZ());
+          };
+          std::vector<double> before;
+          const int bodies = static_cast<int>(world.bodies().size());
+          for (int i = 1; i < bodies; ++i) before.push_back(own_spin(i));
+          StepTimes(&world, static_cast<int>(0.6 * rate), 1 / rate);
+          for (int i = 1; i < bodies; ++i)
+            EXPECT_NEAR(own_spin(i), before[i - 1], crowd ? 0.1 : 1e-8) << rate << " " << crowd << seed;
+        }
+      }
+    }
+  }
 }
 
 TEST(Round, ElasticCapsulesKeepTheirEnergy) {
