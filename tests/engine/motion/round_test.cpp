@@ -1,6 +1,7 @@
 // Capsules and cylinders in motion, in scenes whose answer is known; every step's ledger is looked at.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -347,7 +348,7 @@ TEST(Round, CoinsThatTotterGoWithTheCrowd) {
 TEST(Round, NormalForcesSpinNothingAboutItsAxis) {
   for (const double rate : {30.0, 60.0, 240.0}) {
     for (const Shape& shape : {Shape::Capsule(0.02, 0.1), Shape::Cylinder(0.02, 0.1)}) {
-      for (const bool crowd : {false, true}) {
+      for (const auto& [crowd, two] : {std::pair{false, false}, {false, true}, {true, false}}) {
         for (int seed = 0; seed < 6; ++seed) {
           World world(crowd ? testing::AsCrowd(Awake()) : Awake());
           world.Add(Floor(0));
@@ -359,7 +360,7 @@ TEST(Round, NormalForcesSpinNothingAboutItsAxis) {
                      .rotation_WB = tilt,
                      .angular_velocity_W = spin,
                      .friction = 0});
-          if (!crowd)  // between rods that are all but parallel a crowd's passes leave some
+          if (two)
             world.Add({.shape = shape,
                        .mass = 0.2,
                        .position_W = {0.03, 0.01, 0.02},
@@ -373,7 +374,9 @@ TEST(Round, NormalForcesSpinNothingAboutItsAxis) {
           for (int i = 1; i < bodies; ++i) before.push_back(own_spin(i));
           StepTimes(&world, static_cast<int>(0.6 * rate), 1 / rate);
           for (int i = 1; i < bodies; ++i)
-            EXPECT_NEAR(own_spin(i), before[i - 1], crowd ? 0.1 : 1e-8) << rate << " " << crowd << seed;
+            EXPECT_NEAR(own_spin(i), before[i - 1],
+                        two ? 0.1 : 1e-8)  // all but parallel ones have no normal through both
+                << rate << " " << crowd << seed;
         }
       }
     }
