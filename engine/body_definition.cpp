@@ -98,8 +98,8 @@ Body MakeBody(const BodyDefinition& d, const MassProperties& mass, const std::st
   }
   body.position_W = d.position_W;
   body.rotation_WB = d.rotation_WB.normalized();
-  body.linear_velocity_W = d.linear_velocity_W;
-  body.angular_velocity_W = d.angular_velocity_W;
+  body.linear_velocity_W = body.linear_before_W = d.linear_velocity_W;
+  body.angular_velocity_W = body.angular_before_W = d.angular_velocity_W;
   if (d.kind == BodyKind::kFixed && !(d.linear_velocity_W.isZero(0) && d.angular_velocity_W.isZero(0)))
     Reject(name, "velocity", "of a fixed body must be zero; make it kinematic");
   body.friction = d.friction;

@@ -256,6 +256,11 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   AddHits(dt);
   AddPassed();
   AddGroups(report);
+  for (Body& b : bodies) {
+    b.linear_before_W = b.linear_velocity_W;
+    b.angular_before_W = b.angular_velocity_W;
+    b.surface_before_B = b.surface_velocity_B;
+  }
   time += dt;
   return true;
 }

@@ -93,7 +93,26 @@ double Stepper::ChooseLength(double rest) {
   return most;
 }
 
+// Gives what rides the impulses with which it follows its walls; sign -1: takes them back.
+void Stepper::KickRiders(double sign) {
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    posed_[i].linear_velocity_W = state_[i].linear_W;
+    posed_[i].angular_velocity_W = state_[i].angular_W;
+    posed_[i].position_W = state_[i].pose.position_W;
+    posed_[i].rotation_WB = state_[i].pose.rotation_WB;
+  }
+  for (size_t c = 0; c < now_.size(); ++c) ApplyTo(now_[c], sign * ride_.impulse_W(c), &posed_);
+  for (size_t i = 0; i < posed_.size(); ++i) {
+    state_[i].linear_W = posed_[i].linear_velocity_W;
+    state_[i].angular_W = posed_[i].angular_velocity_W;
+  }
+  if (sign < 0) ride_.Clear();
+}
+
 void Stepper::Commit(double t, double h) {
+  for (size_t c = 0; c < now_.size() && ride_.any(); ++c)
+    if (!ride_.impulse_W(c).isZero(0)) out_->impulses.push_back({now_[c], ride_.impulse_W(c), t, 0});
+  ride_.Clear();
   carried_at_.assign(end_.size(), -1);
   last_ = end_;
   for (size_t c = 0; c < held_.size(); ++c) {
@@ -148,6 +167,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   LoadState();
   FindTouching();
   Recall();
+  if (ride_.Find(dt, pull_, floor_, settings, group->bodies, now_, force_W_, &responder_)) KickRiders(1);
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;
@@ -229,7 +249,12 @@ bool Stepper::Piece(Progress* p) {
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = Shorten(h, moment);
+  ride_is_lost_ = false;
   const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
+  if (ride_is_lost_) {
+    KickRiders(-1);
+    return true;
+  }
   const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
   if (!(deep && may_halve) && gains_ && Pushed()) {  // it cost more than that: not now
     pays_.assign(group_->pairs.size(), false);

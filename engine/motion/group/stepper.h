@@ -22,6 +22,7 @@
 #include "engine/motion/group/group.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
+#include "engine/motion/ride.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
@@ -77,6 +78,7 @@ class Stepper {
   void Commit(double t, double h);
   void End();
   void LoadState();
+  void KickRiders(double sign);
   Vector3 VisibleSpinOf(int i) const;
   double WhirlOf(int i) const;
   double Size(const GroupPair& pair) const;
@@ -213,6 +215,7 @@ class Stepper {
   std::vector<int> follows_;                                    // in end_, or -1
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
   std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
+  std::vector<Vector3> ridden_W_;  // [N s] per contact of end_: what it was given to follow its wall
   std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
@@ -233,6 +236,8 @@ class Stepper {
   IslandResponder responder_;
   SequentialResolver sequential_;
   Meeting meeting_;
+  Ride ride_;
+  bool ride_is_lost_ = false;  // something that rode is open where the piece ends
 };
 
 }  // namespace islet::motion

@@ -92,26 +92,38 @@ void Stepper::Settle() {
   problem_.clear();
   problem_of_.clear();
   carried_W_.clear();
-  bool settled = true;
+  bool settled = !ride_.any();
+  ridden_W_.assign(end_.size(), Vector3::Zero());
+  for (size_t c = 0; c < now_.size() && ride_.any(); ++c) {
+    if (ride_.impulse_W(c).isZero(0)) continue;
+    const int at_end = FindAt(now_pair_[c], now_[c], Moment::kStart, Moment::kEnd, end_);
+    if (at_end < 0 || end_[at_end].gap > kTouching * Size(group_->pairs[now_pair_[c]])) {
+      ride_is_lost_ = true;
+      return;
+    }
+    ridden_W_[at_end] += ride_.impulse_W(c);
+  }
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
     Vector3 carried = WithinCone(end_[e], CarriedBy(e));
-    const double closed = !carried.isZero(0) ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
+    const bool rode = !ridden_W_[e].isZero(0);
+    const double closed = !carried.isZero(0) || rode ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
     if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
-    if (carried.isZero(0) && WillHit(end_[e], normal)) continue;
+    if (carried.isZero(0) && !rode && WillHit(end_[e], normal)) continue;
     carried = TurnedAlong(end_[e], carried, u, still);
     settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    carried_W_.push_back(carried);
+    carried_W_.push_back(carried + ridden_W_[e]);
   }
   if (settled) return;
   local_impulses_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
     ApplyTo(problem_[c], -carried_W_[c], &posed_);
-    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
+    local_impulses_[c] =
+        ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
   }
   targets_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];

@@ -46,11 +46,12 @@ void Stepper::SelectHeld(double h) {
     if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
     const double opening =
         contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
-    if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
+    const bool rides = !ride_.impulse_W(c).isZero(0);
+    if (!rides && WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
-    if (opening > leaves && freed_[now_pair_[c]] != kReturns) {
+    if (!rides && opening > leaves && freed_[now_pair_[c]] != kReturns) {
       freed_[now_pair_[c]] = kLeaves;
       continue;
     }
