@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-
 namespace islet::motion {
 
 Vector3 SurfaceChange(const Body& a, const Body& b, const Vector3& point_W) {
@@ -20,8 +19,7 @@ bool Ride::Find(double h, double pull, double floor, const Settings& settings, s
   Clear();
   const auto change = [&](const Contact& c) { return SurfaceChange(bodies[c.body_a], bodies[c.body_b], c.point_W); };
   bool any = false;
-  for (size_t c = 0; c < contacts.size() && !any; ++c)
-    any = !forces_W[c].isZero(0) && !change(contacts[c]).isZero(0);
+  for (size_t c = 0; c < contacts.size() && !any; ++c) any = !forces_W[c].isZero(0) && !change(contacts[c]).isZero(0);
   if (!any) return false;
   // In changes of velocities: bodies have none, walls half of theirs.
   posed_.assign(bodies.begin(), bodies.end());

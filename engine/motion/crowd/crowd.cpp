@@ -114,13 +114,25 @@ double Crowd::FreshOverlap() const {
   return worst;
 }
 
-// One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit
-// the step begins anew.
-Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
+// One piece of the step, from time t on. Where it misses its end and may be shortened, or what rode on a wall is open there, it has done
+// nothing; where something frozen was hit the step begins anew.
+Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
                             StepReport* report) {
   start_ = *near_;
   Recall(*memory);
   Load(h);
+  if (rides && ride_.Find(h, settings_.gravity.norm(), floor_, settings_, bodies_, start_, start_force_W_,
+                          &workers_[0].responder)) {
+    for (size_t c = 0; c < start_.size(); ++c) {
+      const Vector3 kick = ride_.impulse_W(c);
+      Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];
+      if (a.Moves()) a.ApplyImpulse(-kick, start_[c].point_W);
+      if (b.Moves()) b.ApplyImpulse(kick, start_[c].point_W);
+    }
+    Load(h);
+  } else {
+    ride_.Clear();
+  }
   AllowPushes(*memory);
   Select();
   disturbed_.assign(bodies_.size(), 1);
@@ -140,11 +152,14 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   report->motion_passes = std::max(report->motion_passes, pass);
   const bool misses = pass == kPasses && (FreshOverlap() > kDeep || Gains());
   report->motion_failures += misses && last;
-  if (misses && !last) {
-    Return(begin_);
+  const bool lost = !FindRidden();
+  if ((misses && !last) || lost) {
+    Return(ride_.any() ? first_ : begin_);  // nothing rides but in a first piece
     *near_ = start_;
-    return Outcome::kMissed;
+    return lost ? Outcome::kRideLost : Outcome::kMissed;
   }
+  for (size_t c = 0; c < start_.size() && ride_.any(); ++c)
+    if (!ride_.impulse_W(c).isZero(0)) impulses_.push_back({start_[c], ride_.impulse_W(c), t, 0});
   carried_at_.assign(near_->size(), -1);
   work_.assign(near_->size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {
@@ -163,7 +178,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   Remember(h, memory);
   for (size_t c = 0; c < problem_.size(); ++c) {
     const int e = closed_[c];
-    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+    const Vector3 change = ChangeAt(c);
     if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
   }
   return Outcome::kDone;
@@ -243,12 +258,15 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
     return true;
   }
   double t = 0, most = dt;
+  bool rides = true;
   for (int level = 0; dt - t > 1e-9 * dt;) {
     const double h = std::min(most, dt - t);
-    const Outcome outcome = Piece(t, h, level == kLevels, find, memory, report);
+    const Outcome outcome = Piece(t, h, level == kLevels, rides && t == 0, find, memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
     if (outcome == Outcome::kDone) {
       t += h;
+    } else if (outcome == Outcome::kRideLost) {
+      rides = false;
     } else {
       ++level;
       most = 0.5 * h;

@@ -25,6 +25,7 @@
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
+#include "engine/motion/ride.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
@@ -103,7 +104,7 @@ class Crowd {
     std::vector<std::uint8_t> gaining;  // per body of the island
   };
 
-  enum class Outcome { kDone, kMissed, kHitFrozen };
+  enum class Outcome { kDone, kMissed, kRideLost, kHitFrozen };
   struct Place {
     Vector3 point_W;  // [m]
     double reach;     // [m] that it may be from there
@@ -111,7 +112,8 @@ class Crowd {
 
   // crowd.cpp: the step, piece by piece.
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
-  Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  Outcome Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
+                StepReport* report);
   void Load(double dt);
   void Recall(const CrowdMemory& memory);
   void Remember(double h, CrowdMemory* memory);
@@ -186,6 +188,8 @@ class Crowd {
   const Contact* AtStart(const Contact& end) const;
 
   // crowd_settle.cpp: velocities where the piece ends.
+  bool FindRidden();
+  Vector3 ChangeAt(size_t c) const;
   void Settle(StepReport* report);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
@@ -273,6 +277,8 @@ class Crowd {
   std::vector<int> bounces_of_;
   std::vector<std::vector<ProblemRecord>> records_;  // for the observer
   Meeting meeting_;
+  Ride ride_;
+  std::vector<Vector3> ridden_W_;  // [N s] per near contact: what it was given to follow its wall
   std::vector<Contact> probe_;
 };
 

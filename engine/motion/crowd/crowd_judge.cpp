@@ -176,7 +176,7 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   }
   for (const int c : contacts) {
     const int part = parts.Find(first_of(c));
-    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]];
+    const Vector3 change = ChangeAt(c);
     worker->gains[part] -= WorkOfWalls(problem_[c], problem_[c].point_W, change, true);
     worker->works[part] += work_[closed_[c]];
   }

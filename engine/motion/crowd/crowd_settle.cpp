@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/contact_pairs.h"
 #include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "qp/smallness.h"
@@ -25,7 +26,7 @@ void Crowd::FindHits() {
   pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
     targets_[c] = -YieldOf(contact);
-    if (targets_[c] < 0) return;
+    if (targets_[c] < 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
@@ -45,6 +46,28 @@ void Crowd::FindHits() {
   });
 }
 
+// Where what rode on walls is as the piece ends. Returns false where any of it is open.
+bool Crowd::FindRidden() {
+  ridden_W_.assign(near_->size(), Vector3::Zero());
+  for (size_t s = 0; s < start_.size() && ride_.any(); ++s) {
+    if (ride_.impulse_W(s).isZero(0)) continue;
+    bool found = false;
+    const auto [first, last] = std::equal_range(near_->begin(), near_->end(), start_[s], EarlierPair);
+    for (auto e = first; e != last && !found; ++e) {
+      if (AtStart(*e) != &start_[s] || e->gap > settings_.overlap_tolerance * Size(*e)) continue;
+      ridden_W_[e - near_->begin()] = ride_.impulse_W(s);
+      found = true;
+    }
+    if (!found) return false;
+  }
+  return true;
+}
+
+// [N s] what a contact of the problem gets at the end, beside what it carried.
+Vector3 Crowd::ChangeAt(size_t c) const {
+  return frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]] - ridden_W_[closed_[c]];
+}
+
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
 void Crowd::Settle(StepReport* report) {
   const std::vector<Contact>& end = *near_;
@@ -54,7 +77,7 @@ void Crowd::Settle(StepReport* report) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
     const Contact& contact = end[e];
     const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
-    const bool pressed = !carried_W_[e].isZero(0);
+    const bool pressed = !carried_W_[e].isZero(0) || !ridden_W_[e].isZero(0);
     if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
     if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
@@ -71,10 +94,11 @@ void Crowd::Settle(StepReport* report) {
     beyond_W_[c] = carried - WithinCone(problem_[c], carried);
     carried -= beyond_W_[c];
     local_[c] = frames_[c].transpose() * carried;
-    if (carried.isZero(0)) continue;
+    const Vector3 back = carried + ridden_W_[closed_[c]];
+    if (back.isZero(0)) continue;
     Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
-    if (a.Moves()) a.ApplyImpulse(carried, problem_[c].point_W);
-    if (b.Moves()) b.ApplyImpulse(-carried, problem_[c].point_W);
+    if (a.Moves()) a.ApplyImpulse(back, problem_[c].point_W);
+    if (b.Moves()) b.ApplyImpulse(-back, problem_[c].point_W);
   }
   FindHits();
   blows_.assign(problem_.size(), Vector3::Zero());

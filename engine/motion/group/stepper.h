@@ -215,8 +215,8 @@ class Stepper {
   std::vector<int> follows_;                                    // in end_, or -1
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
   std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
-  std::vector<Vector3> ridden_W_;  // [N s] per contact of end_: what it was given to follow its wall
-  std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
+  std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall
+  std::vector<Vector3> settle_W_, strike_W_;  // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;

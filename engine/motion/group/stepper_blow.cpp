@@ -122,8 +122,7 @@ void Stepper::Settle() {
   local_impulses_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
     ApplyTo(problem_[c], -carried_W_[c], &posed_);
-    local_impulses_[c] =
-        ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
+    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
   }
   targets_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
