@@ -1,6 +1,9 @@
 #include "engine/motion/ride.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "qp/smallness.h"
 
 namespace islet::motion {
 
@@ -40,12 +43,14 @@ bool Ride::Find(double h, double pull, double floor, const Settings& settings, s
     const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
     const Vector3& n = contact.normal_W;
     const double press = n.dot(forces_W[c]);
-    if (press <= 0 || (!a.Moves() && !b.Moves()) || n.dot(change(contact)) < -pull * h) continue;
+    if (press <= 0 || (!a.Moves() && !b.Moves()) || std::abs(n.dot(change(contact))) > pull * h) continue;
     contact.surface_W = 0.5 * (b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
                                a.rotation_WB * (a.surface_velocity_B - a.surface_before_B));
-    Vector3 slip = RelativeVelocity(contacts[c], a, b) - change(contact);  // as the step before ended
-    slip -= n.dot(slip) * n;
-    if (slip.norm() > 10 * settings.tolerance * floor) contact.friction = 0;  // it slides, and gets no more of it
+    const auto across = [&](const Vector3& v) { return (v - n.dot(v) * n).norm(); };
+    const double slid = across(RelativeVelocity(contacts[c], a, b) - change(contact));  // as the step before ended
+    if (slid > 10 * settings.tolerance * floor ||
+        across(change(contact)) > (1 + kNegligible) * contact.friction * pull * h)
+      contact.friction = 0;
     held_.push_back(contact);
     held_of_.push_back(static_cast<int>(c));
     frames_.push_back(ContactFrame(n));

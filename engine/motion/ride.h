@@ -4,8 +4,8 @@
 //   in:      bodies and contacts where a step begins, with the forces [N] that held there
 //   out:     impulses J0 at these contacts, which give their bodies half of the change; the piece takes them back where it ends, when J
 //            of all that acted is known
-//   law:     J0 rubs no more than the forces that held allow in half a step, and not where it slid. It may pull: J may not, and where what
-//            rode is open as the piece ends it goes without
+//   law:     J0 rubs no more than the forces that held allow in half a step, and nothing that slid, or will. It may pull: J may not, and
+//            where what rode is open as the piece ends it goes without
 //   frames:  W    units: SI
 #pragma once
 
@@ -26,7 +26,8 @@ Vector3 SurfaceChange(const Body& a, const Body& b, const Vector3& point_W);
 
 class Ride {
  public:
-  // pull: [m/s^2] fastest that forces make a body: a wall that comes nearer by more than that is a blow. floor: [m/s] least v_ref.
+  // pull: [m/s^2] fastest that forces make a body. Walls that come, go or pass by faster than that, or its friction, are not followed: they
+  // strike, leave or rub. floor: [m/s] least v_ref.
   // Returns whether anything rides on what changed.
   bool Find(double h, double pull, double floor, const Settings& settings, std::span<const Body> bodies,
             std::span<const Contact> contacts, std::span<const Vector3> forces_W, IslandResponder* responder);

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-Vector = Union[Sequence[float], np.ndarray]  # 3 numbers, or 4 for rotations
+Vector = Union[Sequence[float], np.ndarray]  # 3 numbers, or 4 for rotations: x, y, z, w (scene files: w, x, y, z)
 Numbers = Union[Sequence[int], np.ndarray]  # (n,)
 Rows = Union[Sequence[Vector], np.ndarray]  # (n, 3)
 
@@ -154,7 +154,7 @@ class World:
         angular_velocity: Vector = ...,
         mass: Optional[float] = None,
         inertia: Any = None,
-        density: float = 1.0,
+        density: Optional[float] = None,  # [kg/m^3], 1 if no mass is given either
         friction: float = 0.5,
         restitution: float = 0.2,
         layers: int = 1,

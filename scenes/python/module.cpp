@@ -373,13 +373,14 @@ void BindWorld(py::module_& m) {
           "add",
           [](PyWorld& self, const Shape& shape, BodyKind kind, const Row3& position, const Row4& rotation,
              const Row3& linear, const Row3& angular, std::optional<double> mass, std::optional<Matrix3> inertia,
-             double density, double friction, double restitution, std::uint32_t layers, std::uint32_t collides_with,
-             bool sensor, std::uint64_t user_data) {
+             std::optional<double> density, double friction, double restitution, std::uint32_t layers,
+             std::uint32_t collides_with, bool sensor, std::uint64_t user_data) {
+            if (mass && density) throw py::value_error("add: mass and density: give one of them");
             return self.Growing("add").Add({.shape = shape,
                                             .kind = kind,
                                             .mass = mass,
                                             .inertia_B = inertia,
-                                            .density = density,
+                                            .density = density.value_or(1),
                                             .position_W = ToVector(position),
                                             .rotation_WB = ToRotation(rotation),
                                             .linear_velocity_W = ToVector(linear),
@@ -394,8 +395,9 @@ void BindWorld(py::module_& m) {
           py::arg("shape"), py::arg("kind") = BodyKind::kDynamic, py::kw_only(), py::arg("position") = Row3{},
           py::arg("rotation") = Row4{0, 0, 0, 1}, py::arg("linear_velocity") = Row3{},
           py::arg("angular_velocity") = Row3{}, py::arg("mass") = py::none(), py::arg("inertia") = py::none(),
-          py::arg("density") = 1.0, py::arg("friction") = 0.5, py::arg("restitution") = 0.2, py::arg("layers") = 1u,
-          py::arg("collides_with") = 0xffffffffu, py::arg("sensor") = false, py::arg("user_data") = 0)
+          py::arg("density") = py::none(), py::arg("friction") = 0.5, py::arg("restitution") = 0.2,
+          py::arg("layers") = 1u, py::arg("collides_with") = 0xffffffffu, py::arg("sensor") = false,
+          py::arg("user_data") = 0)
       .def(
           "remove", [](PyWorld& self, int body) { self.world().Remove(body); }, py::arg("body"))
       .def(

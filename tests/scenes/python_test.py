@@ -112,6 +112,7 @@ class PythonTest(unittest.TestCase):
         world = stack()
         for act, error, part in [
             (lambda: world.add(islet.Shape.sphere(1), friction=-2), ValueError, "friction = -2"),
+            (lambda: world.add(islet.Shape.sphere(1), mass=1, density=2), ValueError, "mass and density"),
             (lambda: world.step(0), ValueError, "dt = 0"),
             (lambda: world.remove(77), ValueError, "77"),
             (lambda: islet.Settings(effort="most"), ValueError, "'most'"),

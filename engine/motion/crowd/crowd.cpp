@@ -38,10 +38,12 @@ void Crowd::Load(double dt) {
   posed_.assign(bodies_.begin(), bodies_.end());
   cut_.resize(n);
   double fastest = 0;
+  pull_ = 0;
   driven_ = false;
   for (size_t i = 0; i < n; ++i) {
     cut_[i] = !bodies_[i].Moves();
     driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
+    if (!cut_[i]) pull_ = std::max(pull_, (settings_.gravity + bodies_[i].force_W / bodies_[i].mass).norm());
     if (!cut_[i]) fastest = std::max(fastest, FastestPoint(TwistOf(bodies_[i]), bodies_[i].radius));
   }
   floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
@@ -121,8 +123,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
   start_ = *near_;
   Recall(*memory);
   Load(h);
-  if (rides && ride_.Find(h, settings_.gravity.norm(), floor_, settings_, bodies_, start_, start_force_W_,
-                          &workers_[0].responder)) {
+  if (rides && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
     for (size_t c = 0; c < start_.size(); ++c) {
       const Vector3 kick = ride_.impulse_W(c);
       Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];

@@ -1,0 +1,151 @@
+// What rides on walls and belts whose velocity the user changes: it goes along as far as friction and weight allow, and no farther.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Awake;
+using testing::kGravity;
+
+constexpr double kMu = 0.4;
+
+BodyDefinition Plate(double restitution = 0) {
+  return {.shape = Shape::Box({3, 1, 0.05}),
+          .kind = BodyKind::kKinematic,
+          .position_W = {0, 0, -0.05},
+          .friction = kMu,
+          .restitution = restitution};
+}
+
+BodyDefinition Crate(double z, double restitution = 0) {
+  return {.shape = Shape::Box({0.1, 0.1, 0.1}),
+          .mass = 1,
+          .position_W = {0, 0, z},
+          .friction = kMu,
+          .restitution = restitution};
+}
+
+// A plate that speeds up by `share` of what friction can give, or slows down on its way up by that of gravity: crates on it and on each
+// other do not move against it. At half of that they once began to slip, and to hop, by a first order of the step.
+TEST(Ride, KeepsItsPlaceUpToTheLimit) {
+  for (const double rate : {30.0, 60.0, 240.0}) {
+    for (const bool crowd : {false, true}) {
+      for (const double share : {0.3, 0.6, 0.99}) {
+        for (const bool up : {false, true}) {
+          World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+          world.Add(Plate());
+          world.Add(Crate(0.1));
+          world.Add(Crate(0.3));
+          const double dt = 1 / rate, acceleration = (up ? -1 : kMu) * share * kGravity, start = up ? 5 : 0;
+          world.SetVelocity(0, up ? Vector3(0, 0, start) : Vector3::Zero(), Vector3::Zero());
+          if (up) {  // the start is a blow; what it leaves is over before the plate slows down
+            for (const int i : {1, 2}) world.SetVelocity(i, {0, 0, start}, Vector3::Zero());
+            testing::StepTimes(&world, 3, dt);
+          }
+          const double height = world.body(1).position_W.z() - world.body(0).position_W.z();
+          for (int frame = 0; frame < 0.5 * rate; ++frame) {
+            const double speed = start + acceleration * (frame + 0.5) * dt;
+            world.SetVelocity(0, up ? Vector3(0, 0, speed) : Vector3(speed, 0, 0), Vector3::Zero());
+            testing::Step(&world, dt);
+            for (const int i : {1, 2}) {
+              const Vector3 place = world.body(i).position_W - world.body(0).position_W;
+              EXPECT_NEAR(place.x(), 0, 1e-7) << rate << crowd << share << up;
+              EXPECT_NEAR(place.z(), height + 0.2 * (i - 1), 1e-6) << rate << crowd << share << up;
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// A belt that starts slowly enough carries what lies on it from the first step on; one that starts at once rubs until both are as fast.
+TEST(Ride, GoesWithBeltsAsFarAsTheyRub) {
+  for (const bool crowd : {false, true}) {
+    for (const double start : {0.05, 2.0}) {
+      World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+      BodyDefinition belt = Plate();
+      belt.kind = BodyKind::kFixed;
+      world.Add(belt);
+      world.Add(Crate(0.1));
+      const double dt = 1.0 / 60, rubs = start / (kMu * kGravity);
+      testing::StepTimes(&world, 3, dt);
+      world.SetSurfaceVelocity(0, {start, 0, 0});
+      testing::StepTimes(&world, 60, dt);
+      const double expected = start * (1 - 0.5 * rubs);
+      EXPECT_NEAR(world.body(1).position_W.x(), start > 1 ? expected : start, 1e-3 * start) << crowd;
+      EXPECT_NEAR(world.body(1).linear_velocity_W.x(), start, 1e-9) << crowd;
+    }
+  }
+}
+
+// What is pulled away faster than weight follows is left, and falls freely; what strikes, strikes.
+TEST(Ride, IsNoGlueAndNoCushion) {
+  for (const bool crowd : {false, true}) {
+    World falls(crowd ? testing::AsCrowd(Awake()) : Awake());
+    falls.Add(Plate());
+    falls.Add(Crate(0.1));
+    testing::StepTimes(&falls, 3, 1.0 / 60);
+    falls.SetVelocity(0, {0, 0, -10}, Vector3::Zero());
+    testing::StepTimes(&falls, 12, 1.0 / 60);
+    EXPECT_NEAR(falls.body(1).position_W.z(), 0.1 - 0.5 * kGravity * 0.04, 1e-9) << crowd;
+    World strikes(Awake());
+    strikes.Add(Plate(0.8));
+    strikes.Add(Crate(0.1, 0.8));
+    testing::StepTimes(&strikes, 3, 1.0 / 60);
+    strikes.SetVelocity(0, {0, 0, 2}, Vector3::Zero());
+    testing::Step(&strikes, 1.0 / 60);
+    EXPECT_NEAR(strikes.body(1).linear_velocity_W.z() + kGravity / 60, 3.6, 1e-6);
+  }
+}
+
+// A finger that the user moves and one that a force drives lift a box, if they press 1.05 times as hard as its weight and acceleration ask.
+TEST(Ride, IsHeldByAsMuchAsItNeeds) {
+  for (const double rate : {30.0, 240.0}) {
+    World world(Awake());
+    BodyDefinition finger = Plate();
+    finger.shape = Shape::Box({0.05, 0.1, 0.1});
+    finger.position_W = {-0.15, 0, 0};
+    world.Add(finger);
+    BodyDefinition driven = finger;
+    driven.kind = BodyKind::kDynamic;
+    driven.mass = 0.2;
+    driven.position_W = {0.15, 0, 0};
+    world.Add(driven);
+    world.Add(Crate(0));
+    const double acceleration = 5, dt = 1 / rate;
+    const double grip = 1.05 * (1 + 0.2) * (kGravity + acceleration) / kMu;
+    world.SetForce(1, {-grip, 0, 0}, Vector3::Zero());
+    testing::StepTimes(&world, 3, dt);
+    const Vector3 before = world.body(2).position_W - world.body(0).position_W;
+    for (int frame = 0; frame < 0.3 * rate; ++frame) {
+      world.SetVelocity(0, {0, 0, acceleration * (frame + 0.5) * dt}, Vector3::Zero());
+      testing::Step(&world, dt);
+    }
+    EXPECT_LT((world.body(2).position_W - world.body(0).position_W - before).norm(), 1e-4) << rate;
+  }
+}
+
+// A restored world goes on with the same change of velocity.
+TEST(Ride, IsInSnapshots) {
+  World world(Awake());
+  world.Add(Plate());
+  world.Add(Crate(0.1));
+  const auto drive = [](World* w, int frame) {
+    w->SetVelocity(0, {0.03 * frame, 0, 0}, Vector3::Zero());
+    testing::Step(w, 1.0 / 60);
+  };
+  for (int frame = 0; frame < 5; ++frame) drive(&world, frame);
+  World other(Awake());
+  other.Restore(world.Save());
+  for (World* w : {&world, &other}) drive(w, 5);
+  EXPECT_EQ(world.StateHash(), other.StateHash());
+}
+
+}  // namespace
+}  // namespace islet
