@@ -79,7 +79,9 @@ bool Ride::Find(double h, double pull, double floor, const Settings& settings, s
       if (a.Moves()) a.ApplyImpulse(before_W_[k], contact.point_W);
       if (b.Moves()) b.ApplyImpulse(-before_W_[k], contact.point_W);
     }
-    responder->ResolveTargets(view, {held_, frames_}, targets_, settings, floor, posed_, local_);
+    const ResponseOutcome outcome =
+        responder->ResolveTargets(view, {held_, frames_}, targets_, settings, floor, posed_, local_);
+    if (outcome.status == QpStatus::kFailed) continue;
     for (const int k : view.contacts) impulses_W_[held_of_[k]] = frames_[k] * local_[k] - before_W_[k];
   }
   return true;

@@ -6,6 +6,7 @@
 //            of all that acted is known
 //   law:     J0 rubs no more than the forces that held allow in half a step, and nothing that slid, or will. It may pull: J may not, and
 //            where what rode is open as the piece ends it goes without
+//   They need not be exact: what acts in the end is J, and that is certified.
 //   frames:  W    units: SI
 #pragma once
 
