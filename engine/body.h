@@ -43,7 +43,7 @@ struct Body {
   double restitution = 0.2;  // epsilon in [0, 1]
   // [m/s] of its surface along itself, beside its velocity: a conveyor's belt. A motor drives it: friction on it may do work.
   Vector3 surface_velocity_B = Vector3::Zero();
-  // The same and the velocities in the step before: what rides on a wall or a belt feels their change over a whole step.
+  // The same and the velocities in the step before, which a world keeps: what rides on a wall or a belt feels their change over a whole step.
   Vector3 surface_before_B = Vector3::Zero();  // [m/s]
   Vector3 linear_before_W = Vector3::Zero();   // [m/s]
   Vector3 angular_before_W = Vector3::Zero();  // [rad/s]

@@ -7,8 +7,8 @@
 //
 // In
 //   bodies    of any kind, by number; of dynamic ones mass, inertia and radius (farthest point from the centre: freezing measures motion by
-//             it), poses, velocities, forces. What the user moves is kinematic. Friction, restitution, surface velocity, layers and
-//             sensor of a body are not read: contacts say all of that (surface_W: MixSurfaces in contact.h)
+//             it), poses, velocities, forces. What the user moves is kinematic. Friction, restitution, surface velocity, layers, sensor and
+//             velocities before of a body are not read: contacts say what matters of that (surface_W: MixSurfaces in contact.h)
 //   contacts  in canonical order (by body_a, body_b, feature), body_a < body_b, with mixed friction and restitution. Those that touch or
 //             overlap: touches = true; what counts as touching is up to the caller, World takes 1e-3 of the smaller body's size. Those still
 //             open that the step may close: touches = false with their gap, or two supported bodies close it unseen. Of these, what would

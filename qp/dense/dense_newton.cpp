@@ -95,11 +95,12 @@ int DenseNewton::Polish(const ScaledDenseProblem& problem, Model model, double g
   ProximalPace pace(best);
   int spent = 0;
   while (!best.Meets(goal) && spent < max_factorisations && pace.GoesOn(false)) {
+    const int before = spent;
     stiffness_ = pace.Stiffness(0, 0);
     const bool solved = Step(std::min(ProximalPace::kMostNewtonSteps, max_factorisations - spent), &spent);
     const NaturalMap map = NaturalMapOf(problem, model, impulses_);
     if (map.rms < best.rms) best = map, *impulses = impulses_;
-    if (pace.Takes(map.rms, solved, false)) centre_ = impulses_;
+    if (pace.Takes(map.rms, solved, spent - before, false)) centre_ = impulses_;
   }
   return spent;
 }

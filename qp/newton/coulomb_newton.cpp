@@ -159,15 +159,16 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   system_.Prepare(problem, 1);
   ProximalPace pace(best);
   for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
+    const int before = factorisations_;
     refines_ = best.max <= aim.enough;
-    if (reached() || factorisations_ >= max_factorisations || !pace.GoesOn(refines_)) break;
+    if (reached() || before >= max_factorisations || !pace.GoesOn(refines_)) break;
     const double residual = kStepShare * best.rms;
     stiffness_ = pace.Stiffness(residual, Speed());
-    const bool solved = Step(residual, std::min(ProximalPace::kMostNewtonSteps, max_factorisations - factorisations_));
+    const bool solved = Step(residual, std::min(ProximalPace::kMostNewtonSteps, max_factorisations - before));
     VelocitiesAfter(problem, impulses_, &v_);
     const NaturalMap map = CoulombMap(problem, v_, impulses_, rho);
     if (map.rms < best.rms) best = map, *impulses = impulses_;
-    if (pace.Takes(map.rms, solved, refines_)) {
+    if (pace.Takes(map.rms, solved, factorisations_ - before, refines_)) {
       centre_ = impulses_;
     } else {
       VelocitiesAfter(problem, centre_, &v_);

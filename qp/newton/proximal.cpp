@@ -7,6 +7,7 @@ namespace islet::qp {
 namespace {
 
 constexpr double kPace = 5;                  // by which springs become stiffer, or softer
+constexpr int kEasy = 4;                     // Newton steps of a proximal step that may become stiffer
 constexpr double kVelocityRounding = 4e-16;  // of the speed: error of a contact's velocity
 constexpr int kPatience = 20;      // steps without a better answer: on the way to it the map may rise for a while
 constexpr int kShortPatience = 5;  // steps without half of the map, where it is small enough
@@ -36,17 +37,24 @@ Matrix3 SpringSlope(const Vector3& pull, double friction) {
 }
 
 double ProximalPace::Stiffness(double residual, double speed) {
+  stiffness_ = std::min(stiffness_, limit_);
   if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kVelocityRounding * speed)));
   return stiffness_;
 }
 
-bool ProximalPace::Takes(double map, bool solved, bool refines) {
+bool ProximalPace::Takes(double map, bool solved, int newton_steps, bool refines) {
   const bool better = map < best_;
   stalled_ = map < (refines ? 0.5 * halved_ : best_) ? 0 : stalled_ + 1;
   if (stalled_ == 0) halved_ = map;
   if (better) best_ = map;
   const bool taken = solved || better;
-  stiffness_ = taken ? std::min(kMost, kPace * stiffness_) : stiffness_ / kPace;
+  if (taken) {
+    if (newton_steps <= kEasy) stiffness_ *= kPace;
+    limit_ = std::min(kMost, kPace * limit_);
+  } else {
+    stiffness_ /= kPace;
+    limit_ = stiffness_;
+  }
   return taken;
 }
 

@@ -20,7 +20,8 @@ Vector3 SpringLaw(const Vector3& pull, double friction);
 // An element of its generalised derivative. The first column below the diagonal is what a normal pull does to friction.
 Matrix3 SpringSlope(const Vector3& pull, double friction);
 
-// Steps that gained make the springs stiffer, those that failed softer. They are never so stiff that what rounding leaves of velocities is a force that matters.
+// Steps that gained and were short make the springs stiffer, those that failed softer: what they may be then grows as fast again. They are
+// never so stiff that what rounding leaves of velocities is a force that matters.
 class ProximalPace {
  public:
   static constexpr int kMostNewtonSteps = 12;  // of one proximal step
@@ -29,16 +30,16 @@ class ProximalPace {
 
   // Of the next step, which is solved to `residual` among velocities of this size; speed 0: whatever rounding does.
   double Stiffness(double residual, double speed);
-  // Whether the impulses of a step are the centre of the next one. map: theirs [rms], solved: whether it was; refines: what was met is
-  // enough, and only halving it is a gain.
-  bool Takes(double map, bool solved, bool refines);
+  // Whether the impulses of a step are the centre of the next one. map: theirs [rms], newton_steps: what it took, solved: whether it
+  // was; refines: what was met is enough, and only halving it is a gain.
+  bool Takes(double map, bool solved, int newton_steps, bool refines);
   // Whether another step may gain something.
   bool GoesOn(bool refines) const;
 
  private:
   static constexpr double kFirst = 30, kLeast = 1e-3, kMost = 1e6;
 
-  double stiffness_ = kFirst;
+  double stiffness_ = kFirst, limit_ = kMost;
   double best_, halved_;  // natural maps: the least, and that of the last step that was a gain
   int stalled_ = 0;       // steps since then
 };

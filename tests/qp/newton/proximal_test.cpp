@@ -34,29 +34,33 @@ TEST(Proximal, SlopeIsThatOfTheLaw) {
   EXPECT_EQ(qp::SpringSlope({2, 0, 0}, 0), Matrix3(Vector3::UnitX().asDiagonal()));
 }
 
-TEST(Proximal, SpringsAreStifferAfterStepsThatGainedAndSofterAfterOneThatFailed) {
+TEST(Proximal, SpringsAreStifferAfterEasyStepsAndSofterForAWhileAfterOneThatFailed) {
   qp::ProximalPace pace({1, 1});
   const double first = pace.Stiffness(1, 0);
-  EXPECT_TRUE(pace.Takes(0.1, true, false));
+  EXPECT_TRUE(pace.Takes(0.1, true, 1, false));
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), 5 * first);
-  EXPECT_FALSE(pace.Takes(1, false, false));
+  EXPECT_TRUE(pace.Takes(0.05, true, 10, false));  // not easy
+  EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), 5 * first);
+  EXPECT_FALSE(pace.Takes(1, false, 1, false));
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), first);
-  EXPECT_FALSE(pace.Takes(1, false, false));
+  EXPECT_FALSE(pace.Takes(1, false, 1, false));
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), first / 5);
-  EXPECT_TRUE(pace.Takes(0.04, true, false));
+  EXPECT_TRUE(pace.Takes(0.04, true, 1, false));
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), first);
-  EXPECT_TRUE(pace.Takes(0.02, false, false));  // better, if not solved
+  EXPECT_TRUE(pace.Takes(0.03, true, 10, false));  // not easy
+  EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), first);
+  EXPECT_TRUE(pace.Takes(0.02, false, 1, false));  // better, if not solved
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), 5 * first);
 }
 
 TEST(Proximal, SpringsHaveBounds) {
   qp::ProximalPace pace({1, 1});
   double map = 1;
-  for (int step = 0; step < 10; ++step) pace.Takes(map *= 0.1, true, false);
+  for (int step = 0; step < 10; ++step) pace.Takes(map *= 0.1, true, 1, false);
   EXPECT_DOUBLE_EQ(pace.Stiffness(1, 0), 1e6);
   qp::ProximalPace soft({1, 1});
   int failures = 0;
-  while (soft.GoesOn(false)) soft.Takes(1, false, false), ++failures;
+  while (soft.GoesOn(false)) soft.Takes(1, false, 12, false), ++failures;
   EXPECT_EQ(failures, 7);  // 4e-4
 }
 
@@ -71,14 +75,14 @@ TEST(Proximal, GivesUpWhatGainsNothing) {
   for (const bool refines : {false, true}) {
     qp::ProximalPace pace({1, 1});
     int steps = 0;
-    while (pace.GoesOn(refines) && steps < 100) pace.Takes(refines ? 0.9 : 1.0, true, refines), ++steps;
+    while (pace.GoesOn(refines) && steps < 100) pace.Takes(refines ? 0.9 : 1.0, true, 1, refines), ++steps;
     EXPECT_EQ(steps, refines ? 5 : 20);
   }
   qp::ProximalPace slow({1, 1});  // a fifth a step is half in four
   double map = 1;
   for (int step = 0; step < 50; ++step) {
     ASSERT_TRUE(slow.GoesOn(true)) << step;
-    slow.Takes(map *= 0.8, true, true);
+    slow.Takes(map *= 0.8, true, 1, true);
   }
 }
 
