@@ -32,14 +32,15 @@ double Opening(const Course& a, const Course& b, const Contact& contact) {
   return contact.normal_W.dot(b.MeanVelocity(contact.point_W) - a.MeanVelocity(contact.point_W));
 }
 
-// The contact with that normal.
+// The contact with that normal, its point on it between both axes.
 Contact Between(const Course& a, const Course& b, double size, Contact contact, const Vector3& normal_W) {
   contact.normal_W = normal_W.normalized();
   FaceAxes(a.middle.position_W, a.axis_W, b.middle.position_W, b.axis_W, size, &contact);
   return contact;
 }
 
-// The same between two axes, by Newton's method.
+// Turns the normal between two axes to where mean velocities open the contact as fast as its gap changes: Newton's method, in both
+// directions, since the points on the axes move on with it. No farther than the normal turned in the piece.
 void RollBetween(const Course& a, const Course& b, double opening, double turn, double size, Contact* contact) {
   for (int round = 0; round < kRollRounds && turn > 0; ++round) {
     const double off = opening - Opening(a, b, *contact);
