@@ -26,6 +26,12 @@ Matrix3 ContactFrame(const Vector3& normal_W) {
   return frame;
 }
 
+void ApplyImpulse(const Contact& contact, const Vector3& impulse_W, std::span<Body> bodies) {
+  Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
+  if (a.Moves()) a.ApplyImpulse(-impulse_W, contact.point_W);
+  if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
+}
+
 Vector3 RelativeVelocity(const Contact& contact, const Body& a, const Body& b) {
   return b.VelocityAt(contact.point_W) - a.VelocityAt(contact.point_W) + SurfaceSlip(contact);
 }

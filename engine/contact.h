@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <tuple>
 
 #include "engine/body.h"
@@ -80,6 +81,9 @@ inline Vector3 MixSurfaces(const Body& a, const Body& b) {
 
 // [m/s] of b relative to a at the contact point, W, with their surfaces.
 Vector3 RelativeVelocity(const Contact& contact, const Body& a, const Body& b);
+
+// Gives the two bodies of a contact its impulse [N s] on body_b at its point, as far as they move.
+void ApplyImpulse(const Contact& contact, const Vector3& impulse_W, std::span<Body> bodies);
 
 // [m/s] normal part of RelativeVelocity; < 0 while the bodies approach.                                  [SM04 Eq. 10]
 double NormalVelocity(const Contact& contact, const Body& a, const Body& b);

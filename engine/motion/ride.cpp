@@ -75,9 +75,7 @@ bool Ride::Find(double h, double pull, double floor, const Settings& settings, s
       contact.friction *= press / load;
       before_W_[k] = load * contact.normal_W;
       local_[k] = frames_[k].transpose() * before_W_[k];
-      Body &a = posed_[contact.body_a], &b = posed_[contact.body_b];
-      if (a.Moves()) a.ApplyImpulse(before_W_[k], contact.point_W);
-      if (b.Moves()) b.ApplyImpulse(-before_W_[k], contact.point_W);
+      ApplyImpulse(contact, -before_W_[k], posed_);
     }
     const ResponseOutcome outcome =
         responder->ResolveTargets(view, {held_, frames_}, targets_, settings, floor, posed_, local_);

@@ -124,12 +124,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
   Recall(*memory);
   Load(h);
   if (rides && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
-    for (size_t c = 0; c < start_.size(); ++c) {
-      const Vector3 kick = ride_.impulse_W(c);
-      Body &a = bodies_[start_[c].body_a], &b = bodies_[start_[c].body_b];
-      if (a.Moves()) a.ApplyImpulse(-kick, start_[c].point_W);
-      if (b.Moves()) b.ApplyImpulse(kick, start_[c].point_W);
-    }
+    for (size_t c = 0; c < start_.size(); ++c) ApplyImpulse(start_[c], ride_.impulse_W(c), bodies_);
     Load(h);
   } else {
     ride_.Clear();

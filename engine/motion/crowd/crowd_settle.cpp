@@ -95,10 +95,7 @@ void Crowd::Settle(StepReport* report) {
     carried -= beyond_W_[c];
     local_[c] = frames_[c].transpose() * carried;
     const Vector3 back = carried + ridden_W_[closed_[c]];
-    if (back.isZero(0)) continue;
-    Body &a = posed_[problem_[c].body_a], &b = posed_[problem_[c].body_b];
-    if (a.Moves()) a.ApplyImpulse(back, problem_[c].point_W);
-    if (b.Moves()) b.ApplyImpulse(-back, problem_[c].point_W);
+    if (!back.isZero(0)) ApplyImpulse(problem_[c], -back, posed_);
   }
   FindHits();
   blows_.assign(problem_.size(), Vector3::Zero());

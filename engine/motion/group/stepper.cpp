@@ -101,7 +101,7 @@ void Stepper::KickRiders(double sign) {
     posed_[i].position_W = state_[i].pose.position_W;
     posed_[i].rotation_WB = state_[i].pose.rotation_WB;
   }
-  for (size_t c = 0; c < now_.size(); ++c) ApplyTo(now_[c], sign * ride_.impulse_W(c), &posed_);
+  for (size_t c = 0; c < now_.size(); ++c) ApplyImpulse(now_[c], sign * ride_.impulse_W(c), posed_);
   for (size_t i = 0; i < posed_.size(); ++i) {
     state_[i].linear_W = posed_[i].linear_velocity_W;
     state_[i].angular_W = posed_[i].angular_velocity_W;

@@ -157,7 +157,6 @@ class Stepper {
   void Strike();
   void PoseAtEnd();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
-  static void ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies);
   static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
   double BendOf(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;

@@ -57,12 +57,6 @@ bool Stepper::WillHit(const Contact& contact, double opening) const {
   return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
 }
 
-void Stepper::ApplyTo(const Contact& contact, const Vector3& impulse_W, std::vector<Body>* bodies) {
-  Body &a = (*bodies)[contact.body_a], &b = (*bodies)[contact.body_b];
-  if (a.Moves()) a.ApplyImpulse(-impulse_W, contact.point_W);
-  if (b.Moves()) b.ApplyImpulse(impulse_W, contact.point_W);
-}
-
 // Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
 bool Stepper::Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
   const Vector3& n = contact.normal_W;
@@ -121,7 +115,7 @@ void Stepper::Settle() {
   if (settled) return;
   local_impulses_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
-    ApplyTo(problem_[c], -carried_W_[c], &posed_);
+    ApplyImpulse(problem_[c], -carried_W_[c], posed_);
     local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
   }
   targets_.resize(problem_.size());
@@ -136,7 +130,7 @@ void Stepper::Settle() {
 void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
   PoseAtEnd();
   for (size_t e = 0; e < end_.size(); ++e)
-    if (!impulses_W[e].isZero(0)) ApplyTo(end_[e], impulses_W[e], &posed_);
+    if (!impulses_W[e].isZero(0)) ApplyImpulse(end_[e], impulses_W[e], posed_);
   for (size_t i = 0; i < posed_.size(); ++i) {
     if (!posed_[i].Moves()) continue;
     end_state_[i].linear_W = posed_[i].linear_velocity_W;

@@ -145,7 +145,7 @@ double Stepper::LighterMass(const Contact& contact) const {
 bool Stepper::StillCarries(double h) {
   if (std::all_of(impulse_W_.begin(), impulse_W_.end(), [](const Vector3& j) { return j.isZero(0); })) return false;
   trial_ = posed_;
-  for (size_t c = 0; c < held_.size(); ++c) ApplyTo(held_[c], 0.5 * impulse_W_[c], &trial_);
+  for (size_t c = 0; c < held_.size(); ++c) ApplyImpulse(held_[c], 0.5 * impulse_W_[c], trial_);
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t c = 0; c < held_.size(); ++c) {
     const Vector3 u =

@@ -142,7 +142,7 @@ TEST(Ride, IsInSnapshots) {
   };
   for (int frame = 0; frame < 5; ++frame) drive(&world, frame);
   World other(Awake());
-  other.Restore(world.Save());
+  other.Restore(WorldSnapshot::FromBytes(world.Save().ToBytes()));
   for (World* w : {&world, &other}) drive(w, 5);
   EXPECT_EQ(world.StateHash(), other.StateHash());
 }
