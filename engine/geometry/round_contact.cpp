@@ -302,8 +302,8 @@ class Manifold {
     FindFigure(a_, n, &of_a);
     FindFigure(b_, -n, &of_b);
     if (of_a.IsSide() && of_b.IsSide()) {
-      AlongSides(of_a, of_b, 1);
-      AlongSides(of_b, of_a, -1);
+      AlongSides(of_a, of_b, true);
+      AlongSides(of_b, of_a, false);
     } else if (!of_a.corners.empty() && !of_b.corners.empty()) {
       Overlay(of_a, of_b);
     }
@@ -322,22 +322,41 @@ class Manifold {
     contacts_->push_back(MakeContact(point, n, gap, feature));
   }
 
-  // The ends of one long side beside the other, if they lie along each other: of a cylinder, where the other passes the plane of its end.
-  void AlongSides(const Figure& ends, const Figure& side, double sign) {
+  // Where along a side, as a share of it, an end of the other passes: of a cylinder the plane of its end.
+  static double PlaceAlong(const Figure& ends, size_t k, const Figure& side) {
+    const Vector3 way = side.core[1] - side.core[0], own = ends.core[1] - ends.core[0];
+    const Vector3& across = ends.blunt ? own : way;
+    return (ends.core[k] - side.core[0]).dot(across) / way.dot(across);
+  }
+  static bool IsBeside(double place) { return place >= 0 && place <= 1; }
+
+  // The ends of one long side beside the other, if they lie along each other. Where both end together there is one contact, which keeps its
+  // name whatever end is the inner one; tilted in their plane, neither may be beside the other.
+  void AlongSides(const Figure& ends, const Figure& side, bool of_a) {
     const Vector3 way = side.core[1] - side.core[0], own = ends.core[1] - ends.core[0];
     if (own.cross(way).norm() > kLevel * own.norm() * way.norm()) return;
     const Vector3& across = ends.blunt ? own : way;
-    for (std::uint32_t k = 0; k < 2; ++k) {
+    const double sign = of_a ? 1 : -1;
+    for (size_t k = 0; k < 2; ++k) {
       const Vector3& end = ends.core[k];
-      const double along = (end - side.core[0]).dot(across) / way.dot(across);
-      if (along < 0 || along > 1) continue;
-      const Vector3 on_core = side.core[0] + along * way, between = sign * (on_core - end);
+      const double place = PlaceAlong(ends, k, side);
+      const size_t other = place > 0.5;
+      const double apart_along = std::abs(way.normalized().dot(end - side.core[other]));
+      const bool together = apart_along <= kLevel * (ends.girth + side.girth),
+                 other_beside = together && IsBeside(PlaceAlong(side, other, ends));
+      if (IsBeside(place) ? !of_a && other_beside : !of_a || !together || other_beside) continue;
+      const Vector3 on_core = side.core[0] + std::clamp(place, 0.0, 1.0) * way;
+      Vector3 between = sign * (on_core - end);
+      if (ends.blunt || side.blunt) between -= across.dot(between) / across.squaredNorm() * across;
       if (between.dot(nearest_.normal) <= kNegligible * size_) continue;
-      const double apart = between.norm(), gap = apart - ends.girth - side.girth;
+      const double apart = between.norm();
+      double gap = apart - ends.girth - side.girth;
+      if (!IsBeside(place)) gap = std::max(gap, nearest_.gap);
       if (gap < nearest_.gap - kNegligible * size_) continue;  // deeper than the separation: beside what they share
       const Vector3 n = between / apart, own_surface = end + sign * ends.girth * n,
                     surface = on_core - sign * side.girth * n;
-      Add(1 + (sign > 0 ? 0 : 2) + k, sign > 0 ? own_surface : surface, sign > 0 ? surface : own_surface, n, gap);
+      const size_t name = of_a ? 1 + k : together ? 1 + other : 3 + k;
+      Add(static_cast<std::uint32_t>(name), of_a ? own_surface : surface, of_a ? surface : own_surface, n, gap);
     }
   }
 

@@ -11,8 +11,18 @@ namespace {
 
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
+constexpr double kBeside = 0.3;  // sine between axes, or straight sides: such lie beside each other, others cross
 constexpr int kRollRounds = 3;   // of Newton's method
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
+
+// Whether two axes do (zero: there is none).
+bool LieBeside(const Vector3& a, const Vector3& b) {
+  return !a.isZero(0) && !b.isZero(0) && a.cross(b).norm() < kBeside;
+}
+
+Vector3 MeanAxis(const Vector3& a, const Vector3& b) {
+  return (a.dot(b) < 0 ? Vector3(a - b) : Vector3(a + b)).normalized();
+}
 
 bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
 
@@ -33,25 +43,25 @@ double Opening(const Course& a, const Course& b, const Contact& contact) {
 }
 
 // The contact with that normal, its point on it between both axes.
-Contact Between(const Course& a, const Course& b, double size, Contact contact, const Vector3& normal_W) {
+Contact Between(const Course& a, const Course& b, Contact contact, const Vector3& normal_W) {
   contact.normal_W = normal_W.normalized();
-  FaceAxes(a.middle.position_W, a.axis_W, b.middle.position_W, b.axis_W, size, &contact);
+  FaceAxes(a.middle.position_W, a.axis_W, b.middle.position_W, b.axis_W, &contact);
   return contact;
 }
 
 // Turns the normal between two axes to where mean velocities open the contact as fast as its gap changes: Newton's method, in both
 // directions, since the points on the axes move on with it. No farther than the normal turned in the piece.
-void RollBetween(const Course& a, const Course& b, double opening, double turn, double size, Contact* contact) {
+void RollBetween(const Course& a, const Course& b, double opening, double turn, Contact* contact) {
   for (int round = 0; round < kRollRounds && turn > 0; ++round) {
     const double off = opening - Opening(a, b, *contact);
     const Matrix3 frame = ContactFrame(contact->normal_W);
     Vector3 slope = Vector3::Zero();
     for (int k = 1; k < 3; ++k) {
-      const Contact turned = Between(a, b, size, *contact, contact->normal_W + kTilts * turn * frame.col(k));
+      const Contact turned = Between(a, b, *contact, contact->normal_W + kTilts * turn * frame.col(k));
       slope += (Opening(a, b, turned) - Opening(a, b, *contact)) / (kTilts * turn) * frame.col(k);
     }
     if (std::abs(off) >= turn * slope.norm()) return;
-    *contact = Between(a, b, size, *contact, contact->normal_W + off / slope.squaredNorm() * slope);
+    *contact = Between(a, b, *contact, contact->normal_W + off / slope.squaredNorm() * slope);
   }
 }
 
@@ -117,12 +127,18 @@ Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W) {
     return (round ? by_radius : by_mass) * Matrix3::Identity();
   const Matrix3 frame = ContactFrame(normal_W);
   const double least = kExact / std::min(a.radius, b.radius);  // a curvature that decides where there is no other
-  const auto curvature = [&](const Side& side, double share) -> Eigen::Matrix2d {
-    const Eigen::Vector2d straight = (frame.rightCols<2>().transpose() * side.straight_W).normalized();
-    const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
-    return share * least * one + 1 / side.radius * (one - straight * straight.transpose());
+  const auto flat = [&](const Vector3& straight_W) -> Eigen::Vector2d {
+    return (frame.rightCols<2>().transpose() * straight_W).normalized();
   };
-  const Eigen::Matrix2d of_a = curvature(a, by_mass), of_b = curvature(b, 1 - by_mass);
+  Eigen::Vector2d straight_a = flat(a.straight_W), straight_b = flat(b.straight_W);
+  // Where sides that are all but parallel cross is no place of theirs.
+  if (LieBeside(a.straight_W, b.straight_W)) straight_a = straight_b = flat(MeanAxis(a.straight_W, b.straight_W));
+  const auto curvature = [&](double radius, const Eigen::Vector2d& straight, double share) -> Eigen::Matrix2d {
+    const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
+    return share * least * one + 1 / radius * (one - straight * straight.transpose());
+  };
+  const Eigen::Matrix2d of_a = curvature(a.radius, straight_a, by_mass),
+                        of_b = curvature(b.radius, straight_b, 1 - by_mass);
   Matrix3 share = Matrix3::Zero();
   share(0, 0) = by_radius;
   share.bottomRightCorner<2, 2>() = of_a * (of_a + of_b).inverse();
@@ -164,19 +180,32 @@ bool FacesAxis(const Shape& shape, const Pose& pose, const Contact& contact) {
 }
 
 void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
-              double size, Contact* contact) {
-  const Vector3 across_a = contact->normal_W.cross(axis_a).normalized(),
-                across_b = contact->normal_W.cross(axis_b).normalized();
+              Contact* contact) {
+  const Vector3& n = contact->normal_W;
+  const Vector3 across_a = n.cross(axis_a).normalized(), across_b = n.cross(axis_b).normalized();
   const double off_a = (contact->point_W - centre_a).dot(across_a), off_b = (contact->point_W - centre_b).dot(across_b);
   Vector3 off = off_a * across_a + off_b * across_b;
-  if (!across_a.isZero(0) && !across_b.isZero(0)) {
+  if (LieBeside(axis_a, axis_b)) {
+    off *= 0.5;
+  } else if (!axis_a.isZero(0) && !axis_b.isZero(0)) {
     const double cosine = across_a.dot(across_b), square = 1 - cosine * cosine;
-    const Vector3 to_both = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
-    // The normal may miss one or the other of axes that are all but parallel: nothing but a place far away is on both.
-    const double most = kFarthestLever * size + 10 * (std::abs(off_a) + std::abs(off_b));
-    off = to_both.norm() < most ? to_both : Vector3(0.5 * off);
+    off = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
   }
   contact->point_W -= off;
+}
+
+void TurnToAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
+                Contact* contact) {
+  if (LieBeside(axis_a, axis_b)) {
+    const auto beside = [&](const Vector3& centre, const Vector3& axis) -> Vector3 {
+      return centre + axis.dot(contact->point_W - centre) * axis;
+    };
+    const Vector3 on_a = beside(centre_a, axis_a), mean = MeanAxis(axis_a, axis_b);
+    Vector3 between = beside(centre_b, axis_b) - on_a;
+    between -= mean.dot(between) * mean;
+    if (contact->normal_W.dot(between) > kStands * between.norm()) contact->normal_W = between.normalized();
+  }
+  FaceAxes(centre_a, axis_a, centre_b, axis_b, contact);
 }
 
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) {
@@ -194,7 +223,8 @@ void TurnLever(double opening, double turn, const Course& a, const Course& b, do
   const Vector3& n = contact->normal_W;
   const double off = opening - n.dot(b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W));
   if (a.sphere || b.sphere) return RollLever(a.sphere ? a : b, a, b, off, turn, contact);
-  if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0)) return RollBetween(a, b, opening, turn, size, contact);
+  if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W))
+    return RollBetween(a, b, opening, turn, contact);
   const Vector3 spin = b.mean_spin_W - a.mean_spin_W;
   Vector3 along = n.cross(spin);
   for (const Vector3& axis : {a.axis_W, b.axis_W}) {

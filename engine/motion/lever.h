@@ -69,9 +69,12 @@ Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
 bool FacesAxis(const Shape& shape, const Pose& pose, const Contact& contact);
 
 // Moves the contact's point in its plane to where the normal passes through the axes of both bodies (zero: there is none): a normal
-// impulse must not spin what is round about its own axis. size: [m] of the smaller body.
+// impulse must not spin what is round about its own axis. Where axes lie beside each other it passes as near to one as to the other.
 void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
-              double size, Contact* contact);
+              Contact* contact);
+// The same, and where axes lie beside each other the normal turns to where it passes through both.
+void TurnToAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
+                Contact* contact);
 
 // Of the points at which a contact begins and ends, the one on the arc about the body's axis halfway.
 Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W);

@@ -33,7 +33,8 @@ void Crowd::Fly() {
     if (impulse_W_[c].isZero(0)) continue;
     Contact acts = held_[c];
     acts.point_W = acted_at_[c];
-    Face(held_of_[c], middle_[a].position_W, middle_[b].position_W, &acts);
+    FaceAxes(middle_[a].position_W, AxisOf(a, held_of_[c].faces_a), middle_[b].position_W,
+             AxisOf(b, held_of_[c].faces_b), &acts);
     acted_at_[c] = acts.point_W;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
@@ -111,8 +112,7 @@ Vector3 Crowd::AxisOf(int i, bool faces) const {
 
 void Crowd::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {
   if (!held.faces_a && !held.faces_b) return;
-  FaceAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b),
-           Size(*contact), contact);
+  TurnToAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b), contact);
 }
 
 }  // namespace islet::motion

@@ -86,7 +86,8 @@ void Stepper::Fly(double h) {
     const int a = contact.body_a, b = contact.body_b;
     Contact acts = contact;
     acts.point_W += CentreHalfway(contact) - held_of_[c].centre;  // it moves along
-    Face(held_of_[c], middle_[a].position_W, middle_[b].position_W, &acts);
+    FaceAxes(middle_[a].position_W, AxisOf(a, held_of_[c].faces_a), middle_[b].position_W,
+             AxisOf(b, held_of_[c].faces_b), &acts);
     acted_at_[c] = acts.point_W;
     spin_gain_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     spin_gain_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
@@ -170,8 +171,7 @@ Vector3 Stepper::AxisOf(int i, bool faces) const {
 
 void Stepper::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {
   if (!held.faces_a && !held.faces_b) return;
-  FaceAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b),
-           Size(group_->pairs[held.pair]), contact);
+  TurnToAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b), contact);
 }
 
 // Of what the two bodies of a contact do, what the contact does.
