@@ -47,8 +47,9 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
   const double slack = EdgeSlack(input.size);
   if (least <= axis.separation + slack) return;
   if (axis.separation <= 0) {
-    // What lies over the face carries the load; if nothing there touches, the deepest corner has to.
-    if (least > slack) clip.AppendCorners(input, axis.separation + slack, contacts);
+    // What lies over the face carries the load; if nothing there touches, the deepest corner has to: one beside the face, if there is any.
+    if (least > slack && !clip.AppendCornersBeside(input, axis.separation + slack, TouchSlack(input.size), contacts))
+      clip.AppendCorners(input, axis.separation + slack, contacts);
     return;
   }
   const double limit = std::max(input.reach, TouchSlack(input.size));

@@ -78,11 +78,11 @@ void Crowd::Select() {
       const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
       return contact.point_W + ahead(body) + 0.5 * ArmChange(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward);
     };
-    centre_.push_back(Shared(contact, a.position_W + ahead(a), b.position_W + ahead(b)));
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
     held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
     Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
+    centre_.push_back(Shared(held_.back(), a.position_W + ahead(a), b.position_W + ahead(b)));
   }
 }
 

@@ -99,6 +99,7 @@ class Stepper {
   bool WasHeld(size_t at_end) const;
   bool Presses(int pair) const;
   bool Touches(int pair) const;
+  double ClosedGap(int pair) const;
   double GapBefore(int pair) const;
   double PushOut(int pair) const;
   double FreshOverlap() const;

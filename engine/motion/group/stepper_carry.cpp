@@ -23,7 +23,7 @@ void Stepper::Hold(int pair, const Contact& contact, double target, const Vector
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
   held_.back().surface_W += WallSlip(contact, group_->bodies, off_, ways_);
-  held_of_.push_back({pair, Shared(contact, CentreAhead(a, h), CentreAhead(b, h)), target, target, contact.surface_W,
+  held_of_.push_back({pair, Vector3::Zero(), target, target, contact.surface_W,
                       FacesAxis(*group_->shapes[a], state_[a].pose, contact),
                       FacesAxis(*group_->shapes[b], state_[b].pose, contact)});
   impulse_W_.push_back(impulse_W);
@@ -56,7 +56,7 @@ void Stepper::SelectHeld(double h) {
       continue;
     }
     const Vector3 guess = h * force_W_[c];
-    if (contact.gap > kExact * Size(pair) && guess.isZero(0)) continue;
+    if (guess.isZero(0) && contact.gap > ClosedGap(now_pair_[c])) continue;
     closed_[c] = true;
     const double yields = yields_[now_pair_[c]];
     const double gap =
@@ -116,9 +116,11 @@ void Stepper::Carry(double h, bool first) {
     posed_[i].position_W = pose.position_W;
     posed_[i].rotation_WB = pose.rotation_WB;
   });
-  if (first)  // what later passes pose faces them already
-    for (size_t c = 0; c < held_.size(); ++c)
-      Face(held_of_[c], posed_[held_[c].body_a].position_W, posed_[held_[c].body_b].position_W, &held_[c]);
+  for (size_t c = 0; c < held_.size() && first; ++c) {  // what later passes pose faces them already
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    Face(held_of_[c], posed_[a].position_W, posed_[b].position_W, &held_[c]);
+    held_of_[c].centre = Shared(held_[c], CentreAhead(a, h), CentreAhead(b, h));
+  }
   problem_ = held_;
   targets_.resize(held_.size());
   local_impulses_.resize(held_.size());

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "qp/smallness.h"
+
 namespace islet::motion {
 namespace {
 
@@ -88,6 +90,15 @@ bool Stepper::Touches(int pair) const {
   for (size_t c = 0; c < now_.size(); ++c)
     if (now_pair_[c] == pair && now_[c].gap <= settings_.overlap_tolerance * Size(group_->pairs[pair])) return true;
   return false;
+}
+
+// [m] of a pair's contacts: at what gap one is closed as the piece begins. Where another is, or pressed, so is all that is as near as gaps
+// meet their end: a bar that lies down at one of its ends, and not at the other, tilts.
+double Stepper::ClosedGap(int pair) const {
+  const double size = Size(group_->pairs[pair]);
+  for (size_t c = 0; c < now_.size(); ++c)
+    if (now_pair_[c] == pair && (now_[c].gap <= kExact * size || !force_W_[c].isZero(0))) return kTouching * size;
+  return kExact * size;
 }
 
 // [m] <= 0: overlap as the piece begins.

@@ -2,6 +2,7 @@
 // that shares nothing with the engine but the shapes' numbers.
 #include "engine/geometry/round_contact.h"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -151,6 +152,29 @@ TEST(RoundContact, EndsOfSidesAreNoDeeperThanTheSeparation) {
   ASSERT_FALSE(contacts.empty());
   Random random(5);
   EXPECT_NEAR(LeastGap(contacts), LargestSeparation(a, at_a, b, at_b, &random), 1e-7);
+}
+
+// Bars side by side that end together touch at both ends, which keep their names whichever way they tilt.
+TEST(RoundContact, FlushBarsTouchAtBothEnds) {
+  const Shape bars[] = {Shape::Cylinder(0.2, 0.3), Shape::Capsule(0.2, 0.3)};
+  for (const Shape& a : bars) {
+    for (const Shape& b : bars) {
+      for (const double angle : {0.0, 1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-4, -1e-4}) {
+        for (const Vector3& axis : {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(1, 1, 0)}) {
+          const Placement at_b{{0, 0.4, 0}, Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()};
+          std::vector<Contact> contacts;
+          CollideShapes(a, {Vector3::Zero(), Matrix3::Identity()}, b, at_b, 0.01, &contacts);
+          for (const std::uint32_t name : {1u, 2u}) {  // where the nearest points are none of these they come as well
+            const auto end =
+                std::find_if(contacts.begin(), contacts.end(), [&](const Contact& c) { return c.feature == name; });
+            ASSERT_NE(end, contacts.end()) << angle << name;
+            EXPECT_NEAR(end->point_W.z(), name == 1 ? -0.3 : 0.3, 1e-4) << angle;
+          }
+          EXPECT_TRUE(contacts.size() == 2 || std::abs(angle) > 1e-5) << angle;
+        }
+      }
+    }
+  }
 }
 
 TEST(RoundContact, GapIsTheLargestSeparation) {
