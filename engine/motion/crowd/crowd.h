@@ -97,10 +97,11 @@ class Crowd {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> before;          // of an island's bodies
+    std::vector<Twist> before, held;    // of an island's bodies: before anything is solved, and before blows
     std::vector<Vector3> guess;         // of its contacts
     std::vector<int> parents;           // of its bodies: of those that impulses join
-    std::vector<double> gains, works;   // [J] of these, at the first of them
+    std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
+    std::vector<double> most, least;    // of these: what share of their blows energy allows, and what keeps them apart
     std::vector<std::uint8_t> gaining;  // per body of the island
   };
 
@@ -194,6 +195,8 @@ class Crowd {
   void FindHits();
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
+  bool Soften(int island, Worker* worker);
+  double ClosingWay(const Contact& contact) const;
   double SpeedOfMoment(const Contact& contact, double start, double end) const;
 
   // crowd_freezing.cpp

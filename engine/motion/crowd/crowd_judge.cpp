@@ -183,11 +183,75 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   bool any = false;
   worker->gaining.assign(bodies.size(), 0);
   for (size_t k = 0; k < bodies.size(); ++k) {
-    const int part = parts.Find(static_cast<int>(k));
-    worker->gaining[k] = worker->gains[part] + std::min(0.0, worker->works[part]) > 0;
+    const int part = worker->parents[k] = parts.Find(static_cast<int>(k));
+    if (part == static_cast<int>(k)) worker->gains[k] += std::min(0.0, worker->works[k]);
+    worker->gaining[k] = worker->gains[part] > 0;
     any = any || worker->gaining[k];
   }
   return any;
+}
+
+// Takes back of the blows of those who gain by them the least share that leaves no gain. Between the velocities before and after all of a
+// blow what it moves changes in proportion, so friction stays within its cones, and what closed is open from the share on that stops it.
+// Returns whether that is enough.
+bool Crowd::Soften(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const auto part_of = [&](int c) {
+    const int i = cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a;
+    return worker->parents[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()];
+  };
+  // Of the share d that is taken back: gain = gains - d slope + d^2 square.
+  std::vector<double>&slope = worker->most, &square = worker->least;
+  slope.assign(bodies.size(), 0.0);
+  square.assign(bodies.size(), 0.0);
+  const auto twist_at = [&](size_t k, double share) -> Twist {
+    const Twist &held = worker->held[k], now = TwistOf(posed_[bodies[k]]);
+    return {held.linear_W + share * (now.linear_W - held.linear_W),
+            held.angular_W + share * (now.angular_W - held.angular_W)};
+  };
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    if (!worker->gaining[k]) continue;
+    Body body = posed_[bodies[k]];
+    const double now = body.KineticEnergy();
+    SetTwist(worker->held[k], &body);
+    const double held = body.KineticEnergy();
+    const Twist after = TwistOf(posed_[bodies[k]]);
+    SetTwist({after.linear_W - worker->held[k].linear_W, after.angular_W - worker->held[k].angular_W}, &body);
+    const double change = body.KineticEnergy();
+    slope[worker->parents[k]] += now - held + change;
+    square[worker->parents[k]] += change;
+  }
+  for (const int c : contacts)
+    slope[part_of(c)] -= WorkOfWalls(problem_[c], problem_[c].point_W, frames_[c] * (blows_[c] + collisions_[c]), true);
+  for (size_t k = 0; k < bodies.size(); ++k) {
+    if (worker->parents[k] != static_cast<int>(k) || !worker->gaining[k]) continue;
+    const double root = slope[k] * slope[k] - 4 * square[k] * worker->gains[k];
+    if (!(slope[k] > 0) || root < 0) return false;
+    slope[k] = 1 - 2 * worker->gains[k] / (slope[k] + std::sqrt(root));
+  }
+  const auto velocity = [&](int c, double share) {
+    const auto of = [&](int i) -> Vector3 {
+      Body body = posed_[i];
+      if (!cut_[i])
+        SetTwist(twist_at(std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin(), share), &body);
+      return body.VelocityAt(problem_[c].point_W);
+    };
+    return problem_[c].normal_W.dot(of(problem_[c].body_b) - of(problem_[c].body_a));
+  };
+  const auto gains = [&](int c) { return worker->gains[part_of(c)] > 0; };
+  for (const int c : contacts) {
+    if (!gains(c)) continue;
+    const double share = worker->most[part_of(c)];
+    if (velocity(c, share) < std::min(0.0, velocity(c, 1)) - threshold_) return false;
+  }
+  for (const int c : contacts) {
+    if (!gains(c)) continue;
+    blows_[c] *= worker->most[part_of(c)];
+    collisions_[c] *= worker->most[part_of(c)];
+  }
+  for (size_t k = 0; k < bodies.size(); ++k)
+    if (worker->gaining[k]) SetTwist(twist_at(k, worker->most[worker->parents[k]]), &posed_[bodies[k]]);
+  return true;
 }
 
 }  // namespace islet::motion

@@ -36,7 +36,7 @@ void Crowd::FindHits() {
     if (cut_[a] || cut_[b]) {
       const Body& body = bodies_[cut_[a] ? b : a];
       const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
-      const double way = -dt_ * contact.normal_W.dot(mean_W_[b] - mean_W_[a]);
+      const double way = ClosingWay(contact) - 2 * settings_.overlap_tolerance * Size(contact);  // what gaps may miss
       least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
     }
     if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
@@ -145,7 +145,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
     Strike(island, worker);
     outcomes_[island].restitution_lowered = attempt > 1;
-    if (!MarkGains(island, worker)) break;
+    if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
     if (!rebounds) {
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
@@ -166,11 +166,19 @@ void Crowd::SettleIsland(int island, Worker* worker) {
          *worker);
 }
 
+// [m] by which the two bodies' points at a contact of the end came nearer to each other in the piece.
+double Crowd::ClosingWay(const Contact& contact) const {
+  const auto way = [&](int i) -> Vector3 {
+    const Pose end{bodies_[i].position_W, bodies_[i].rotation_WB};
+    return contact.point_W - Outside(i, begin_[i].pose, Inside(i, end, contact.point_W));
+  };
+  return contact.normal_W.dot(way(contact.body_a) - way(contact.body_b));
+}
+
 // [m/s] of an approach in the moment in which the contact closed, from those at the start and at the end of the piece: between them it
 // grows with time, as by weight.
 double Crowd::SpeedOfMoment(const Contact& contact, double start, double end) const {
-  const double way = -contact.normal_W.dot(mean_W_[contact.body_b] - mean_W_[contact.body_a]);  // [m/s] times the piece
-  const double speed = std::sqrt(std::max(0.0, start * start + 2 * (end - start) * way));
+  const double speed = std::sqrt(std::max(0.0, start * start + 2 * (end - start) * ClosingWay(contact) / dt_));
   return std::clamp(speed, std::min(start, end), std::max(start, end));
 }
 
@@ -187,6 +195,8 @@ void Crowd::Strike(int island, Worker* worker) {
   }
   outcomes_[island] =
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  worker->held.clear();
+  for (const int i : bodies) worker->held.push_back(TwistOf(posed_[i]));
   struck_[island] = {};
   if (worker->contacts.size() == contacts.size()) return;
   // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
