@@ -11,7 +11,9 @@ namespace islet::motion {
 namespace {
 
 constexpr int kAdvances = 200;  // of one pair
-constexpr int kTouches = 12;    // of them in a row without leaving: they touch
+constexpr int kTouches = 12;    // of them in a row near it, and not nearer than the one before: they touch
+constexpr double kNearer = 0.99;
+constexpr double kDips = 32;  // looks at most in a way along which one touches, for a corner that dips in and out
 constexpr double kInside =
     0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 
@@ -82,6 +84,7 @@ double Meeting::First(const MeetingQuery& query) {
   // Where bodies are round, looks are dear.
   const bool round = query.a->HasAxis() || query.b->HasAxis(),
              glances = round && HasSupport(*query.a) && HasSupport(*query.b);
+  double last = INFINITY;
   for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
     const double gap = GapAt(query, t, reach, &normal);
     if (gap >= kFar) return h;
@@ -90,7 +93,9 @@ double Meeting::First(const MeetingQuery& query) {
     if (t == 0 && gap < query.gap) floor = gap - query.deep;
     if (gap < floor + 0.5 * query.deep && t > 0) return t;
     const double closing = ClosingSpeed(query, t, normal);
-    touches = gap < query.gap + query.deep ? touches + 1 : 0;
+    if (gap >= query.gap + query.deep) touches = 0;
+    touches += gap < query.gap + query.deep && gap - floor > kNearer * (last - floor);
+    last = gap;
     if (closing <= 0) return h;
     const double seen = std::exchange(t, t + std::max(gap - floor, 0.0) / closing);
     if (glances) t = Glance(query, seen, t, gap, floor, normal);
@@ -131,12 +136,30 @@ bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
   return meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
 }
 
-// What touches and turns is looked at each time that it may have moved by half a size: nothing passes through in between.
+// [s] at least until a contact of the last look, at t, is at the floor: as fast as it goes now, since what turns bends away.
+double Meeting::Soonest(const MeetingQuery& query, double t, double floor) const {
+  const Pose at_a = query.path_a.At(t), at_b = query.path_b.At(t);
+  const auto velocity = [&](const Path& path, const Pose& at, const Vector3& point) -> Vector3 {
+    return path.VelocityAt(t) + path.RateAt(t).cross(point - at.position_W);
+  };
+  double soonest = INFINITY;
+  for (const Contact& c : contacts_) {
+    const double closing =
+        -c.normal_W.dot(velocity(query.path_b, at_b, c.point_W) - velocity(query.path_a, at_a, c.point_W));
+    if (closing > 0) soonest = std::min(soonest, (c.gap - floor) / closing);
+  }
+  return soonest;
+}
+
+// What touches and turns is looked at each time that it may have moved by half a size, so nothing passes through in between, and where one of
+// its corners may be at the floor.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
+  GapAt(query, t, kFar, &normal);
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);
-    const double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
+    double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
+    next = std::min(next, t + std::max(Soonest(query, t, floor), h / kDips));
     if (GapAt(query, next, kFar, &normal) < floor) {
       double low = t, high = next;
       for (int i = 0; i < kHalvings; ++i) {

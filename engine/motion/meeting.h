@@ -45,6 +45,7 @@ class Meeting {
 
  private:
   double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
+  double Soonest(const MeetingQuery& query, double t, double floor) const;
   double AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;
