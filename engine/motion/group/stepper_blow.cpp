@@ -161,10 +161,15 @@ bool Stepper::HitsEarlier() const {
   return false;
 }
 
+// Whether the pair is where it met, and nothing of it that hits is still on its way there.
 bool Stepper::HasMet(int pair) const {
-  for (size_t e = 0; e < end_.size(); ++e)
-    if (end_pair_[e] == pair && IsThere(e)) return true;
-  return false;
+  bool met = false;
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (end_pair_[e] != pair) continue;
+    if (!IsThere(e) && Hits(e)) return false;
+    met = met || IsThere(e);
+  }
+  return met;
 }
 
 // Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
