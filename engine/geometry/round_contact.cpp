@@ -12,8 +12,6 @@
 namespace islet {
 namespace {
 
-// Of a size: what separates by no more than this separates as well, and points as near have no direction between them.
-constexpr double kLevel = 0.3;  // sine: a face that is as far off the plane of contact, or a long side, may lie flat
 constexpr std::uint32_t kRimPoints = 8;  // of an end that stands flat, beside its lowest point
 
 // Whether a face whose normal has this cosine with the contact's lies flat, to kLevel.

@@ -13,6 +13,9 @@
 
 namespace islet {
 
+// Sine: a face that is as far off the plane of contact may lie flat, and two long sides as far off each other lie beside each other.
+inline constexpr double kLevel = 0.3;
+
 void CollideHalfSpaceRound(const Placement& half_space, const Shape& shape, const Placement& pose, double reach,
                            std::vector<Contact>* contacts);
 // One of the shapes at least is a capsule or cylinder; none is a half-space.

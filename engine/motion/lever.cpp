@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/round_contact.h"
 #include "engine/rotation.h"
 #include "qp/smallness.h"
 
@@ -11,13 +12,12 @@ namespace {
 
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
-constexpr double kBeside = 0.3;  // sine between axes, or straight sides: such lie beside each other, others cross
 constexpr int kRollRounds = 3;   // of Newton's method
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
-// Whether two axes do (zero: there is none).
+// Whether two axes lie beside each other (zero: there is none); others cross.
 bool LieBeside(const Vector3& a, const Vector3& b) {
-  return !a.isZero(0) && !b.isZero(0) && a.cross(b).norm() < kBeside;
+  return !a.isZero(0) && !b.isZero(0) && a.cross(b).norm() < kLevel;
 }
 
 Vector3 MeanAxis(const Vector3& a, const Vector3& b) {
@@ -185,11 +185,11 @@ void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& cen
   const Vector3 across_a = n.cross(axis_a).normalized(), across_b = n.cross(axis_b).normalized();
   const double off_a = (contact->point_W - centre_a).dot(across_a), off_b = (contact->point_W - centre_b).dot(across_b);
   Vector3 off = off_a * across_a + off_b * across_b;
-  if (LieBeside(axis_a, axis_b)) {
-    off *= 0.5;
-  } else if (!axis_a.isZero(0) && !axis_b.isZero(0)) {
+  if (!axis_a.isZero(0) && !axis_b.isZero(0)) {
     const double cosine = across_a.dot(across_b), square = 1 - cosine * cosine;
-    off = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
+    const Vector3 to_both = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
+    // Where axes are all but parallel only a place far away is on both.
+    off = kLevel * to_both.norm() < std::abs(off_a) + std::abs(off_b) ? to_both : Vector3(0.5 * off);
   }
   contact->point_W -= off;
 }

@@ -11,9 +11,7 @@ namespace islet::motion {
 namespace {
 
 constexpr int kAdvances = 200;  // of one pair
-constexpr int kTouches = 12;    // of them in a row near it, and not nearer than the one before: they touch
-constexpr double kNearer = 0.99;
-constexpr double kDips = 32;  // looks at most in a way along which one touches, for a corner that dips in and out
+constexpr int kTouches = 12;    // of them near it, and hardly nearer than the one before: they touch
 constexpr double kInside =
     0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 
@@ -94,7 +92,7 @@ double Meeting::First(const MeetingQuery& query) {
     if (gap < floor + 0.5 * query.deep && t > 0) return t;
     const double closing = ClosingSpeed(query, t, normal);
     if (gap >= query.gap + query.deep) touches = 0;
-    touches += gap < query.gap + query.deep && gap - floor > kNearer * (last - floor);
+    touches += gap < query.gap + query.deep && gap - floor > (1 - 1.0 / kAdvances) * (last - floor);
     last = gap;
     if (closing <= 0) return h;
     const double seen = std::exchange(t, t + std::max(gap - floor, 0.0) / closing);
@@ -159,7 +157,7 @@ double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, 
   for (int k = 0; t < h; ++k) {
     const double closing = ClosingSpeed(query, t, normal);
     double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
-    next = std::min(next, t + std::max(Soonest(query, t, floor), h / kDips));
+    next = std::min(next, t + std::max(Soonest(query, t, floor), h / kTouches));
     if (GapAt(query, next, kFar, &normal) < floor) {
       double low = t, high = next;
       for (int i = 0; i < kHalvings; ++i) {

@@ -190,7 +190,7 @@ double Stepper::FindCourse(double h) {
     for (size_t g = 0; g < guards_.size(); ++g) {
       const int pair = guard_of_[g].pair;
       const double target = ((1 - PushOut(pair)) * GapBefore(pair) - guard_of_[g].gap) / h;
-      Hold(pair, guards_[g], target, Vector3::Zero(), h);
+      Hold(pair, target, guard_of_[g].faces_a, guard_of_[g].faces_b, guards_[g], Vector3::Zero(), h);
     }
     Carry(h, true);
     Fly(h);

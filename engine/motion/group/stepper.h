@@ -53,6 +53,7 @@ class Stepper {
   struct Guarded {  // a pair that meets within the piece
     int pair;
     double gap;  // [m] where the piece begins
+    bool faces_a, faces_b;
   };
   struct State {  // of one body while the step is under way
     Pose pose;
@@ -109,7 +110,8 @@ class Stepper {
 
   // stepper_carry.cpp: what carries, and its impulses.
   void SelectHeld(double h);
-  void Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h);
+  void Hold(int pair, double target, bool faces_a, bool faces_b, const Contact& contact, const Vector3& impulse_W,
+            double h);
   void Carry(double h, bool first);
   bool StillCarries(double h);
   void NextTargets(double h);

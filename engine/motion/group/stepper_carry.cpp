@@ -18,14 +18,13 @@ constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in suc
 }  // namespace
 
 // A contact of the start of the piece, with the lever that it has halfway if its bodies go on as they do.
-void Stepper::Hold(int pair, const Contact& contact, double target, const Vector3& impulse_W, double h) {
+void Stepper::Hold(int pair, double target, bool faces_a, bool faces_b, const Contact& contact,
+                   const Vector3& impulse_W, double h) {
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
   held_.back().surface_W += WallSlip(contact, group_->bodies, off_, ways_);
-  held_of_.push_back({pair, Vector3::Zero(), target, target, contact.surface_W,
-                      FacesAxis(*group_->shapes[a], state_[a].pose, contact),
-                      FacesAxis(*group_->shapes[b], state_[b].pose, contact)});
+  held_of_.push_back({pair, Vector3::Zero(), target, target, contact.surface_W, faces_a, faces_b});
   impulse_W_.push_back(impulse_W);
 }
 
@@ -61,7 +60,9 @@ void Stepper::SelectHeld(double h) {
     const double yields = yields_[now_pair_[c]];
     const double gap =
         contact.gap > kTouching * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
-    Hold(now_pair_[c], contact, yields > 0 ? -yields : -gap / h, WithinCone(contact, guess), h);
+    Hold(now_pair_[c], yields > 0 ? -yields : -gap / h,
+         FacesAxis(*group_->shapes[pair.a], state_[pair.a].pose, contact),
+         FacesAxis(*group_->shapes[pair.b], state_[pair.b].pose, contact), contact, WithinCone(contact, guess), h);
   }
 }
 

@@ -117,9 +117,10 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
                   with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = group_->pairs[number].a;
     c.body_b = group_->pairs[number].b;
+    guard_of_.push_back(
+        {number, gap, FacesAxis(*group_->shapes[c.body_a], at_a, c), FacesAxis(*group_->shapes[c.body_b], at_b, c)});
     c.point_W = Shared(c, with_a, with_b);
     guards_.push_back(c);
-    guard_of_.push_back({number, gap});
     guarded_ = true;
   }
 }

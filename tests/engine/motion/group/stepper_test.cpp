@@ -533,6 +533,58 @@ TEST(Stepper, ElasticBallLeavesATurntableBesideBoxes) {
   }
 }
 
+// The corner of a box that spins by is in the floor for a part of the step alone, at neither of its ends: it rebounds as in fine steps.
+TEST(Stepper, CornersThatDipInAndOutAreMet) {
+  for (const double dt : {1.0 / 30, 1.0 / 60}) {
+    for (const double dip : {1e-3, 1e-4}) {
+      Vector3 velocity[2];
+      for (const int parts : {1, 16}) {
+        World world(Grouped(true));
+        world.Add(Floor(0, 1));
+        const double spin = 0.67 / dt, rise = 0.3, radius = 0.15 * std::sqrt(2.0);
+        BodyDefinition box{.shape = Shape::Box({0.15, 0.1, 0.15}), .mass = 1, .friction = 0, .restitution = 1};
+        box.position_W = {0, 0, radius - dip - 0.5 * rise * dt};
+        box.rotation_WB = testing::Turn(0.25 * M_PI - 0.5 * spin * dt, Vector3::UnitY());
+        box.linear_velocity_W = {0, 0, rise};
+        box.angular_velocity_W = {0, spin, 0};
+        world.Add(box);
+        StepClean(&world, dt / parts, parts);
+        velocity[parts > 1] = world.body(1).linear_velocity_W;
+      }
+      EXPECT_GT(velocity[1].z(), 0.5) << dt << " " << dip;
+      EXPECT_NEAR(velocity[0].z(), velocity[1].z(), 1e-3) << dt << " " << dip;
+    }
+  }
+}
+
+// An elastic box that tips over onto its face keeps its energy in the slap, at whatever moment of a step that comes, in small groups and, as far
+// as theirs goes, in crowds. There the edge that rests was taken for one that fell, and nothing rebounded.
+TEST(Stepper, SlapsKeepTheirEnergy) {
+  for (const bool crowd : {false, true}) {
+    for (const double dt : {1.0 / 30, 1.0 / 60}) {
+      for (int k = 0; k <= 40; ++k) {
+        World world(crowd ? testing::AsCrowd(Grouped()) : Grouped());
+        world.Add(Floor(0, 1));
+        const Quaternion tilt = testing::Turn(0.1 + 0.005 * k, Vector3::UnitY());
+        world.Add({.shape = Shape::Box({0.2, 0.15, 0.1}),
+                   .mass = 1,
+                   .position_W = {0, 0, -(tilt * Vector3(0.2, 0.15, -0.1)).z()},
+                   .rotation_WB = tilt,
+                   .friction = 0,
+                   .restitution = 1});
+        const double start = Energy(world) - 0.1 * kGravity;
+        bool slapped = false;
+        for (int i = 0; i < 0.4 / dt && !slapped; ++i) {
+          StepClean(&world, dt, 1);
+          slapped = world.body(1).angular_velocity_W.y() > 0 || world.body(1).linear_velocity_W.z() > 0;
+        }
+        EXPECT_TRUE(slapped) << crowd << dt << " " << k;
+        EXPECT_NEAR(Energy(world) - 0.1 * kGravity, start, (crowd ? 0.01 : 1e-3) * start) << crowd << dt << " " << k;
+      }
+    }
+  }
+}
+
 // A needle slides along a thin plate that tumbles: the way of what touches bends by more than both are thick. (Of 1,200 five change sides.)
 TEST(Stepper, NeedlesStayOnTheirSideOfATumblingPlate) {
   SplitMix64 random(6);
