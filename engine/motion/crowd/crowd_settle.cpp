@@ -150,7 +150,10 @@ void Crowd::SettleIsland(int island, Worker* worker) {
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
       for (size_t k = 0; k < contacts.size(); ++k)
-        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
+        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) {
+          take_back(k);
+          local_[contacts[k]] += frames_[contacts[k]].transpose() * ridden_W_[closed_[contacts[k]]];  // it stays theirs
+        }
       break;
     }
     for (const int c : contacts) {

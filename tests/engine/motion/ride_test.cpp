@@ -30,6 +30,22 @@ BodyDefinition Crate(double z, double restitution = 0) {
           .restitution = restitution};
 }
 
+// In steps of changing length all that bodies in a crowd get is told, also where they keep the velocities that carrying left.
+TEST(Ride, ShortStepsAfterLongOnesExplainTheirMomentum) {
+  World world(testing::AsCrowd(Awake()));
+  world.Add(
+      {.shape = Shape::Box({20, 1, 0.1}), .kind = BodyKind::kKinematic, .position_W = {0, 0, -0.1}, .friction = 0.5});
+  for (int k = 0; k < 3; ++k)
+    world.Add({.shape = Shape::Box({0.2, 0.2, 0.2}), .mass = 1, .position_W = {0, 0, 0.2 + 0.4 * k}, .friction = 0.5});
+  double t = 0;
+  for (int frame = 0; frame < 40; ++frame) {
+    const double dt = frame % 4 == 0 ? 1.0 / 240 : 1.0 / 30;
+    t += dt;
+    world.MoveTo(0, {0.5 * t * t, 0, -0.1 - 0.5 * t * t}, Quaternion::Identity(), dt);
+    EXPECT_FALSE(world.Step(dt).Failed()) << frame;
+  }
+}
+
 // A plate that speeds up by `share` of what friction can give, or slows down on its way up by that of gravity: crates on it and on each
 // other do not move against it. At half of that they once began to slip, and to hop, by a first order of the step.
 TEST(Ride, KeepsItsPlaceUpToTheLimit) {
