@@ -96,7 +96,7 @@ double Meeting::First(const MeetingQuery& query) {
     last = gap;
     if (closing <= 0) return h;
     const double seen = std::exchange(t, t + std::max(gap - floor, 0.0) / closing);
-    if (glances) t = Glance(query, seen, t, gap, floor, normal);
+    if (glances && gap >= query.gap + query.deep) t = Glance(query, seen, t, gap, floor, normal);
     if (t >= h) return h;
     reach = closing * (h - t) + 2 * query.deep;
   }
