@@ -196,14 +196,20 @@ void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& cen
 
 void TurnToAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
                 Contact* contact) {
+  const Vector3 &n = contact->normal_W, &p = contact->point_W;
   if (LieBeside(axis_a, axis_b)) {
-    const auto beside = [&](const Vector3& centre, const Vector3& axis) -> Vector3 {
-      return centre + axis.dot(contact->point_W - centre) * axis;
+    // Where the contact's line comes nearest to an axis: on it, in a contact as it is found.
+    const auto nearest = [&](const Vector3& centre, const Vector3& axis) -> Vector3 {
+      const Vector3 foot = centre + axis.dot(p - centre) * axis, across = n - axis.dot(n) * axis;
+      return foot + axis.dot(n) * across.dot(foot - p) / across.squaredNorm() * axis;
     };
-    const Vector3 on_a = beside(centre_a, axis_a), mean = MeanAxis(axis_a, axis_b);
-    Vector3 between = beside(centre_b, axis_b) - on_a;
-    between -= mean.dot(between) * mean;
-    if (contact->normal_W.dot(between) > kStands * between.norm()) contact->normal_W = between.normalized();
+    const Vector3 mean = MeanAxis(axis_a, axis_b), across = n - mean.dot(n) * mean;
+    if (across.norm() > kStands) {
+      Vector3 between = nearest(centre_b, axis_b) - nearest(centre_a, axis_a);
+      between -= mean.dot(between) * mean;
+      if (across.dot(between) > kStands * across.norm() * between.norm())
+        contact->normal_W = n - across + across.norm() * between.normalized();
+    }
   }
   FaceAxes(centre_a, axis_a, centre_b, axis_b, contact);
 }

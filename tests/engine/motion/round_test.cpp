@@ -318,6 +318,29 @@ TEST(Round, HeapsSettle) {
   }
 }
 
+// What lies in a heap of rods freezes as it comes to rest, whoever rolls on it: a contact at rest keeps the normal that it is found with.
+TEST(Round, CrowdsOfRodsFreeze) {
+  for (const bool capsules : {true, false}) {
+    Settings settings;
+    settings.threads = 1;
+    World world(settings);
+    world.Add(Floor(0.4));
+    testing::AddWalls(&world, 0.75, 0.8, 0.3);
+    for (int i = 0; i < 45; ++i) {
+      const double radius = 0.02 + 0.01 * (i * 7 % 10) / 9, length = radius * (1 + 2.4 * (i * 3 % 10) / 9);
+      world.Add({.shape = capsules ? Shape::Capsule(radius, length) : Shape::Cylinder(radius, length),
+                 .density = 700,
+                 .position_W = {0.24 * (i % 2) - 0.12, 0.24 * (i / 2 % 2) - 0.12, 0.2 + 0.36 * (i / 4)},
+                 .rotation_WB = Turn(1.1 * i, {1, 0.3 * (i % 5), 0.2 * (i % 7) - 0.6}),
+                 .friction = 0.4,
+                 .restitution = 0.2});
+    }
+    int frozen = 0;
+    for (int frame = 0; frame < 300; ++frame) frozen = world.Step(1.0 / 60).frozen;
+    EXPECT_GE(frozen, 30) << capsules;
+  }
+}
+
 // Coins that totter hit the floor and each other hundreds of times a second. Once they have cost more than their share they go with the
 // crowd, in one piece a step or a few.
 TEST(Round, CoinsThatTotterGoWithTheCrowd) {
