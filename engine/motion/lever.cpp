@@ -181,6 +181,7 @@ bool FacesAxis(const Shape& shape, const Pose& pose, const Contact& contact) {
 
 void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& centre_b, const Vector3& axis_b,
               Contact* contact) {
+  if (axis_a.isZero(0) && axis_b.isZero(0)) return;
   const Vector3& n = contact->normal_W;
   const Vector3 across_a = n.cross(axis_a).normalized(), across_b = n.cross(axis_b).normalized();
   const double off_a = (contact->point_W - centre_a).dot(across_a), off_b = (contact->point_W - centre_b).dot(across_b);

@@ -101,7 +101,7 @@ class Crowd {
     std::vector<Vector3> guess;         // of its contacts
     std::vector<int> parents;           // of its bodies: of those that impulses join
     std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
-    std::vector<double> most, least;    // of these: what share of their blows energy allows, and what keeps them apart
+    std::vector<double> share, square;  // of these: what is left of their blows; [J] what all of a blow has alone
     std::vector<std::uint8_t> gaining;  // per body of the island
   };
 

@@ -111,7 +111,6 @@ Vector3 Crowd::AxisOf(int i, bool faces) const {
 }
 
 void Crowd::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {
-  if (!held.faces_a && !held.faces_b) return;
   TurnToAxes(centre_a, AxisOf(contact->body_a, held.faces_a), centre_b, AxisOf(contact->body_b, held.faces_b), contact);
 }
 

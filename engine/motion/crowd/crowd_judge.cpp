@@ -200,8 +200,8 @@ bool Crowd::Soften(int island, Worker* worker) {
     const int i = cut_[problem_[c].body_a] ? problem_[c].body_b : problem_[c].body_a;
     return worker->parents[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()];
   };
-  // Of the share d that is taken back: gain = gains - d slope + d^2 square.
-  std::vector<double>&slope = worker->most, &square = worker->least;
+  // Of what is taken back, d = 1 - share: gain = gains - d slope + d^2 square. The share takes the place of the slope.
+  std::vector<double>&slope = worker->share, &square = worker->square;
   slope.assign(bodies.size(), 0.0);
   square.assign(bodies.size(), 0.0);
   const auto twist_at = [&](size_t k, double share) -> Twist {
@@ -212,11 +212,11 @@ bool Crowd::Soften(int island, Worker* worker) {
   for (size_t k = 0; k < bodies.size(); ++k) {
     if (!worker->gaining[k]) continue;
     Body body = posed_[bodies[k]];
+    const Twist &held_twist = worker->held[k], after = TwistOf(body);
     const double now = body.KineticEnergy();
-    SetTwist(worker->held[k], &body);
+    SetTwist(held_twist, &body);
     const double held = body.KineticEnergy();
-    const Twist after = TwistOf(posed_[bodies[k]]);
-    SetTwist({after.linear_W - worker->held[k].linear_W, after.angular_W - worker->held[k].angular_W}, &body);
+    SetTwist({after.linear_W - held_twist.linear_W, after.angular_W - held_twist.angular_W}, &body);
     const double change = body.KineticEnergy();
     slope[worker->parents[k]] += now - held + change;
     square[worker->parents[k]] += change;
@@ -241,16 +241,16 @@ bool Crowd::Soften(int island, Worker* worker) {
   const auto gains = [&](int c) { return worker->gains[part_of(c)] > 0; };
   for (const int c : contacts) {
     if (!gains(c)) continue;
-    const double share = worker->most[part_of(c)];
+    const double share = worker->share[part_of(c)];
     if (velocity(c, share) < std::min(0.0, velocity(c, 1)) - threshold_) return false;
   }
   for (const int c : contacts) {
     if (!gains(c)) continue;
-    blows_[c] *= worker->most[part_of(c)];
-    collisions_[c] *= worker->most[part_of(c)];
+    blows_[c] *= worker->share[part_of(c)];
+    collisions_[c] *= worker->share[part_of(c)];
   }
   for (size_t k = 0; k < bodies.size(); ++k)
-    if (worker->gaining[k]) SetTwist(twist_at(k, worker->most[worker->parents[k]]), &posed_[bodies[k]]);
+    if (worker->gaining[k]) SetTwist(twist_at(k, worker->share[worker->parents[k]]), &posed_[bodies[k]]);
   return true;
 }
 
