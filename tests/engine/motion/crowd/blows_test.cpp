@@ -98,6 +98,7 @@ TEST(CrowdBlows, CubeReboundsFromTilesAsOftenAsItFalls) {
         cube.shape = Shape::Box({0.1, 0.1, 0.1});
         const int b = world.Add(cube);
         for (int k = 0; k < 50; ++k) testing::Step(&world, kDt);  // one blow, or two
+        // The carrying impulses tilt a tile by some 1e-6 m under the cube: what gaps may miss is 2.5e-5 m of this fall.
         EXPECT_NEAR(Head(world.body(b), 0.3), 0.5, 1e-5);
         EXPECT_LT(world.body(b).angular_velocity_W.norm(), 1e-2);
       }
