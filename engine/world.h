@@ -102,7 +102,8 @@ class World {
   void Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB);
   // [m/s], [rad/s]. Wakes the body; throws for a fixed one.
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
-  void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);  // stays until changed; [N], [N m]
+  // [N], [N m]. They stay until changed. Of a body that is not dynamic they wait until it is.
+  void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);
   // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
   // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass of its definition. Wakes all bodies.

@@ -100,7 +100,11 @@ class StepReport:
     active_contacts: int
     awake: int
     frozen: int
-    bounces: int
+    woken: int  # bodies frozen before the step and not after it
+    newly_frozen: int  # the other way round
+    bounces: int  # of the queue of blows
+    restitution_lowered: int  # islands in which rebounds were lowered so that no energy is created
+    pieces: int  # into which the steps of small groups were cut, together
     penetration_max: float  # [m]
     kinetic_energy: float  # [J]
     energy_gain: float  # [J]
@@ -168,6 +172,7 @@ class World:
     # What is left out is the identity, or zero.
     def teleport(self, body: int, position: Vector, rotation: Vector = (0, 0, 0, 1)) -> None: ...
     def set_velocity(self, body: int, linear: Vector, angular: Vector = (0, 0, 0)) -> None: ...
+    # They stay until changed. Of a body that is not dynamic they wait until it is.
     def set_force(self, body: int, force: Vector, torque: Vector = (0, 0, 0)) -> None: ...
     # The same of many at once, a row each; all or, where one is bad, none.
     def set_velocities(self, bodies: Numbers, linear: Rows, angular: Optional[Rows] = None) -> None: ...

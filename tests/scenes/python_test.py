@@ -29,6 +29,7 @@ class PythonTest(unittest.TestCase):
         for _ in range(30):
             report = world.step(1 / 60)
             self.assertFalse(report.failed)
+            self.assertEqual(report.restitution_lowered, 0)
             self.assertTrue(report.ledger.clean)
         np.testing.assert_allclose(world.positions[1:, 2], [0.5, 1.5, 2.5], atol=1e-6)
         self.assertAlmostEqual(world.impulse_on(0)[2], -3 * 2 * 9.81 / 60, places=9)
