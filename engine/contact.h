@@ -36,6 +36,9 @@ inline double ReboundSpeed(const Contact& contact, double approach, double least
   return speed < least ? 0 : speed;
 }
 
+// [m/s] at which an open contact may close, and is closed after a time [s].
+inline double ClosingSpeed(const Contact& contact, double time) { return std::max(0.0, contact.gap) / time; }
+
 // Whether the rebound from an approach [m/s], below 0 if it opens, lasts longer than the step in which gravity adds free_fall
 // [m/s]. Nothing may slow it down before the blow, then.
 inline bool OutlastsStep(const Contact& contact, double approach, double free_fall) {

@@ -34,6 +34,7 @@ struct BounceRule {
   int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
   bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
   double least_rebound = 0;      // [m/s] a slower one is none
+  double time = INFINITY;        // [s] in which what is open may close
   double tie = 0;                // of the fastest: by how much approaches of a body that come at once may differ
 };
 
@@ -47,6 +48,7 @@ class SequentialResolver {
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
+  double KeyOf(int local_contact, const Contact& contact) const;
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
@@ -63,7 +65,7 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
-  double least_rebound_ = 0, tie_ = 0;
+  double least_rebound_ = 0, tie_ = 0, time_ = INFINITY;
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move

@@ -83,6 +83,23 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
   return press * contact.normal_W + share * friction;
 }
 
+Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vector3& velocity_W, double still) {
+  constexpr double kOnCone = 1 - 1e-3;
+  const Vector3& n = contact.normal_W;
+  const double press = n.dot(impulse_W);
+  const Vector3 friction = impulse_W - press * n, slip = velocity_W - n.dot(velocity_W) * n;
+  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press)
+    return impulse_W;
+  return press * n - contact.friction * press / slip.norm() * slip;
+}
+
+Vector3 TurnedWith(const Vector3& from_W, const Vector3& to_W, const Vector3& impulse_W) {
+  const double along = from_W.dot(to_W);
+  if (along <= 0) return impulse_W;
+  const Vector3 turn = from_W.cross(to_W), moved = turn.cross(impulse_W);
+  return impulse_W + moved + turn.cross(moved) / (1 + along);
+}
+
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far) {
   int found = -1;
@@ -143,6 +160,11 @@ Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W) {
   share(0, 0) = by_radius;
   share.bottomRightCorner<2, 2>() = of_a * (of_a + of_b).inverse();
   return frame * share * frame.transpose();
+}
+
+Vector3 NormalAhead(const Contact& contact, const Matrix3& share_of_a, const Vector3& turn_a, const Vector3& turn_b) {
+  const Vector3 by_a = turn_a.cross(contact.normal_W), by_b = turn_b.cross(contact.normal_W);
+  return (contact.normal_W + by_a - share_of_a * by_a + share_of_a * by_b).normalized();
 }
 
 void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std::span<const Contact> contacts,

@@ -32,6 +32,12 @@ Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB);
 
 // What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
+// The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
+// halfway, and what rubs has turned with it.
+// still: [m/s] below which nothing slides.
+Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vector3& velocity_W, double still);
+// The impulse of a contact whose normal turns from one direction to another.
+Vector3 TurnedWith(const Vector3& from_W, const Vector3& to_W, const Vector3& impulse_W);
 
 // Of a size: how far from where it is looked for a contact is found again.
 inline constexpr double kSamePlace = 1e-2;
@@ -63,6 +69,9 @@ Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, cons
 // not. Where neither is curved the lighter one has the more of it: where two that slide on each other take an impulse at one point, the lever
 // of one or the other is off, and a heavy body does not feel it.
 Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
+
+// The normal of a contact whose bodies turn on by what shows of their turn [rad]: it turns with either as far as the point goes with the other.
+Vector3 NormalAhead(const Contact& contact, const Matrix3& share_of_a, const Vector3& turn_a, const Vector3& turn_b);
 
 // Whether a contact's normal passes through the body's axis of symmetry, as on round sides and rims. Not of discs, and of what stands: there
 // the point runs around the rim with every tilt, and gaps need it where it is.

@@ -189,7 +189,7 @@ void IslandResponder::Finish(const IslandView& island, const Settings& settings,
 
 ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, const ContactFrames& contacts,
                                                    const Settings& settings, double speed_floor, double threshold,
-                                                   std::span<Body> bodies, std::span<Vector3> impulses) {
+                                                   std::span<Body> bodies, std::span<Vector3> impulses, double time) {
   ResponseOutcome outcome;
   touching_.clear();
   guess_.clear();
@@ -203,7 +203,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   outcome.contacts = static_cast<int>(touching_.size());
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
-    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
+    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold - ClosingSpeed(c, time);
   };
   // (The convex models would rub here, too.)
   const bool looks = settings.ladder.Has(qp::Rung::kNothing) || settings.model != Model::kCoulomb;
@@ -213,8 +213,11 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   gatherer_.Gather(bodies, contacts, touching.bodies, touching.contacts, &problem_);
   const double v_ref = std::max(speed_floor, ApproachVelocities(problem_, &free_));
   for (size_t c = 0; c < touching.contacts.size(); ++c) {
-    if (free_[c] < -threshold)
-      problem_.contacts[c].target = ReboundSpeed(contacts.contacts[touching.contacts[c]], -free_[c]);
+    const Contact& contact = contacts.contacts[touching.contacts[c]];
+    double& target = problem_.contacts[c].target;
+    const double closing = ClosingSpeed(contact, time);
+    if (free_[c] < -threshold - closing) target = ReboundSpeed(contact, -free_[c]);
+    if (target == 0) target = -closing;
   }
   Solve(settings, v_ref, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();

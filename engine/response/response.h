@@ -44,12 +44,13 @@ class IslandResponder {
  public:
   // How exact an island that moves has to be: see qp::Settings::speed_share.
   void SetSpeedShare(double share) { speed_share_ = share; }
-  // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide.
+  // speed_floor: [m/s] least v_ref, > 0; threshold: [m/s] contacts that approach slower do not collide; time: [s] in which what is open
+  // may close.
   // impulses: [N s] per contact of the world, (n, t1, t2); the island's are overwritten. What is found there is
   // taken for a guess.
   ResponseOutcome ResolveCollisions(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                     double speed_floor, double threshold, std::span<Body> bodies,
-                                    std::span<Vector3> impulses);
+                                    std::span<Vector3> impulses, double time = INFINITY);
   ResponseOutcome ResolveStatic(const IslandView& island, const ContactFrames& contacts, const Settings& settings,
                                 double speed_floor, double dt, std::span<Body> bodies, std::span<Vector3> impulses);
   // The contact problem with given least normal velocities [m/s], one per contact of the world.

@@ -70,13 +70,21 @@ void Crowd::Select() {
     // At the lever of halfway, as far as bodies move and turn on.
     held_of_.back().faces_a = FacesAxis(shapes_[contact.body_a], begin_[contact.body_a].pose, contact);
     held_of_.back().faces_b = FacesAxis(shapes_[contact.body_b], begin_[contact.body_b].pose, contact);
+    const auto turn = [&](const Body& body, int i) -> Vector3 {
+      return 0.5 * dt_ * VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W);
+    };
+    const Vector3 turn_a = turn(a, contact.body_a), turn_b = turn(b, contact.body_b);
+    held_.back().normal_W = NormalAhead(contact, Share(contact), turn_a, turn_b);
+    const Vector3 turns = held_.back().normal_W - contact.normal_W;
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
-      const Vector3 spin = VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W),
-                    arm = contact.point_W - body.position_W;
-      if (TurnsInItself(i)) return contact.point_W + ahead(body);
-      const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
-      return contact.point_W + ahead(body) + 0.5 * ArmChange(shapes_[i], body.rotation_WB, dt_ * spin, arm, outward);
+      const double out = i == contact.body_a ? 1 : -1;
+      const double radius = RoundRadius(shapes_[i], body.rotation_WB, contact.normal_W);
+      const Vector3 faces = std::isfinite(radius) ? Vector3(out * radius * turns) : Vector3::Zero();
+      if (TurnsInItself(i)) return contact.point_W + ahead(body) + faces;
+      return contact.point_W + ahead(body) + faces +
+             0.5 * ArmChange(shapes_[i], body.rotation_WB, 2 * (i == contact.body_a ? turn_a : turn_b),
+                             contact.point_W - body.position_W, out * contact.normal_W);
     };
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);

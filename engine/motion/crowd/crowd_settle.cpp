@@ -91,8 +91,10 @@ void Crowd::Settle(StepReport* report) {
   local_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
     Vector3& carried = carried_W_[closed_[c]];
-    beyond_W_[c] = carried - WithinCone(problem_[c], carried);
-    carried -= beyond_W_[c];
+    const Vector3 slip = RelativeVelocity(problem_[c], bodies_[problem_[c].body_a], bodies_[problem_[c].body_b]);
+    const Vector3 allowed = TurnedAlong(problem_[c], WithinCone(problem_[c], carried), slip, settings_.tolerance * floor_);
+    beyond_W_[c] = carried - allowed;
+    carried = allowed;
     local_[c] = frames_[c].transpose() * carried;
     const Vector3 back = carried + ridden_W_[closed_[c]];
     if (!back.isZero(0)) ApplyImpulse(problem_[c], -back, posed_);
@@ -211,7 +213,7 @@ void Crowd::Strike(int island, Worker* worker) {
       contact.restitution *= std::min(1.0, SpeedOfMoment(contact, approaches_[c], approach) / approach);
   }
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                                   {threshold_, settings_.bounce_limit, true, 0, kTie}, posed_, blows_);
+                                                   {threshold_, settings_.bounce_limit, true, 0, dt_, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
 }

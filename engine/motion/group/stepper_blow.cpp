@@ -17,18 +17,6 @@ constexpr double kTogether = 1e-4;
 // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
 constexpr double kRocks = 0.25;
 
-// The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
-// halfway, and what rubs has turned with it.
-Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still) {
-  constexpr double kOnCone = 1 - 1e-3;
-  const Vector3& n = contact.normal_W;
-  const double press = n.dot(impulse);
-  const Vector3 friction = impulse - press * n, slip = velocity - n.dot(velocity) * n;
-  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press)
-    return impulse;
-  return press * n - contact.friction * press / slip.norm() * slip;
-}
-
 }  // namespace
 
 // [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
@@ -196,13 +184,13 @@ void Stepper::Strike() {
     if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                                         {threshold_, settings_.bounce_limit, true, least_rebound}, posed_, bounces_);
+                                         {threshold_, settings_.bounce_limit, true, least_rebound, dt_}, posed_, bounces_);
     for (const int c : view.contacts) {
       const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
       if (ReboundSpeed(problem_[c], approach, least_rebound) == 0) problem_[c].restitution = 0;
     }
     out_->struck.push_back(
-        responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_));
+        responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_, dt_));
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }

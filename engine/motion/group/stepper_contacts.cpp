@@ -182,11 +182,12 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   return found >= 0 && closed_[found] && now_[found].normal_W.dot(end.normal_W) > 0 ? &now_[found] : nullptr;
 }
 
-// [N s] what a contact at the end held in the piece.
+// [N s] what a contact at the end held in the piece, along the normal that it has now.
 Vector3 Stepper::CarriedBy(size_t at_end) const {
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
-    if (follows_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
+    if (follows_[c] == static_cast<int>(at_end))
+      sum += TurnedWith(held_[c].normal_W, end_[at_end].normal_W, impulse_W_[c]);
   return sum;
 }
 
