@@ -25,8 +25,9 @@ void Crowd::FindHits() {
   approaches_.assign(problem_.size(), 0.0);
   pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
-    targets_[c] = -YieldOf(contact);
-    if (targets_[c] < 0 || !ridden_W_[closed_[c]].isZero(0)) return;
+    const bool pressed = !carried_W_[closed_[c]].isZero(0) || !ridden_W_[closed_[c]].isZero(0);
+    targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, dt_));
+    if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
@@ -215,7 +216,7 @@ void Crowd::Strike(int island, Worker* worker) {
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
                                                    {threshold_, settings_.bounce_limit, true, 0, dt_, kTie}, posed_, blows_);
   struck_[island] =
-      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
+      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_, dt_);
 }
 
 }  // namespace islet::motion
