@@ -81,12 +81,6 @@ double SequentialResolver::NormalVelocityOf(int c, const Contact& contact) const
   return contact.normal_W.dot(locals_[b].VelocityAt(contact.point_W) - locals_[a].VelocityAt(contact.point_W));
 }
 
-// Its normal velocity; infinite where it is open for longer than the blow's time.
-double SequentialResolver::KeyOf(int c, const Contact& contact) const {
-  const double velocity = NormalVelocityOf(c, contact), closing = ClosingSpeed(contact, time_);
-  return closing > 0 && -velocity <= closing ? INFINITY : velocity;
-}
-
 void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& impulse_W) {
   const auto [a, b] = sides_[c];
   locals_[a].ApplyImpulse(-impulse_W, contact.point_W);
@@ -159,9 +153,9 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     add(b, 1, &term.body_b, &term.jacobian_b);
     term.drift += frame.transpose() * SurfaceSlip(contact);
     term.friction = contact.friction;
-    const double approach = -NormalVelocityOf(c, contact), closing = ClosingSpeed(contact, time_);
-    term.target = approach > closing ? ReboundSpeed(contact, approach, least_rebound_) : 0;
-    if (term.target == 0) term.target = -closing;
+    const double approach = -NormalVelocityOf(c, contact);
+    term.target = ReboundSpeed(contact, approach, least_rebound_);
+    if (term.target == 0) term.target = -ClosingSpeed(contact, time_);
     tied_problem_.contacts.push_back(term);
   }
 }
@@ -238,7 +232,7 @@ void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<
   for (const int side : tied_bodies_)
     for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
       queue_.Update(touches_[t],
-                    IsSpent(touches_[t]) ? INFINITY : KeyOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+                    IsSpent(touches_[t]) ? INFINITY : NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
@@ -257,7 +251,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   time_ = rule.time;
   spent_.assign(locals_.size(), 0.0);
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = KeyOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
   while (bounces < limit && queue_.top_key() < -rule.threshold) {

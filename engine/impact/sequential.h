@@ -48,7 +48,6 @@ class SequentialResolver {
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
-  double KeyOf(int local_contact, const Contact& contact) const;
   bool Answers(int local_contact, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);

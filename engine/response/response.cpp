@@ -203,7 +203,7 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   outcome.contacts = static_cast<int>(touching_.size());
   const auto approaches = [&](int number) {
     const Contact& c = contacts.contacts[number];
-    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold - ClosingSpeed(c, time);
+    return NormalVelocity(c, bodies[c.body_a], bodies[c.body_b]) < -threshold;
   };
   // (The convex models would rub here, too.)
   const bool looks = settings.ladder.Has(qp::Rung::kNothing) || settings.model != Model::kCoulomb;
@@ -215,9 +215,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
   for (size_t c = 0; c < touching.contacts.size(); ++c) {
     const Contact& contact = contacts.contacts[touching.contacts[c]];
     double& target = problem_.contacts[c].target;
-    const double closing = ClosingSpeed(contact, time);
-    if (free_[c] < -threshold - closing) target = ReboundSpeed(contact, -free_[c]);
-    if (target == 0) target = -closing;
+    if (free_[c] < -threshold) target = ReboundSpeed(contact, -free_[c]);
+    if (target == 0) target = -ClosingSpeed(contact, time);
   }
   Solve(settings, v_ref, &outcome);
   if (outcome.status != QpStatus::kFailed) KeepMomentum();
