@@ -7,7 +7,6 @@
 
 #include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"
-#include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
@@ -140,9 +139,8 @@ void Crowd::Aim(size_t e) {
     face();
   }
   held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
-  const bool closed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size &&
-                      (start->gap <= kSamePoint * size || !start_force_W_[start - start_.data()].isZero(0));
-  held.allowed = closed ? std::max(before_[e], start->gap) : before_[e] + held.push;
+  held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
+                                                                                     : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);
   // What is asked to part may gain by it: who did in this piece is not asked again.
   const double most = gained_[a] || gained_[b] ? 0 : kFastest * floor_;

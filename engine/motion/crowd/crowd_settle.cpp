@@ -214,9 +214,9 @@ void Crowd::Strike(int island, Worker* worker) {
       contact.restitution *= std::min(1.0, SpeedOfMoment(contact, approaches_[c], approach) / approach);
   }
   bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                                   {threshold_, settings_.bounce_limit, true, 0, dt_, kTie}, posed_, blows_);
+                                                   {threshold_, settings_.bounce_limit, true, 0, INFINITY, kTie}, posed_, blows_);
   struck_[island] =
-      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_, dt_);
+      worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
 }
 
 }  // namespace islet::motion
