@@ -93,7 +93,9 @@ void Crowd::Settle(StepReport* report) {
   for (size_t c = 0; c < problem_.size(); ++c) {
     Vector3& carried = carried_W_[closed_[c]];
     const Vector3 slip = RelativeVelocity(problem_[c], bodies_[problem_[c].body_a], bodies_[problem_[c].body_b]);
-    const Vector3 allowed = TurnedAlong(problem_[c], WithinCone(problem_[c], carried), slip, settings_.tolerance * floor_);
+    Vector3 allowed = WithinCone(problem_[c], carried);
+    if (GapAtStart(problem_[c]) <= settings_.overlap_tolerance * Size(problem_[c]))
+      allowed = TurnedAlong(problem_[c], allowed, slip, 10 * settings_.tolerance * floor_);
     beyond_W_[c] = carried - allowed;
     carried = allowed;
     local_[c] = frames_[c].transpose() * carried;
