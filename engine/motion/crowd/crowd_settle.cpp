@@ -26,7 +26,8 @@ void Crowd::FindHits() {
   pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
     const bool pressed = !carried_W_[closed_[c]].isZero(0) || !ridden_W_[closed_[c]].isZero(0);
-    targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, dt_));
+    const Vector3 u = RelativeVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]);
+    targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, std::max(dt_, 0.1 * Size(contact) / u.norm())));
     if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
