@@ -93,10 +93,10 @@ Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vect
   return press * n - contact.friction * press / slip.norm() * slip;
 }
 
-Vector3 TurnedWith(const Vector3& from_W, const Vector3& to_W, const Vector3& impulse_W) {
-  const double along = from_W.dot(to_W);
-  if (along <= 0) return impulse_W;
-  const Vector3 turn = from_W.cross(to_W), moved = turn.cross(impulse_W);
+Vector3 TurnedWith(const Contact& before, const Contact& now, const Vector3& impulse_W) {
+  const double along = before.normal_W.dot(now.normal_W);
+  if (along <= 0 || before.feature != now.feature) return impulse_W;
+  const Vector3 turn = before.normal_W.cross(now.normal_W), moved = turn.cross(impulse_W);
   return impulse_W + moved + turn.cross(moved) / (1 + along);
 }
 

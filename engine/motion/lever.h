@@ -36,8 +36,8 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
 // halfway, and what rubs has turned with it.
 // still: [m/s] below which nothing slides.
 Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vector3& velocity_W, double still);
-// The impulse of a contact whose normal turns from one direction to another.
-Vector3 TurnedWith(const Vector3& from_W, const Vector3& to_W, const Vector3& impulse_W);
+// The impulse of a contact whose normal has turned since, where it is the same feature. Between features normals jump, and impulses do not.
+Vector3 TurnedWith(const Contact& before, const Contact& now, const Vector3& impulse_W);
 
 // Of a size: how far from where it is looked for a contact is found again.
 inline constexpr double kSamePlace = 1e-2;

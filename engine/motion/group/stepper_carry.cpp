@@ -59,7 +59,7 @@ void Stepper::SelectHeld(double h) {
     closed_[c] = true;
     const double yields = yields_[now_pair_[c]];
     const double gap =
-        contact.gap > (guess.isZero(0) ? 0 : kTouching * Size(pair)) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
+        contact.gap > kTouching * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
     Hold(now_pair_[c], yields > 0 ? -yields : -gap / h,
          FacesAxis(*group_->shapes[pair.a], state_[pair.a].pose, contact),
          FacesAxis(*group_->shapes[pair.b], state_[pair.b].pose, contact), contact, WithinCone(contact, guess), h);

@@ -187,7 +187,7 @@ Vector3 Stepper::CarriedBy(size_t at_end) const {
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
     if (follows_[c] == static_cast<int>(at_end))
-      sum += TurnedWith(held_[c].normal_W, end_[at_end].normal_W, impulse_W_[c]);
+      sum += TurnedWith(held_[c], end_[at_end], impulse_W_[c]);
   return sum;
 }
 
