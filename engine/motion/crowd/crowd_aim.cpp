@@ -42,7 +42,7 @@ void Crowd::FollowHeld() {
       const int found = FindAgain(of_pair, held_[c].feature, place.point_W, far + place.reach, far);
       if (found < 0) continue;
       follows_[c] = static_cast<int>(e) + found;
-      carried_W_[follows_[c]] += TurnedWith(held_[c], (*near_)[follows_[c]], impulse_W_[c]);
+      carried_W_[follows_[c]] += impulse_W_[c];
     }
   });
   ForEachPair(start_, *near_, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
