@@ -83,21 +83,16 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
   return press * contact.normal_W + share * friction;
 }
 
-Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vector3& velocity_W, double still) {
+Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
+                    double still) {
   constexpr double kOnCone = 1 - 1e-3;
-  const Vector3& n = contact.normal_W;
+  const Vector3 &n = halfway.normal_W, &turned = now.normal_W;
   const double press = n.dot(impulse_W);
-  const Vector3 friction = impulse_W - press * n, slip = velocity_W - n.dot(velocity_W) * n;
-  if (slip.norm() <= still || friction.dot(slip) >= 0 || friction.norm() < kOnCone * contact.friction * press)
+  const Vector3 friction = impulse_W - press * n, slip = velocity_W - turned.dot(velocity_W) * turned;
+  if (n.dot(turned) < kOnCone || slip.norm() <= still || friction.dot(slip) > 0 ||
+      friction.norm() < kOnCone * now.friction * press)
     return impulse_W;
-  return press * n - contact.friction * press / slip.norm() * slip;
-}
-
-Vector3 TurnedWith(const Contact& before, const Contact& now, const Vector3& impulse_W) {
-  const double along = before.normal_W.dot(now.normal_W);
-  if (along <= 0 || before.feature != now.feature) return impulse_W;
-  const Vector3 turn = before.normal_W.cross(now.normal_W), moved = turn.cross(impulse_W);
-  return impulse_W + moved + turn.cross(moved) / (1 + along);
+  return press * turned - now.friction * press / slip.norm() * slip;
 }
 
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,

@@ -32,12 +32,11 @@ Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB);
 
 // What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
-// The impulse of a contact that slid all the way, with its friction against the slip that it has now: the slip has turned since
-// halfway, and what rubs has turned with it.
-// still: [m/s] below which nothing slides.
-Vector3 TurnedAlong(const Contact& contact, const Vector3& impulse_W, const Vector3& velocity_W, double still);
-// The impulse of a contact whose normal has turned since, where it is the same feature. Between features normals jump, and impulses do not.
-Vector3 TurnedWith(const Contact& before, const Contact& now, const Vector3& impulse_W);
+// [N s] the impulse of a contact that slid all the way, as it lies at the end: its normal has turned since halfway, and so has its slip. Of
+// one that sticks, and where the normal is another feature's, it stays as it is.
+// velocity_W: [m/s] of the contact now. still: [m/s] below which nothing slides.
+Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
+                    double still);
 
 // Of a size: how far from where it is looked for a contact is found again.
 inline constexpr double kSamePlace = 1e-2;

@@ -191,7 +191,7 @@ class Crowd {
   // crowd_settle.cpp: velocities where the piece ends.
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
-  Vector3 AllowedAtEnd(const Contact& contact, const Vector3& turned_W) const;
+  void Turn();
   void Settle(StepReport* report);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
@@ -251,7 +251,7 @@ class Crowd {
       next_centre_;                 // [m] of the bodies that its point moves along with, where that was found
   std::vector<int> follows_;        // per held contact: place in near_, or -1
   std::vector<double> before_;      // [m] <= 0 per near contact: overlap of its pair where the piece began
-  std::vector<Vector3> turned_W_;   // [N s] per near contact: what it carried, along the normal that it has at the end
+  std::vector<Vector3> turned_W_;   // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;  // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.

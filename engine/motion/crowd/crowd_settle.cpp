@@ -70,13 +70,17 @@ Vector3 Crowd::ChangeAt(size_t c) const {
   return frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]] - ridden_W_[closed_[c]];
 }
 
-// [N s] what of an impulse that has turned with its normal the contact's law allows at the end: within its cone, and where it slid on what was
-// closed, against its slip.
-Vector3 Crowd::AllowedAtEnd(const Contact& contact, const Vector3& turned_W) const {
-  const Vector3 within = WithinCone(contact, turned_W);
-  if (GapAtStart(contact) > settings_.overlap_tolerance * Size(contact)) return within;
-  const Vector3 slip = RelativeVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]);
-  return TurnedAlong(contact, within, slip, 10 * settings_.tolerance * floor_);
+// [N s] what held contacts carried, as it lies at the end of the piece.
+void Crowd::Turn() {
+  turned_W_.assign(near_->size(), Vector3::Zero());
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
+    const Contact& end = (*near_)[follows_[c]];
+    const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
+    const bool was_closed = GapAtStart(end) <= settings_.overlap_tolerance * Size(end);
+    turned_W_[follows_[c]] +=
+        was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, 10 * settings_.tolerance * floor_) : impulse_W_[c];
+  }
 }
 
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
@@ -98,16 +102,14 @@ void Crowd::Settle(StepReport* report) {
   Part(problem_);
   std::copy(bodies_.begin(), bodies_.end(), posed_.begin());
   FindHits();
-  turned_W_.assign(end.size(), Vector3::Zero());
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (follows_[c] >= 0) turned_W_[follows_[c]] += TurnedWith(held_[c], end[follows_[c]], impulse_W_[c]);
+  Turn();
   // What these carried is taken back, as far as their law allows it, and all of what a blow replaces.
   beyond_W_.resize(problem_.size());
   local_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
     const Contact& contact = problem_[c];
     Vector3& carried = carried_W_[closed_[c]];
-    const Vector3 allowed = hits_[c] ? carried : AllowedAtEnd(contact, turned_W_[closed_[c]]);
+    const Vector3 allowed = hits_[c] ? carried : WithinCone(contact, turned_W_[closed_[c]]);
     beyond_W_[c] = carried - allowed;
     carried = allowed;
     local_[c] = frames_[c].transpose() * carried;

@@ -97,6 +97,7 @@ class Stepper {
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 CarriedBy(size_t at_end) const;
+  Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
   bool WasHeld(size_t at_end) const;
   bool Presses(int pair) const;
   bool Touches(int pair) const;

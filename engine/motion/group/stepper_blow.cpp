@@ -87,14 +87,13 @@ void Stepper::Settle() {
   }
   const double still = kSettled * settings_.tolerance * floor_;
   for (size_t e = 0; e < end_.size(); ++e) {
-    Vector3 carried = WithinCone(end_[e], CarriedBy(e));
+    const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
+    const Vector3 carried = AllowedOf(e, u, still);
     const bool rode = !ridden_W_[e].isZero(0);
     const double closed = !carried.isZero(0) || rode ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
     if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
-    const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && !rode && WillHit(end_[e], normal)) continue;
-    carried = TurnedAlong(end_[e], carried, u, still);
     settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));

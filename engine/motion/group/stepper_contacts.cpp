@@ -182,13 +182,21 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   return found >= 0 && closed_[found] && now_[found].normal_W.dot(end.normal_W) > 0 ? &now_[found] : nullptr;
 }
 
-// [N s] what a contact at the end held in the piece, along the normal that it has now.
+// [N s] what a contact at the end held in the piece.
 Vector3 Stepper::CarriedBy(size_t at_end) const {
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
-    if (follows_[c] == static_cast<int>(at_end))
-      sum += TurnedWith(held_[c], end_[at_end], impulse_W_[c]);
+    if (follows_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
   return sum;
+}
+
+// The same, as it lies at the end, where the contact has this velocity, as far as its law allows it there.
+Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const {
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (follows_[c] == static_cast<int>(at_end))
+      sum += TurnedAlong(held_[c], end_[at_end], impulse_W_[c], velocity_W, still);
+  return WithinCone(end_[at_end], sum);
 }
 
 bool Stepper::WasHeld(size_t at_end) const {
