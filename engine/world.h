@@ -102,7 +102,7 @@ class World {
   void Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB);
   // [m/s], [rad/s]. Wakes the body; throws for a fixed one.
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
-  // [N], [N m]. They stay until changed. Of a body that is not dynamic they wait until it is.
+  // [N], [N m]; stays until changed. Of a body that is not dynamic it waits until it is.
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);
   // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);

@@ -231,8 +231,9 @@ bool SequentialResolver::IsSpent(int c) const {
 void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts) {
   for (const int side : tied_bodies_)
     for (int t = touch_start_[side]; t < touch_start_[side + 1]; ++t)
-      queue_.Update(touches_[t],
-                    IsSpent(touches_[t]) ? INFINITY : NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
+      queue_.Update(touches_[t], IsSpent(touches_[t])
+                                     ? INFINITY
+                                     : NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
@@ -251,7 +252,8 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   time_ = rule.time;
   spent_.assign(locals_.size(), 0.0);
   keys_.resize(group_contacts.size());
-  for (size_t c = 0; c < keys_.size(); ++c) keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
+  for (size_t c = 0; c < keys_.size(); ++c)
+    keys_[c] = NormalVelocityOf(static_cast<int>(c), contacts.contacts[group_contacts[c]]);
   queue_.Assign(keys_);
   int bounces = 0;
   while (bounces < limit && queue_.top_key() < -rule.threshold) {

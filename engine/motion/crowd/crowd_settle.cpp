@@ -27,7 +27,8 @@ void Crowd::FindHits() {
     const Contact& contact = problem_[c];
     const bool pressed = !carried_W_[closed_[c]].isZero(0) || !ridden_W_[closed_[c]].isZero(0);
     const Vector3 u = RelativeVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]);
-    targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, std::max(dt_, 0.1 * Size(contact) / u.norm())));
+    targets_[c] =
+        -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, std::max(dt_, 0.1 * Size(contact) / u.norm())));
     if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
@@ -77,7 +78,7 @@ void Crowd::Turn() {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
-    const bool was_closed = GapAtStart(end) <= settings_.overlap_tolerance * Size(end);
+    const bool was_closed = GapAtStart(end) <= kReach * Size(end);
     turned_W_[follows_[c]] +=
         was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, 10 * settings_.tolerance * floor_) : impulse_W_[c];
   }
@@ -228,8 +229,9 @@ void Crowd::Strike(int island, Worker* worker) {
     if (hits_[c] && approach > 0)
       contact.restitution *= std::min(1.0, SpeedOfMoment(contact, approaches_[c], approach) / approach);
   }
-  bounces_of_[island] = worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                                   {threshold_, settings_.bounce_limit, true, 0, INFINITY, kTie}, posed_, blows_);
+  bounces_of_[island] =
+      worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
+                                 {threshold_, settings_.bounce_limit, true, 0, INFINITY, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
 }

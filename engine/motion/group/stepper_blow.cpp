@@ -182,8 +182,9 @@ void Stepper::Strike() {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
     if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
-    out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                                         {threshold_, settings_.bounce_limit, true, least_rebound, dt_}, posed_, bounces_);
+    out_->bounces +=
+        sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
+                            {threshold_, settings_.bounce_limit, true, least_rebound, dt_}, posed_, bounces_);
     for (const int c : view.contacts) {
       const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
       if (ReboundSpeed(problem_[c], approach, least_rebound) == 0) problem_[c].restitution = 0;
