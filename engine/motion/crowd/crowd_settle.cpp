@@ -78,7 +78,7 @@ void Crowd::Turn() {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
-    const bool was_closed = GapAtStart(end) <= kReach * Size(end);
+    const bool was_closed = GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
     turned_W_[follows_[c]] +=
         was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, 10 * settings_.tolerance * floor_) : impulse_W_[c];
   }
