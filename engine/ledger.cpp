@@ -314,7 +314,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     account->spins.push_back({t, rotation, momentum});
   }
   rotation = Turn(before, rotation, momentum, step.dt - t);
-  const double fall = before.mass * step.gravity_W.norm() * step.dt;
+  const double fall = step.dt * (before.mass * step.gravity_W.norm() + before.force_W.norm() +
+                                 before.torque_W.norm() / before.radius);  // [N s] what all that pulls would give
   const double rounding = 4 * std::numeric_limits<double>::epsilon() *
                           std::max(before.position_W.norm(), after.position_W.norm());  // [m] of positions
   account->momentum = before.mass * (end.velocity_W - after.linear_velocity_W).norm() /

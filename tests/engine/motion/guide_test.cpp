@@ -37,5 +37,36 @@ TEST(Guide, BarKeepsItsSpeed) {
   }
 }
 
+// A roller that locks between a plate and an incline, pushed by forces alone, without weight: nothing moves, and nothing is at hand but what
+// the forces would give. The ledger must find no fault with rounding.
+TEST(Guide, RollerThatLocksIsClean) {
+  constexpr double kAngle = 0.9, kRadius = 0.1, kFriction = 0.5;
+  for (const double dt : {1.0 / 240, 1.0 / 1000}) {
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    BodyDefinition floor = testing::Floor(0);
+    floor.position_W = {0, 0, -0.1};
+    world.Add(floor);
+    const int plate = world.Add(
+        {.shape = Shape::Box({2, 0.3, 0.05}), .mass = 1, .position_W = {0, 0, -0.05}, .friction = kFriction});
+    BodyDefinition incline = testing::Floor(kFriction);
+    incline.rotation_WB = testing::Turn(M_PI + kAngle, Vector3::UnitY());
+    incline.position_W = Vector3(0, 0, kRadius) - kRadius * (incline.rotation_WB * Vector3::UnitZ());
+    const int wall = world.Add(incline);
+    const int roller = world.Add({.shape = Shape::Cylinder(kRadius, 0.2),
+                                  .mass = 0.5,
+                                  .position_W = {0, 0, kRadius},
+                                  .rotation_WB = testing::Turn(0.5 * M_PI, Vector3::UnitX()),
+                                  .friction = kFriction});
+    world.SetCollision(plate, wall, false);
+    world.SetCollision(roller, 0, false);
+    world.SetForce(plate, {50, 0, 0}, Vector3::Zero());
+    world.SetForce(roller, {1, 0, 0}, Vector3::Zero());
+    for (int k = 0; k < 0.3 / dt; ++k) EXPECT_FALSE(world.Step(dt).Failed()) << dt << " " << k;
+    EXPECT_LT((world.body(roller).position_W - Vector3(0, 0, kRadius)).norm(), 1e-9);
+  }
+}
+
 }  // namespace
 }  // namespace islet
