@@ -153,8 +153,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     add(b, 1, &term.body_b, &term.jacobian_b);
     term.drift += frame.transpose() * SurfaceSlip(contact);
     term.friction = contact.friction;
-    const double approach = -NormalVelocityOf(c, contact);
-    term.target = ReboundSpeed(contact, approach, least_rebound_);
+    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact), least_rebound_);
     if (term.target == 0) term.target = -ClosingSpeed(contact, time_);
     tied_problem_.contacts.push_back(term);
   }

@@ -10,6 +10,7 @@
 //   allocation: none after warm-up
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <utility>

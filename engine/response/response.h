@@ -11,6 +11,7 @@
 //   threads: one responder per worker; writes only the island's own bodies and contacts
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <vector>
 

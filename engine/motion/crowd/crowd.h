@@ -191,7 +191,7 @@ class Crowd {
   // crowd_settle.cpp: velocities where the piece ends.
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
-  void Turn();
+  void TurnCarried();
   void Settle(StepReport* report);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
