@@ -85,11 +85,11 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
 
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
                     double still) {
-  constexpr double kOnCone = 1 - 1e-3, kSameFace = 0.95;  // cosine: of more than a piece turns by
+  constexpr double kOnCone = 1 - 1e-3;
   const Vector3 &n = halfway.normal_W, &turned = now.normal_W;
   const double press = n.dot(impulse_W);
   const Vector3 friction = impulse_W - press * n, slip = velocity_W - turned.dot(velocity_W) * turned;
-  if (n.dot(turned) < kSameFace || slip.norm() <= still || friction.dot(slip) > 0 ||
+  if (n.cross(turned).norm() > kLevel || slip.norm() <= still || friction.dot(slip) > 0 ||
       friction.norm() < kOnCone * now.friction * press)
     return impulse_W;
   return press * turned - now.friction * press / slip.norm() * slip;

@@ -15,8 +15,6 @@ namespace {
 
 // Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
 constexpr double kTie = 1e-2;
-// Of a size: what passes by so far may close a gap that carried nothing. Of faces that are askew the normals differ by the gap over the length.
-constexpr double kPassing = 0.1;
 
 }  // namespace
 
@@ -29,7 +27,9 @@ void Crowd::FindHits() {
     const Contact& contact = problem_[c];
     const bool pressed = !carried_W_[closed_[c]].isZero(0) || !ridden_W_[closed_[c]].isZero(0);
     const Vector3 u = RelativeVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]);
-    const double time = std::max(dt_, kPassing * Size(contact) / u.norm());
+    // What carried nothing may close while it passes by as far as contacts reach: normals of faces that are askew differ by the gap over
+    // their length.
+    const double time = std::max(dt_, kReach * Size(contact) / u.norm());
     targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, time));
     if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
