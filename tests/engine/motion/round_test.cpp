@@ -362,7 +362,7 @@ TEST(Round, CoinsThatTotterGoWithTheCrowd) {
     failed += report.Failed();
   }
   EXPECT_EQ(failed, 0);
-  EXPECT_LT(pieces, 5000);  // 3,154; their course is chaotic. Without the rule a step takes ten times as long
+  EXPECT_LT(pieces, 8000);  // 3,154 to 5,353 by chance: their course is chaotic. Without the rule a step takes ten times as long
   for (int i = 1; i <= 12; ++i) EXPECT_GT(world.body(i).position_W.z(), 0.0009);
 }
 
