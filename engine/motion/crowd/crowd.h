@@ -191,6 +191,7 @@ class Crowd {
   // crowd_settle.cpp: velocities where the piece ends.
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
+  bool Pressed(size_t e) const;
   void TurnCarried();
   void Settle(StepReport* report);
   void FindHits();

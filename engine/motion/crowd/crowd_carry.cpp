@@ -74,7 +74,8 @@ void Crowd::Select() {
       return 0.5 * dt_ * VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W);
     };
     const Vector3 turn_a = turn(a, contact.body_a), turn_b = turn(b, contact.body_b);
-    held_.back().normal_W = NormalAhead(contact, Share(contact), turn_a, turn_b);
+    const Matrix3 share = Share(contact);
+    held_.back().normal_W = NormalAhead(contact, share, turn_a, turn_b);
     const Vector3 turns = held_.back().normal_W - contact.normal_W;
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
@@ -88,7 +89,8 @@ void Crowd::Select() {
     };
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
-    held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
+    held_.back().point_W =
+        share * halfway(a, contact.body_a) + (Matrix3::Identity() - share) * halfway(b, contact.body_b);
     Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
     centre_.push_back(Shared(held_.back(), a.position_W + ahead(a), b.position_W + ahead(b)));
   }

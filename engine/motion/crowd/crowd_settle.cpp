@@ -25,12 +25,11 @@ void Crowd::FindHits() {
   approaches_.assign(problem_.size(), 0.0);
   pool_->ForEachOf(problem_.size(), [&](size_t c) {
     const Contact& contact = problem_[c];
-    const bool pressed = !carried_W_[closed_[c]].isZero(0) || !ridden_W_[closed_[c]].isZero(0);
     const Vector3 u = RelativeVelocity(contact, bodies_[contact.body_a], bodies_[contact.body_b]);
     // What carried nothing may close while it passes by as far as contacts reach: normals of faces that are askew differ by the gap over
     // their length.
     const double time = std::max(dt_, kReach * Size(contact) / u.norm());
-    targets_[c] = -YieldOf(contact) - (pressed ? 0 : ClosingSpeed(contact, time));
+    targets_[c] = -YieldOf(contact) - (Pressed(closed_[c]) ? 0 : ClosingSpeed(contact, time));
     if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
@@ -73,6 +72,9 @@ Vector3 Crowd::ChangeAt(size_t c) const {
   return frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]] - ridden_W_[closed_[c]];
 }
 
+// Whether a contact of the end carried in the piece, or rode.
+bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0) || !ridden_W_[e].isZero(0); }
+
 // [N s] what held contacts carried, as it lies at the end of the piece. Of what landed in it nothing turned all the way. (Gaps at the start may
 // miss twice the tolerance: by the piece before, and by an open one.)
 void Crowd::TurnCarried() {
@@ -96,7 +98,7 @@ void Crowd::Settle(StepReport* report) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
     const Contact& contact = end[e];
     const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
-    const bool pressed = !carried_W_[e].isZero(0) || !ridden_W_[e].isZero(0);
+    const bool pressed = Pressed(e);
     if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
     if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;

@@ -128,11 +128,11 @@ TEST(TurningDeck, RowsRollAsOneDoes) {
           if (driven) world.MoveTo(0, q * Vector3(0, 0, -0.1), q, dt);
           testing::Step(&world, dt);
           const Body& at = world.body(0);
-          const auto up = [&](int i) {
+          const auto in_deck = [&](int i) {
             return (at.rotation_WB.conjugate() * (world.body(i).position_W - at.position_W)).eval();
           };
-          for (int i = 1; i <= count; ++i) deep = std::max(deep, kRadius + 0.1 - up(i).z());
-          way[count > 1] = up(1).y();
+          for (int i = 1; i <= count; ++i) deep = std::max(deep, kRadius + 0.1 - in_deck(i).z());
+          way[count > 1] = in_deck(1).y();
         }
       }
       EXPECT_NEAR(way[1], way[0], 0.2 * dt * dt) << driven << " " << dt;
