@@ -145,7 +145,9 @@ class World {
   const Shape& shape(int number) const;                // the same
   std::uint64_t user_data(int number) const;           // of a body that lives, else it throws
   std::span<const Contact> contacts() const;           // touching, at the current poses
-  std::span<const Contact> resolved_contacts() const;  // those that touched when the last step began
+  // Where impulses acted in the last step: once in each piece of it, in the order of time; where bodies and feature are those of a
+  // contact in contacts(), it is the same one.
+  std::span<const Contact> resolved_contacts() const;
   std::span<const Vector3> impulses() const;           // [N s] of the last step at the resolved contacts, W, on body_b
   Vector3 ImpulseOn(int body) const;  // [N s] of all contacts in the last step, W; of a body that lives, else it throws
 

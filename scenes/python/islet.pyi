@@ -43,8 +43,8 @@ class Settings:
     tolerance: float  # of the contact problems, relative to v_ref
     effort: Any  # 'quick', 'normal', 'thorough' or a number of sweeps
     bounce_limit: int  # of the queue of a crowd's or group's blows; -1: two a body
-    touch_gap: float
-    overlap_tolerance: float
+    touch_gap: float  # contacts closer than this share of a size touch
+    overlap_tolerance: float  # contacts closer than this share of a size are closed: a gap, not only an overlap
     stateless: bool
     threads: int  # 0: all cores
     group_bodies: int
@@ -83,14 +83,14 @@ class Certificate:
     coulomb_map_rms: float  # [m/s]
 
 class LedgerEntry:
-    value: float
-    body: int
+    value: float  # how much, in the unit of its entry
+    body: int  # whose, -1: nobody's
 
 class Ledger:
-    energy_created: LedgerEntry
-    momentum_unexplained: LedgerEntry
-    angular_momentum_unexplained: LedgerEntry
-    displacement_without_velocity: LedgerEntry
+    energy_created: LedgerEntry  # of an island, over its kinetic energy
+    momentum_unexplained: LedgerEntry  # over the largest of momenta and impulses of the body
+    angular_momentum_unexplained: LedgerEntry  # the same, about its centre
+    displacement_without_velocity: LedgerEntry  # [m] of the body's farthest point
     sides_changed: int
     @property
     def clean(self) -> bool: ...
@@ -227,8 +227,10 @@ class World:
     def frozen(self) -> np.ndarray: ...  # (n,) bool, a view
     @property
     def removed(self) -> np.ndarray: ...  # (n,) bool, a view
-    def contacts(self) -> Dict[str, np.ndarray]: ...  # bodies (n, 2), points, normals (n, 3), gaps (n,): touching as the last step left them
-    def impulses(self) -> Dict[str, np.ndarray]: ...  # of the last step; also impulses (n, 3) [N s] on the second body
+    # bodies (n, 2), features (n,), points, normals (n, 3), gaps (n,): touching as the last step left them. bodies and features name a contact.
+    def contacts(self) -> Dict[str, np.ndarray]: ...
+    # The same where impulses acted in the last step, and impulses (n, 3) [N s] on the second body: once in each piece of it, in the order of time.
+    def impulses(self) -> Dict[str, np.ndarray]: ...
     def impulse_on(self, body: int) -> np.ndarray: ...  # (3,) [N s]
     def events(self) -> List[Tuple[str, int, int, bool]]: ...  # 'begin', 'persist' or 'end', two bodies, of a sensor
     def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...  # bodies, point, impulse, approach [m/s] as the step began: 0 where a blow is handed on

@@ -110,11 +110,13 @@ py::array_t<T> NewArray(size_t rows, size_t columns) {
 // Of contacts: arrays of their own, for the next step replaces the contacts.
 py::dict Contacts(std::span<const Contact> contacts, const Vector3* impulses) {
   auto bodies = NewArray<int>(contacts.size(), 2);
+  auto features = NewArray<std::uint32_t>(contacts.size(), 1);
   auto points = NewArray<double>(contacts.size(), 3), normals = NewArray<double>(contacts.size(), 3),
        forces = NewArray<double>(contacts.size(), 3), gaps = NewArray<double>(contacts.size(), 1);
   for (size_t c = 0; c < contacts.size(); ++c) {
     bodies.mutable_data(c, 0)[0] = contacts[c].body_a;
     bodies.mutable_data(c, 0)[1] = contacts[c].body_b;
+    features.mutable_data()[c] = contacts[c].feature;
     gaps.mutable_data()[c] = contacts[c].gap;
     for (int k = 0; k < 3; ++k) {
       points.mutable_data(c, 0)[k] = contacts[c].point_W[k];
@@ -124,6 +126,7 @@ py::dict Contacts(std::span<const Contact> contacts, const Vector3* impulses) {
   }
   py::dict result;
   result["bodies"] = bodies;
+  result["features"] = features;
   result["points"] = points;
   result["normals"] = normals;
   result["gaps"] = gaps;

@@ -39,6 +39,9 @@ class PythonTest(unittest.TestCase):
         self.assertEqual(contacts["bodies"].shape, (12, 2))
         self.assertNotIn("impulses", contacts)
         self.assertEqual(sorted({tuple(pair) for pair in contacts["bodies"]}), [(0, 1), (1, 2), (2, 3)])
+        keys = {(*pair, feature) for pair, feature in zip(contacts["bodies"], contacts["features"])}
+        self.assertEqual(len(keys), 12)
+        self.assertEqual(keys, {(*pair, feature) for pair, feature in zip(total["bodies"], total["features"])})
         self.assertEqual([e[0] for e in world.events()], ["persist"] * 3)
 
     def test_arrays_are_views(self):
