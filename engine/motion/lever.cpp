@@ -157,9 +157,21 @@ Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W) {
   return frame * share * frame.transpose();
 }
 
-Vector3 NormalAhead(const Contact& contact, const Matrix3& share_of_a, const Vector3& turn_a, const Vector3& turn_b) {
-  const Vector3 by_a = turn_a.cross(contact.normal_W), by_b = turn_b.cross(contact.normal_W);
-  return (contact.normal_W + by_a - share_of_a * by_a + share_of_a * by_b).normalized();
+Vector3 NormalAhead(const Contact& contact, const Side& a, const Side& b, const Vector3& turn_a, const Vector3& turn_b,
+                    const Vector3& slip_W) {
+  const Vector3& n = contact.normal_W;
+  const Vector3 by_a = turn_a.cross(n);
+  Vector3 by_b = turn_b.cross(n);
+  const Matrix3 share_of_a = ShareOfA(a, b, n);
+  if (std::isfinite(a.radius) && std::isfinite(b.radius)) {
+    Vector3 slip = slip_W - n.dot(slip_W) * n;
+    if (!b.straight_W.isZero(0)) {
+      const Vector3 along = (b.straight_W - n.dot(b.straight_W) * n).normalized();
+      slip -= along.dot(slip) * along;
+    }
+    by_b += slip / b.radius;
+  }
+  return (n + by_a - share_of_a * by_a + share_of_a * by_b).normalized();
 }
 
 void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std::span<const Contact> contacts,

@@ -69,8 +69,11 @@ Side SideOf(const Shape& shape, const Quaternion& rotation_WB, double mass, cons
 // of one or the other is off, and a heavy body does not feel it.
 Matrix3 ShareOfA(const Side& a, const Side& b, const Vector3& normal_W);
 
-// The normal of a contact whose bodies turn on by what shows of their turn [rad]: it turns with either as far as the point goes with the other.
-Vector3 NormalAhead(const Contact& contact, const Matrix3& share_of_a, const Vector3& turn_a, const Vector3& turn_b);
+// The normal of a contact whose bodies turn on by what shows of their turn [rad], while the surfaces slip over each other [m]. It turns with
+// either body as far as the point goes with the other, and where both sides are round also with the slip: the line of the centres of two
+// spheres turns as these move, however they spin.                                                                              [Mon88]
+Vector3 NormalAhead(const Contact& contact, const Side& a, const Side& b, const Vector3& turn_a, const Vector3& turn_b,
+                    const Vector3& slip_W);
 
 // Whether a contact's normal passes through the body's axis of symmetry, as on round sides and rims. Not of discs, and of what stands: there
 // the point runs around the rim with every tilt, and gaps need it where it is.

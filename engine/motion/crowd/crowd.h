@@ -142,6 +142,7 @@ class Crowd {
   double GapAtStart(const Contact& pair) const;
   double MassOf(int i) const { return cut_[i] ? INFINITY : bodies_[i].mass; }  // [kg]
   double LighterMass(const Contact& contact) const;
+  Side SideAtStart(int i, const Contact& contact) const;
   Matrix3 Share(const Contact& contact) const;
   Vector3 Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const;
   bool IsRound(const Contact& contact) const;

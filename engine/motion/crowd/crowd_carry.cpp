@@ -74,10 +74,12 @@ void Crowd::Select() {
       return 0.5 * dt_ * VisibleSpin(shapes_[i], body.rotation_WB, body.angular_velocity_W);
     };
     const Vector3 turn_a = turn(a, contact.body_a), turn_b = turn(b, contact.body_b);
-    const Matrix3 share = Share(contact);
-    held_.back().normal_W = NormalAhead(contact, share, turn_a, turn_b);
-    const Vector3 turns = held_.back().normal_W - contact.normal_W;
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
+    const Vector3 slip = ahead(b) + turn_b.cross(contact.point_W - b.position_W) - ahead(a) -
+                         turn_a.cross(contact.point_W - a.position_W);
+    const Side side_a = SideAtStart(contact.body_a, contact), side_b = SideAtStart(contact.body_b, contact);
+    held_.back().normal_W = NormalAhead(contact, side_a, side_b, turn_a, turn_b, slip);
+    const Vector3 turns = held_.back().normal_W - contact.normal_W;
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
       const double out = i == contact.body_a ? 1 : -1;
       const double radius = RoundRadius(shapes_[i], body.rotation_WB, contact.normal_W);
@@ -89,6 +91,7 @@ void Crowd::Select() {
     };
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
+    const Matrix3 share = ShareOfA(side_a, side_b, contact.normal_W);
     held_.back().point_W =
         share * halfway(a, contact.body_a) + (Matrix3::Identity() - share) * halfway(b, contact.body_b);
     Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
@@ -109,9 +112,12 @@ bool Crowd::IsRound(const Contact& c) const {
          (a == ShapeKind::kSphere || b == ShapeKind::kSphere);
 }
 
+Side Crowd::SideAtStart(int i, const Contact& c) const {
+  return SideOf(shapes_[i], begin_[i].pose.rotation_WB, MassOf(i), c.normal_W);
+}
+
 Matrix3 Crowd::Share(const Contact& c) const {
-  const auto side = [&](int i) { return SideOf(shapes_[i], begin_[i].pose.rotation_WB, MassOf(i), c.normal_W); };
-  return ShareOfA(side(c.body_a), side(c.body_b), c.normal_W);
+  return ShareOfA(SideAtStart(c.body_a, c), SideAtStart(c.body_b, c), c.normal_W);
 }
 
 Vector3 Crowd::Shared(const Contact& c, const Vector3& of_a, const Vector3& of_b) const {

@@ -362,7 +362,9 @@ TEST(Round, CoinsThatTotterGoWithTheCrowd) {
     failed += report.Failed();
   }
   EXPECT_EQ(failed, 0);
-  EXPECT_LT(pieces, 8000);  // 3,154 to 5,353 by chance: their course is chaotic. Without the rule a step takes ten times as long
+  EXPECT_LT(
+      pieces,
+      8000);  // 3,154 to 5,353 by chance: their course is chaotic. Without the rule a step takes ten times as long
   for (int i = 1; i <= 12; ++i) EXPECT_GT(world.body(i).position_W.z(), 0.0009);
 }
 
@@ -505,6 +507,39 @@ TEST(Round, RollsInACrowdWithoutSinking) {
     double deepest = 0;
     for (int i = 0; i < rate; ++i) deepest = std::max(deepest, world.Step(1 / rate).penetration_max);
     EXPECT_LT(deepest, 5e-4 * 2 * r) << rate;
+  }
+}
+
+// A smooth wall pushes a row of balls up a slope at a constant speed. They roll alike, and touch without friction: the line of their centres
+// never turns, however much they spin. (Where their spin turned it, balls of a crowd rubbed on the floor by their weight, and the row opened.)
+TEST(Round, RowOfRollingBallsIsPushedUpASlope) {
+  constexpr int kBalls = 25;
+  constexpr double kSlope = 0.2, kBall = 0.05, kSpeed = 1;
+  for (const double dt : {1.0 / 30, 1.0 / 240, 1.0 / 1000}) {
+    Settings settings = testing::Awake();
+    settings.gravity = {-testing::kGravity * std::sin(kSlope), 0, -testing::kGravity * std::cos(kSlope)};
+    World world(settings);
+    world.Add(testing::Floor(0.8));
+    world.Add({.shape = Shape::Box({0.05, 1, 0.5}),
+               .kind = BodyKind::kKinematic,
+               .position_W = {-0.1, 0, 0.5},
+               .linear_velocity_W = {kSpeed, 0, 0},
+               .friction = 0,
+               .restitution = 0});
+    for (int k = 0; k < kBalls; ++k) {
+      BodyDefinition ball = testing::Ball({2 * k * kBall, 0, kBall}, kBall, 0.8);
+      ball.linear_velocity_W = {kSpeed, 0, 0};
+      ball.angular_velocity_W = {0, kSpeed / kBall, 0};
+      world.Add(ball);
+    }
+    world.SetMaterialCallback([](const Contact& contact, const Body& a, const Body& b) {
+      const bool on_floor = a.kind == BodyKind::kFixed || b.kind == BodyKind::kFixed;
+      return Material{on_floor ? contact.friction : 0, 0};
+    });
+    for (double t = 0; t < 0.3; t += dt) testing::Step(&world, dt);
+    const double force = world.ImpulseOn(1).norm() / dt, right = kBalls * testing::kGravity * std::sin(kSlope);
+    EXPECT_NEAR(force, right, 1e-4 * right) << dt;
+    for (const Body& body : world.bodies().subspan(2)) EXPECT_NEAR(body.linear_velocity_W.x(), kSpeed, 1e-5) << dt;
   }
 }
 
