@@ -5,6 +5,7 @@
 
 #include "engine/geometry/round_contact.h"
 #include "engine/rotation.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -85,12 +86,11 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
 
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
                     double still) {
-  constexpr double kOnCone = 1 - 1e-3;
   const Vector3 &n = halfway.normal_W, &turned = now.normal_W;
   const double press = n.dot(impulse_W);
   const Vector3 friction = impulse_W - press * n, slip = velocity_W - turned.dot(velocity_W) * turned;
   if (n.cross(turned).norm() > kLevel || slip.norm() <= still || friction.dot(slip) > 0 ||
-      friction.norm() < kOnCone * now.friction * press)
+      !qp::OnCone(friction.norm(), now.friction * press))
     return impulse_W;
   return press * turned - now.friction * press / slip.norm() * slip;
 }

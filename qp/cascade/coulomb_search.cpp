@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "qp/body_algebra.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -40,6 +41,17 @@ double MassRatio(const Problem& problem) {
 // Whether sweeps may do. A small island is exact, unless it may move inexactly.
 bool MayBeRough(const Task& task) {
   return !IsSmall(task.problem) || (task.settings.speed_share > 0 && task.problem.num_bodies() > kTinyIsland);
+}
+
+// Whether any contact slides, faster than [m/s].
+bool Slides(const Problem& problem, const Candidate& at_hand, double speed) {
+  for (size_t c = 0; c < problem.contacts.size(); ++c) {
+    const double most = problem.contacts[c].friction * at_hand.impulses[c][0];
+    if (most > 0 && OnCone(TangentSize(at_hand.impulses[c]), most) &&
+        TangentSize(ContactVelocity(problem.contacts[c], at_hand.velocities.data())) > speed)
+      return true;
+  }
+  return false;
 }
 
 // A tower, a bridge.
@@ -106,7 +118,8 @@ bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
 
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
 // contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
-// Newton's method finds from there depends on no order of contacts.
+// Newton's method finds from there depends on no order of contacts. A small island in which anything slides begins with none, too: how
+// contacts share a load is free, and the share of before would turn what slides to one side, step by step.
 NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried) {
   const Problem& problem = task.problem;
   double map_of_start = INFINITY;
@@ -116,8 +129,9 @@ NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const Natura
     else
       now_.TakeOver(problem, task.start);
     const NaturalMap map = tried ? map_of_tried : now_.MapOf(task);
-    if (map.Meets(task.goal())) return map;
-    map_of_start = map.rms;
+    const bool forgets = !MayBeRough(task) && Slides(problem, now_, kStill * task.scale());
+    if (!forgets && map.Meets(task.goal())) return map;
+    if (!forgets) map_of_start = map.rms;
     std::swap(now_, before_);
   }
   now_.TakeNone(task.problem);

@@ -418,13 +418,32 @@ TEST(Ladder, WhatHeldIsJudgedAnew) {
   EXPECT_GT(refused, 100);
 }
 
-// A heap that moves on: from the answer of the frame before, sweeps alone find the next one in most islands.
+// Loads under which all contacts hold, well within their cones.
+void LetStand(Random* random, Problem* problem) {
+  for (qp::BodyTerm& body : problem->bodies) body.velocity.setZero();
+  for (const qp::ContactTerm& contact : problem->contacts) {
+    const double press = random->Uniform(0.5, 1.5), share = 0.3 * contact.friction * press;
+    const Vector3 j(press, random->Uniform(-share, share), random->Uniform(-share, share));
+    const auto pull = [&](int number, const qp::Jacobian& jacobian) {
+      if (number < 0) return;
+      qp::BodyTerm& body = problem->bodies[number];
+      const Eigen::Matrix<double, 6, 1> momentum = jacobian.transpose() * j;
+      body.velocity.head<3>() -= momentum.head<3>() / body.mass;
+      body.velocity.tail<3>() -= body.inverse_inertia * momentum.tail<3>();
+    };
+    pull(contact.body_a, contact.jacobian_a);
+    pull(contact.body_b, contact.jacobian_b);
+  }
+}
+
+// A heap whose loads change: the answer of the frame before is nearer than none.
 TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
   Random random(117);
-  int cold = 0, warm = 0, swept = 0;
+  int cold = 0, warm = 0;
   for (int trial = 0; trial < 40; ++trial) {
     SCOPED_TRACE(trial);
     Problem problem = RandomCluster(&random, 8, 0.5, 0.5, 10);
+    LetStand(&random, &problem);
     qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
     settings.ladder = settings.ladder.Without(qp::Rung::kHeld);
     const qp::Solution before = Solve(problem, settings);
@@ -435,21 +454,20 @@ TEST(Ladder, SmallIslandsStartFromTheFrameBefore) {
     qp::Solution after;
     solver.Solve(problem, settings, &after, before.impulses);
     warm += after.iterations;
-    swept += after.rung == qp::Rung::kSweeps && after.iterations == 0;
     EXPECT_EQ(after.status, qp::Status::kSolved);
     EXPECT_LE(ExactMap(problem, after), (after.iterations == 0 ? 1e-8 : 1e-6) * settings.velocity_scale);
   }
-  EXPECT_LT(3 * warm, 2 * cold);  // what slides much takes most of either
-  EXPECT_GT(swept, 10);
+  EXPECT_LT(3 * warm, 2 * cold);
 }
 
 // The impulses of the frame before say which of several answers comes next, more than the order of the contacts does.
 TEST(Ladder, FromTheFrameBeforeOrderMattersLittle) {
   Random random(118);
-  int far = 0, swept = 0;
+  int far = 0;
   for (int trial = 0; trial < 100; ++trial) {
     SCOPED_TRACE(trial);
     Problem problem = RandomCluster(&random, 8, 0.5, 0.5, 10);
+    LetStand(&random, &problem);
     const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
     std::vector<Vector3> start = Solve(problem, settings).impulses;
     for (qp::BodyTerm& body : problem.bodies)
@@ -465,11 +483,39 @@ TEST(Ladder, FromTheFrameBeforeOrderMattersLittle) {
     qp::Solution one, other;
     solver.Solve(problem, settings, &one, start);
     solver.Solve(shuffled, settings, &other, start_shuffled);
-    swept += one.iterations == 0 && other.iterations == 0;
     far += VelocityDistance(problem, one.velocities, other.velocities) > 1e-4 * settings.velocity_scale;
   }
-  EXPECT_GT(swept, 30);
   EXPECT_LE(far, 3);
+}
+
+// How the corners of a box share its load is free. What it slides and turns by depends on the share, so it must not be that of before, or
+// a box would drift to one side, step by step.
+TEST(Ladder, WhatSlidesForgetsHowItsLoadWasShared) {
+  testing::ProblemBuilder builder;
+  Vector6 velocity;
+  velocity << 2, 0.5, -0.1, 0, 0, 3;
+  builder.AddBody(Vector3::Zero(), 1, Matrix3::Identity() / 6, velocity);
+  for (const double x : {-0.5, 0.5})
+    for (const double y : {-0.5, 0.5}) builder.AddContact(-1, 0, Vector3(x, y, -0.5), Vector3::UnitZ(), 0.5);
+  const Problem& problem = builder.problem;
+  const qp::Settings settings = MakeSettings(problem, Model::kCoulomb);
+  std::vector<double> found;
+  for (const double warp : {0.0, 0.02, -0.02}) {
+    std::vector<Vector3> start;
+    for (int c = 0; c < 4 && warp != 0; ++c) {
+      const qp::ContactTerm& contact = problem.contacts[c];
+      const Vector3 u = contact.jacobian_b * velocity;
+      const double press = 0.025 + (c == 0 || c == 3 ? warp : -warp);
+      const double share = contact.friction * press / u.tail<2>().norm();
+      start.emplace_back(press, -share * u[1], -share * u[2]);
+    }
+    qp::IslandSolver solver;
+    qp::Solution solution;
+    solver.Solve(problem, settings, &solution, start);
+    EXPECT_EQ(solution.status, qp::Status::kSolved);
+    if (found.empty()) found = solution.velocities;
+    EXPECT_EQ(solution.velocities, found) << warp;
+  }
 }
 
 // Without friction the convex model is Coulomb's. One contact with a trace of it makes them two.

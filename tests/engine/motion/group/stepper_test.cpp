@@ -655,6 +655,31 @@ TEST(Stepper, AllocatesLittleButItsReport) {
   EXPECT_LE(counter.count(), 16 * kSteps);
 }
 
+// A box lies across the seam of two belts that run apart, a little to one side. Friction pulls it straight. Its corners may share its load in
+// many ways; if what they shared before counted, it would turn.
+TEST(Stepper, BoxAcrossTwoBeltsStaysStraight) {
+  for (const bool crowd : {false, true}) {
+    for (const double dt : {1.0 / 30, 1.0 / 240}) {
+      World world(crowd ? testing::AsCrowd(testing::Awake()) : testing::Awake());
+      for (const double side : {-1.0, 1.0}) {
+        const int belt = world.Add({.shape = Shape::Box({0.5, 1, 0.1}),
+                                    .kind = BodyKind::kFixed,
+                                    .position_W = {0.5 * side, 0, -0.1},
+                                    .friction = 0.5,
+                                    .restitution = 0});
+        world.SetSurfaceVelocity(belt, {2 * side, 0, 0});
+      }
+      BodyDefinition box = Cube({0.01, 0, 0.03}, 0.5, 0);
+      box.shape = Shape::Box({0.05, 0.05, 0.03});
+      const int number = world.Add(box);
+      for (double t = 0; t < 0.3; t += dt) testing::Step(&world, dt);
+      const Quaternion& turn = world.body(number).rotation_WB;
+      EXPECT_LT(std::abs(turn.z()), 1e-9) << crowd << " " << dt;  // before: 0.1
+      EXPECT_LT(std::abs(world.body(number).position_W.y()), 1e-9) << crowd << " " << dt;
+    }
+  }
+}
+
 TEST(Stepper, SameBitsForAnyNumberOfThreads) {
   std::uint64_t first = 0;
   for (const int threads : {1, 2, 4, 8}) {
