@@ -195,7 +195,8 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
   const double golden = 0.5 * (std::sqrt(5.0) - 1);
   const auto gain_at = [&](double share) { return SolveTies(group_contacts, contacts, share); };
   double low = 0, high = 1, left = 1 - golden, right = golden, at_left = gain_at(left), at_right = gain_at(right);
-  for (int k = 0; k < kFrictionRounds; ++k) {
+  // Where neither is solved, no search finds its way.
+  for (int k = 0; k < kFrictionRounds && std::min(at_left, at_right) < INFINITY; ++k) {
     if (at_left <= at_right) {
       high = right, right = left, at_right = at_left;
       at_left = gain_at(left = high - golden * (high - low));
@@ -204,7 +205,8 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
       at_right = gain_at(right = low + golden * (high - low));
     }
   }
-  return gain_at(at_left <= at_right ? left : right) <= 0 || gain_at(0) <= 0;
+  const double least = std::min(at_left, at_right);
+  return (least < INFINITY && gain_at(at_left == least ? left : right) <= 0) || gain_at(0) <= 0;
 }
 
 // False, and nothing has changed, if there is no answer.

@@ -90,6 +90,7 @@ Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& i
   const double press = n.dot(impulse_W);
   const Vector3 friction = impulse_W - press * n, slip = velocity_W - turned.dot(velocity_W) * turned;
   if (n.cross(turned).norm() > kLevel || slip.norm() <= still || friction.dot(slip) > 0 ||
+      friction.cross(slip).norm() > kLevel * friction.norm() * slip.norm() ||
       !qp::OnCone(friction.norm(), now.friction * press))
     return impulse_W;
   return press * turned - now.friction * press / slip.norm() * slip;

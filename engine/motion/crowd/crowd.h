@@ -65,6 +65,8 @@ class Crowd {
   std::span<const LedgerImpulse> impulses() const { return impulses_; }  // of the last step
 
  private:
+  // Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
+  static constexpr double kTie = 1e-2;
   static constexpr double kReach = 0.02;  // of a size: contacts nearer than that may carry in a pass
 
   struct Held {                                              // a contact that carries
@@ -170,6 +172,7 @@ class Crowd {
   bool Judge(int pass);
   void Disturb(const Contact& contact);
   bool LetGo();
+  bool LeversMiss();
   bool Gains();
   bool MarkGains(int island, Worker* worker) const;
   double EnergyOf(size_t i, bool at_end) const;
@@ -265,9 +268,11 @@ class Crowd {
   std::vector<Vector3> blows_, collisions_;  // [N s] the same, (n, t1, t2)
   std::vector<Vector3> blow_W_;              // [N s] per near contact
   std::vector<double> work_;                 // [J] the same: of what it carried
-  std::vector<double> errors_;               // [m/s] per body: the worst natural map of what was solved with it
-  std::vector<Contact> joined_;              // of freezing's frame
-  std::vector<int> joined_at_;               // places in near_
+  std::vector<Vector3> spins_W_;  // [N m s] per body: what it would keep of levers that are not those of the end
+  std::vector<double> lands_;     // [m/s] per body: how fast something heavy lands on it
+  std::vector<double> errors_;    // [m/s] per body: the worst natural map of what was solved with it
+  std::vector<Contact> joined_;   // of freezing's frame
+  std::vector<int> joined_at_;    // places in near_
   SuiteFrame frame_;
   CertifiedFreezing freezing_{/*whole=*/false};
   // Scratch of contact problems.

@@ -36,6 +36,7 @@ bool Crowd::Judge(int pass) {
   }
   met = (!LetGo() || pass > kLettingGo) && met;
   met = !Gains() && met;
+  met = !LeversMiss() && met;
   if (met) return true;
   // All of an island that misses its end somewhere.
   edges_.clear();
@@ -53,6 +54,48 @@ bool Crowd::Judge(int pass) {
 void Crowd::Disturb(const Contact& contact) {
   for (const int i : {contact.body_a, contact.body_b})
     if (!cut_[i]) disturbed_[i] = 1;
+}
+
+// Whether something heavy lands on flat sides and pressed at levers that a pass before had. All of its impulse is taken back for the blow, and
+// leaves a spin by as much as the levers of the end are others. What is not much lighter is spun by less than what gaps may miss. Marks those
+// whose points would be as fast as blows may differ that tie.
+bool Crowd::LeversMiss() {
+  spins_W_.assign(bodies_.size(), Vector3::Zero());
+  lands_.assign(bodies_.size(), 0.0);
+  bool any = false;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || follows_[c] < 0) continue;
+    const Contact& end = (*near_)[follows_[c]];
+    const int a = end.body_a, b = end.body_b, light = MassOf(a) < MassOf(b) ? a : b, heavy = a + b - light;
+    if (cut_[heavy] || MassOf(heavy) < 10 * MassOf(light) || end.restitution == 0) continue;
+    if (GapAtStart(end) <= settings_.overlap_tolerance * Size(end)) continue;
+    const auto velocity = [&](int i) -> Vector3 {
+      return begin_[i].linear_W + begin_[i].angular_W.cross(end.point_W - begin_[i].pose.position_W);
+    };
+    lands_[light] = std::max(lands_[light], end.normal_W.dot(velocity(a) - velocity(b)));
+    any = true;
+  }
+  if (!any) return false;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0) || follows_[c] < 0) continue;
+    const Contact& end = (*near_)[follows_[c]];
+    for (const int i : {end.body_a, end.body_b}) {
+      if (lands_[i] <= 0 || TurnsInItself(i) || std::isfinite(SideAtStart(i, end).radius)) continue;
+      const Vector3 r = end.point_W - bodies_[i].position_W;
+      const Vector3 before = begin_[i].pose.rotation_WB * (SeenAs(i, bodies_[i].rotation_WB).conjugate() * r);
+      const Vector3 off = acted_at_[c] - middle_[i].position_W - 0.5 * (r + before);
+      spins_W_[i] += off.cross(i == end.body_b ? impulse_W_[c] : Vector3(-impulse_W_[c]));
+    }
+  }
+  any = false;
+  for (size_t i = 0; i < bodies_.size(); ++i) {
+    if (lands_[i] <= 0) continue;
+    const double speed = (bodies_[i].InverseInertiaW() * spins_W_[i]).norm() * bodies_[i].radius;
+    if (speed <= kTie * std::max(floor_, lands_[i])) continue;
+    disturbed_[i] = 1;
+    any = true;
+  }
+  return any;
 }
 
 // What presses a pair that ends open holds by a plane that is not the pair's at the end. It is posed once more as it ends, then let go.

@@ -11,12 +11,7 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
-namespace {
-
-// Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
-constexpr double kTie = 1e-2;
-
-}  // namespace
+namespace {}  // namespace
 
 // Which contacts of the problem are blows, and what all of them ask of their normal velocity while blows are held with the rest.
 void Crowd::FindHits() {
@@ -83,9 +78,11 @@ void Crowd::TurnCarried() {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
-    const bool was_closed = GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
-    turned_W_[follows_[c]] +=
-        was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, 10 * settings_.tolerance * floor_) : impulse_W_[c];
+    // What answers to something heavy that lands is taken back with it, as it was.
+    const bool lands = lands_[end.body_a] > 0 || lands_[end.body_b] > 0;
+    const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
+    const double still = std::max(threshold_, 10 * std::max(errors_[end.body_a], errors_[end.body_b]));
+    turned_W_[follows_[c]] += was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, still) : impulse_W_[c];
   }
 }
 
