@@ -44,7 +44,7 @@ build() {
   install_packages
   say "configuring build/release"
   cmake --preset release
-  say "building ${1:-everything} with $(nproc) jobs: ${2:-8 minutes on two cores}"
+  say "building ${1:-everything} with $(nproc) jobs: ${2:-6 minutes on two cores}"
   cmake --build build/release -j"$(nproc)" ${1:+--target "$1"}
 }
 
@@ -52,7 +52,7 @@ command=${1:-}
 if (($#)); then shift; fi
 case $command in
   demo)
-    build islet_program "3 minutes on two cores"
+    build islet_program "160 seconds on two cores"
     say "islet view cubeglass --out build/cubeglass.html $*"
     build/release/scenes/islet view cubeglass --out build/cubeglass.html "$@"
     say "open it in a browser: file://$PWD/build/cubeglass.html"

@@ -233,7 +233,8 @@ class World:
     def impulses(self) -> Dict[str, np.ndarray]: ...
     def impulse_on(self, body: int) -> np.ndarray: ...  # (3,) [N s]
     def events(self) -> List[Tuple[str, int, int, bool]]: ...  # 'begin', 'persist' or 'end', two bodies, of a sensor
-    def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...  # bodies, point, impulse, approach [m/s] as the step began: 0 where a blow is handed on
+    # Bodies, point, impulse, approach [m/s] as the step began: 0 where a blow is handed on. What is over in a fraction of the step is none.
+    def hits(self) -> List[Tuple[int, int, np.ndarray, np.ndarray, float]]: ...
     def cast_ray(
         self, origin: Vector, way: Vector, layers: int = 0xFFFFFFFF
     ) -> Optional[Tuple[int, float, np.ndarray, np.ndarray]]: ...  # body, share of the way, point, normal
