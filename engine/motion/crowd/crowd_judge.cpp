@@ -66,7 +66,7 @@ bool Crowd::LeversMiss() {
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0) || follows_[c] < 0) continue;
     const Contact& end = (*near_)[follows_[c]];
-    const int a = end.body_a, b = end.body_b, light = MassOf(a) < MassOf(b) ? a : b, heavy = a + b - light;
+    const int a = end.body_a, b = end.body_b, light = MassOf(a) < MassOf(b) ? a : b, heavy = light == a ? b : a;
     if (cut_[heavy] || MassOf(heavy) < 10 * MassOf(light) || end.restitution == 0) continue;
     if (GapAtStart(end) <= settings_.overlap_tolerance * Size(end)) continue;
     const auto velocity = [&](int i) -> Vector3 {
