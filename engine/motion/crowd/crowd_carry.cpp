@@ -77,8 +77,8 @@ void Crowd::Select() {
     const auto ahead = [&](const Body& body) -> Vector3 { return 0.5 * dt_ * body.linear_velocity_W; };
     const Vector3 slip = ahead(b) + turn_b.cross(contact.point_W - b.position_W) - ahead(a) -
                          turn_a.cross(contact.point_W - a.position_W);
-    const Side side_a = SideAtStart(contact.body_a, contact), side_b = SideAtStart(contact.body_b, contact);
-    held_.back().normal_W = NormalAhead(contact, side_a, side_b, turn_a, turn_b, slip);
+    held_.back().normal_W = NormalAhead(contact, SideAtStart(contact.body_a, contact),
+                                        SideAtStart(contact.body_b, contact), turn_a, turn_b, slip);
     const Vector3 turns = held_.back().normal_W - contact.normal_W;
     const auto halfway = [&](const Body& body, int i) -> Vector3 {
       const double out = i == contact.body_a ? 1 : -1;
@@ -91,9 +91,7 @@ void Crowd::Select() {
     };
     held_of_.back().belt_W = contact.surface_W;
     held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
-    const Matrix3 share = ShareOfA(side_a, side_b, contact.normal_W);
-    held_.back().point_W =
-        share * halfway(a, contact.body_a) + (Matrix3::Identity() - share) * halfway(b, contact.body_b);
+    held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
     Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
     centre_.push_back(Shared(held_.back(), a.position_W + ahead(a), b.position_W + ahead(b)));
   }
