@@ -157,7 +157,9 @@ void GroupMotion::FillJob(double dt, int g, std::span<const Body> bodies, std::s
         return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
       });
   job->done = job->rests;
-  job->group.most_work = static_cast<int>(kMostWork * dt / whole_dt_);
+  int spent = 0;
+  for (const int i : job->members) spent = std::max(spent, spent_[i]);
+  job->group.most_work = races_ == Races::kRefused ? static_cast<int>(kMostWork * dt / whole_dt_) : kMostWork - spent;
 }
 
 void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
@@ -203,6 +205,7 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::s
       job.outcome.record = record;
       job.outcome.record_paths = !groups_.parted().empty();
       workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
+      for (const int i : job.members) spent_[i] += races_ == Races::kRefused ? 0 : job.outcome.work;
       job.done = true;
     }
     job.kept = job.rests || KeptToRooms(job, bodies, shapes);
@@ -278,18 +281,18 @@ bool GroupMotion::JoinStrays(double dt) {
   return joined_.size() > before;
 }
 
-// What groups could not step for want of work goes with the crowd, for a while. Returns whether there is any.
+// What groups could not step for want of work goes with the crowd, for a while, or stays where it is. Returns whether any goes.
 bool GroupMotion::LeaveToCrowd(GroupMemory* memory) {
   bool any = false;
   for (const Job& job : std::span(jobs_).first(num_jobs_)) {
-    if (job.rests || job.outcome.unstepped == 0) continue;
+    if (job.rests || job.outcome.unstepped == 0 || races_ == Races::kHalted) continue;
     for (const int i : job.members) gave_up_[i] = kNow, memory->crowded[i] = kCrowded;
     any = true;
   }
   return any;
 }
 
-bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes,
+bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span<const Shape> shapes,
                        const ContactFilter& filter, const MixMaterial& mix, const ProblemObserver& observer,
                        GroupMemory* memory, StepReport* report) {
   memory->Resize(bodies.size());
@@ -300,7 +303,12 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
   bool kept = false;
   joined_.clear();
   gave_up_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) gave_up_[i] = memory->crowded[i] > 0 ? kBefore : 0;
+  spent_.resize(bodies.size());
+  races_ = races;
+  if (races == Races::kHalted) spent_ = spent_before_;
+  spent_before_ = spent_;
+  for (size_t i = 0; i < bodies.size(); ++i)
+    gave_up_[i] = memory->crowded[i] > 0 && races == Races::kRefused ? kBefore : 0;
   for (int round = 0; round < kRounds && !kept; ++round) {
     const auto find = [&] {
       groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
@@ -316,7 +324,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
         share *= kPassedOn;
         find();
       }
-      if (!races &&
+      if (races == Races::kRefused &&
           (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes, gave_up_)))
         return false;
     }
@@ -326,7 +334,7 @@ bool GroupMotion::Step(double dt, bool races, std::span<Body> bodies, std::span<
     kept = !JoinStrays(dt) && kept;
     if (round + 1 < kRounds && LeaveToCrowd(memory)) kept = false;
   }
-  if (!kept && !races) return false;
+  if (!kept && races == Races::kRefused) return false;
   report->motion_failures += !kept;
   for (double& steps : memory->crowded) steps = std::max(0.0, steps - dt / whole_dt_);
   for (size_t i = 0; i < bodies.size(); ++i)

@@ -41,16 +41,23 @@ struct GroupMemory {
   static constexpr std::uint64_t kAwake = 0, kFresh = 2;
 };
 
+// What is done where bodies of a crowd move against each other by more than they are thick, and may pass each other. Refused: nothing; a
+// shorter step, in which there may be no crowd, keeps them on their sides. Taken: no step is shorter, and small groups that gave up are
+// tried once more before they go with the crowd. Halted: they stay where they are instead.
+enum class Races { kRefused, kTaken, kHalted };
+
 class GroupMotion {
  public:
   GroupMotion(const Settings& settings, parallel::WorkerPool* pool);
-  void SetWholeStep(double dt) { whole_dt_ = dt; }  // [s] of which those that follow are parts
+  void SetWholeStep(double dt) {  // [s] of which those that follow are parts
+    whole_dt_ = dt;
+    spent_.assign(spent_.size(), 0);
+  }
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
   // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
-  // crowd race or leave their rooms, and `races` are refused: only in a shorter step, in which there may be no crowd, are they kept on
-  // their sides.
-  bool Step(double dt, bool races, std::span<Body> bodies, std::span<const Shape> shapes, const ContactFilter& filter,
+  // crowd race or leave their rooms, and races are refused.
+  bool Step(double dt, Races races, std::span<Body> bodies, std::span<const Shape> shapes, const ContactFilter& filter,
             const MixMaterial& mix, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
   // Of the last step. crowd: per body, whether its group was too large.
@@ -104,6 +111,8 @@ class GroupMotion {
   std::vector<double> rooms_;
   std::vector<std::uint8_t> crowd_, was_frozen_, gave_up_;
   bool any_crowd_ = false;
+  Races races_ = Races::kRefused;
+  std::vector<int> spent_, spent_before_;  // work in the shortest parts of the whole step, per body
   double whole_dt_ = 0;
   std::vector<LedgerImpulse> impulses_;
 };

@@ -9,6 +9,6 @@ inline constexpr double kFastest = 20;   // times |g| dt: what a way out of an o
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
 
-inline constexpr int kMostWork = 100000;  // of a step of a group: half a second or so
+inline constexpr int kMostWork = 100000;  // of a step of a group: a tenth to half a second
 
 }  // namespace islet::motion

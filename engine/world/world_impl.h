@@ -129,7 +129,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void WakeNewcomers();
   void StepCrowd(double dt, StepReport* report);
   bool MayBeTakenBack() const;
-  bool StepOnce(double dt, bool races, StepReport* report);
+  bool StepOnce(double dt, motion::Races races, StepReport* report);
   void StepInParts(double dt, int halvings, StepReport* report);
   void KeepLedger(double dt, StepReport* report);
   void AddImpulses(std::span<const LedgerImpulse> of_part);

@@ -13,6 +13,8 @@
 
 namespace islet {
 
+using motion::Races;
+
 static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
 
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
@@ -211,9 +213,10 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
 // those, too.
 bool World::Impl::MayBeTakenBack() const { return MovesGroups() && !failed; }
 
-// Returns false, and has done nothing, where a crowd would let something through, or fail, and `races` are refused.
-bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
-  const bool may_retry = !races && MayBeTakenBack();
+// Returns false, and has done nothing, where a crowd would let something through, or fail, and races are refused. Where they are taken and
+// something went through all the same, small groups that gave up stay where they are.
+bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
+  const bool may_retry = races == Races::kRefused ? MayBeTakenBack() : races == Races::kTaken && MovesGroups();
   if (may_retry) part_start = *this;
   dt_hint = dt;
   before = bodies;
@@ -248,10 +251,13 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
   const double begin = Seconds();
   KeepLedger(dt, report);
   TellSlice({"ledger", begin, Seconds()});
-  if (may_retry && group_motion.any_crowd() && report->Failed()) {
+  if (may_retry && group_motion.any_crowd() &&
+      (races == Races::kRefused ? report->Failed() : report->ledger.sides_changed > 0)) {
     static_cast<WorldState&>(*this) = part_start;
     stale = true;
-    return false;
+    if (races == Races::kRefused) return false;
+    *report = {};
+    return StepOnce(dt, Races::kHalted, report);
   }
   AddHits(dt);
   AddPassed();
@@ -268,7 +274,7 @@ bool World::Impl::StepOnce(double dt, bool races, StepReport* report) {
 // In halves, where a crowd would let something through in one.
 void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   StepReport part;
-  if (!StepOnce(dt, halvings == 0, &part)) {
+  if (!StepOnce(dt, halvings == 0 ? Races::kTaken : Races::kRefused, &part)) {
     StepInParts(0.5 * dt, halvings - 1, report);
     StepInParts(0.5 * dt, halvings - 1, report);
     return;
@@ -306,7 +312,7 @@ StepReport World::Impl::StepWhole(double dt) {
   passed.clear();
   if (settings.stateless) ForgetAll();
   const double checked = Seconds() - start_seconds;
-  if (StepOnce(dt, false, &report)) {
+  if (StepOnce(dt, Races::kRefused, &report)) {
     report.seconds.detect += checked;
     failed = report.Failed();
     Remember(dt, report);

@@ -37,12 +37,13 @@ struct Group {
   std::vector<GroupPair> pairs;     // ascending
   std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
-  // Of a step: looks at a pair, and contacts solved, which are so much dearer. With more it is given up.
+  // Of a step: looks at a pair, contacts solved, which are so much dearer, and pairs passed over, which are cheap. With more it is given up.
   int most_work = kMostWork;
 };
 
 struct GroupOutcome {
   int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
+  int work = 0;          // counted as for Group::most_work
   double unstepped = 0;  // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
   double overlap = 0;    // [m] deepest at the end
   int overlapping = 0;   // pairs that are inside of each other at the end

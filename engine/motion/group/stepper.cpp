@@ -240,7 +240,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
 
 // One try at the next piece: it is done, or to be done again. Returns false if there is no way on.
 bool Stepper::Piece(Progress* p) {
-  work_ += kSolveWork + static_cast<int>(group_->pairs.size());
+  work_ += kSolveWork + static_cast<int>(group_->pairs.size()) / kSolveWork;
   time_of_piece_ = p->t;
   PlaceWallsAt(p->t, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
   const double rest = dt_ - p->t;
@@ -303,6 +303,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
       break;
     }
   }
+  outcome->work = work_;
   End();
 }
 
