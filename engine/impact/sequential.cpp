@@ -153,7 +153,7 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
     add(b, 1, &term.body_b, &term.jacobian_b);
     term.drift += frame.transpose() * SurfaceSlip(contact);
     term.friction = contact.friction;
-    term.target = ReboundSpeed(contact, -NormalVelocityOf(c, contact), least_rebound_);
+    term.target = Rebound(group_contacts[c], contact, -NormalVelocityOf(c, contact));
     if (term.target == 0) term.target = -ClosingSpeed(contact, time_);
     tied_problem_.contacts.push_back(term);
   }
@@ -237,6 +237,10 @@ void SequentialResolver::Requeue(std::span<const int> group_contacts, std::span<
                                      : NormalVelocityOf(touches_[t], contacts[group_contacts[touches_[t]]]));
 }
 
+double SequentialResolver::Rebound(int number, const Contact& contact, double approach) const {
+  return ReboundSpeed(contact, approach, least_rebound_.empty() ? 0 : least_rebound_[number]);
+}
+
 int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<const int> group_contacts,
                                 const ContactFrames& contacts, BounceLaw law, const BounceRule& rule,
                                 std::span<Body> bodies, std::span<Vector3> impulses) {
@@ -268,7 +272,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
       for (const int side : {a, b})
         if (locals_[side].moves()) tied_bodies_.push_back(side);
       Contact as_it_bounces = contact;
-      if (ReboundSpeed(contact, -queue_.top_key(), least_rebound_) == 0) as_it_bounces.restitution = 0;
+      if (Rebound(number, contact, -queue_.top_key()) == 0) as_it_bounces.restitution = 0;
       const Vector3 impulse = BounceImpulse(locals_[a], locals_[b], as_it_bounces, contacts.frames[number], law);
       impulses[number] += impulse;
       ApplyAt(c, contact, contacts.frames[number] * impulse);

@@ -34,9 +34,10 @@ struct BounceRule {
   double threshold;              // [m/s] > 0; a contact collides if it approaches faster
   int limit = kAutoBounceLimit;  // c_b, or by BounceLimit
   bool walls_answer = false;     // what rests on an immovable body takes a blow with it, not before it
-  double least_rebound = 0;      // [m/s] a slower one is none
-  double time = INFINITY;        // [s] in which what is open may close
-  double tie = 0;                // of the fastest: by how much approaches of a body that come at once may differ
+  std::span<const double> least_rebound =
+      {};                  // [m/s] per contact of the world: a slower one is none; empty: all rebound
+  double time = INFINITY;  // [s] in which what is open may close
+  double tie = 0;          // of the fastest: by how much approaches of a body that come at once may differ
 };
 
 class SequentialResolver {
@@ -56,6 +57,7 @@ class SequentialResolver {
   bool LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
+  double Rebound(int number, const Contact& contact, double approach) const;
   bool IsSpent(int local_contact) const;
   void Requeue(std::span<const int> group_contacts, std::span<const Contact> contacts);
 
@@ -65,7 +67,8 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
-  double least_rebound_ = 0, tie_ = 0, time_ = INFINITY;
+  std::span<const double> least_rebound_;  // of the rule, while Resolve runs
+  double tie_ = 0, time_ = INFINITY;
   std::vector<double> keys_;
   ContactQueue queue_;
   std::vector<int> tied_, tied_bodies_;  // contacts that bounce next, and the places of their bodies that move

@@ -233,7 +233,7 @@ void Crowd::Strike(int island, Worker* worker) {
   }
   bounces_of_[island] =
       worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                 {threshold_, settings_.bounce_limit, true, 0, INFINITY, kTie}, posed_, blows_);
+                                 {threshold_, settings_.bounce_limit, true, {}, INFINITY, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
 }

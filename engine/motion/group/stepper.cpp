@@ -152,18 +152,21 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   double fastest = 0;
   int movers = 0;  // bodies that contacts can move
   pull_ = settings.gravity.norm();
+  pulls_W_.assign(1, settings.gravity);
+  twist_ = 0;
   for (const Body& b : group->bodies) {
     if (!b.Moves()) continue;
     ++movers;
     fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
-    pull_ = std::max(
-        pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+    pulls_W_.push_back(settings.gravity + b.force_W / b.mass);
+    const double twist = b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm();
+    twist_ = std::max(twist_, twist);
+    pull_ = std::max(pull_, pulls_W_.back().norm() + twist);
   }
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
   blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers));
-  least_rebound_ = 0.5 * kBrief * pull_ * dt / blow_budget_;
   LoadState();
   FindTouching();
   Recall();

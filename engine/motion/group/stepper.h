@@ -163,7 +163,9 @@ class Stepper {
   void PoseAtEnd();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
+  double PullAlong(const Vector3& normal_W) const;
   double BendOf(const Contact& contact) const;
+  double LeastRebound(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;
   bool WillHit(const Contact& contact, double opening) const;
   bool IsThere(size_t at_end) const;
@@ -179,14 +181,15 @@ class Stepper {
   bool Pushed() const;
 
   // Of the step.
-  double dt_ = 0;             // [s]
-  double pull_ = 0;           // [m/s^2] fastest that gravity and forces make a body
-  double floor_ = 0;          // [m/s] least v_ref
-  int blow_budget_ = 0;       // blows in this step at which they have to be faster
-  int cuts_ = 0;              // pieces that ended at one
-  int work_ = 0;              // so far
-  double least_rebound_ = 0;  // [m/s] a slower one is none
-  double threshold_ = 0;      // [m/s] approaches below it are none
+  double dt_ = 0;                 // [s]
+  double pull_ = 0;               // [m/s^2] fastest that gravity and forces make a body
+  std::vector<Vector3> pulls_W_;  // [m/s^2] those that there are
+  double twist_ = 0;              // [m/s^2] of them: what torques make a point
+  double floor_ = 0;              // [m/s] least v_ref
+  int blow_budget_ = 0;           // blows in this step at which they have to be faster
+  int cuts_ = 0;                  // pieces that ended at one
+  int work_ = 0;                  // so far
+  double threshold_ = 0;          // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
@@ -233,6 +236,7 @@ class Stepper {
   std::vector<int> problem_of_;
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_impulses_, bounces_, carried_W_;
+  std::vector<double> least_rebounds_;  // [m/s] of the contacts of a blow
   std::vector<double> targets_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;

@@ -19,15 +19,27 @@ constexpr double kRocks = 0.25;
 
 }  // namespace
 
+// [m/s^2] fastest that weight brings bodies together along a normal. What is held by others feels a little of it along any.
+double Stepper::PullAlong(const Vector3& normal_W) const {
+  double pull = kTrembling * pull_;
+  for (const Vector3& pull_W : pulls_W_) pull = std::max(pull, twist_ + std::abs(normal_W.dot(pull_W)));
+  return pull;
+}
+
 // [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
 double Stepper::BendOf(const Contact& contact) const {
-  double bend = pull_;
+  double bend = PullAlong(contact.normal_W);
   for (const int i : {contact.body_a, contact.body_b}) {
     const Body& b = group_->bodies[i];
     if (b.kind != BodyKind::kKinematic) continue;
     bend += b.angular_velocity_W.cross(b.angular_velocity_W.cross(contact.point_W - state_[i].pose.position_W)).norm();
   }
   return bend;
+}
+
+// [m/s] a slower one is none, since weight ends it at once.
+double Stepper::LeastRebound(const Contact& contact) const {
+  return 0.5 * kBrief * PullAlong(contact.normal_W) * dt_ / blow_budget_;
 }
 
 // [m/s] approaches above it are blows: what they do is not over at once. Where there have been too many in the step, it takes more
@@ -42,7 +54,7 @@ double Stepper::CutSpeed(const Contact& contact) const {
 bool Stepper::WillHit(const Contact& contact, double opening) const {
   const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
   const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
-  return approach * approach + (closed ? 0 : 2 * pull_ * contact.gap) > cut * cut;
+  return approach * approach + (closed ? 0 : 2 * PullAlong(contact.normal_W) * contact.gap) > cut * cut;
 }
 
 // Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.
@@ -175,7 +187,8 @@ void Stepper::Strike() {
   }
   if (!strikes) return;
   PartProblem();
-  const double least_rebound = pull_ > 0 ? least_rebound_ : 0;
+  least_rebounds_.clear();
+  for (const Contact& c : problem_) least_rebounds_.push_back(LeastRebound(c));
   bounces_.assign(problem_.size(), Vector3::Zero());
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
@@ -184,10 +197,10 @@ void Stepper::Strike() {
     const ContactFrames contacts{problem_, frames_};
     out_->bounces +=
         sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                            {threshold_, settings_.bounce_limit, true, least_rebound, dt_}, posed_, bounces_);
+                            {threshold_, settings_.bounce_limit, true, least_rebounds_, dt_}, posed_, bounces_);
     for (const int c : view.contacts) {
       const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
-      if (ReboundSpeed(problem_[c], approach, least_rebound) == 0) problem_[c].restitution = 0;
+      if (ReboundSpeed(problem_[c], approach, least_rebounds_[c]) == 0) problem_[c].restitution = 0;
     }
     out_->struck.push_back(
         responder_.ResolveCollisions(view, contacts, settings_, floor_, threshold_, posed_, local_impulses_, dt_));
@@ -200,7 +213,7 @@ void Stepper::Strike() {
     strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
     const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
     double& yields = yields_[end_pair_[problem_of_[c]]];
-    if (approach > CutSpeed(problem_[c])) yields = std::max(yields, approach);
+    if (approach > CutSpeed(problem_[c]) + ClosingSpeed(problem_[c], dt_)) yields = std::max(yields, approach);
   }
   ApplyAtEnd(strike_W_);
 }

@@ -38,7 +38,6 @@ void Stepper::SelectHeld(double h) {
   off_ = OffAhead(h);
   for (size_t i = 0; i < ways_.size(); ++i) ways_[i].mean_W = state_[i].linear_W;
   Foresee(h, settings_.gravity, group_->bodies, now_, force_W_, ways_);
-  const double leaves = pull_ > 0 ? least_rebound_ : threshold_;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
@@ -50,7 +49,7 @@ void Stepper::SelectHeld(double h) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
-    if (!rides && opening > leaves && freed_[now_pair_[c]] != kReturns) {
+    if (!rides && opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
       freed_[now_pair_[c]] = kLeaves;
       continue;
     }

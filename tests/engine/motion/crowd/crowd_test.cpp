@@ -29,12 +29,13 @@ Settings ByLaw(int threads = 2) {
 
 struct Course {
   int unclean = 0, sides = 0;
-  double energy = 0, momentum = 0, angular = 0, way = 0, overlap = 0, fastest = 0;
+  double energy = 0, momentum = 0, angular = 0, way = 0, overlap = 0, fresh = 0, fastest = 0;
 };
 
 // The worst of each; fastest: of any point in the last step.
 Course StepFor(World* world, double dt, double seconds) {
   Course run;
+  double before = 0;
   for (const double end = world->time() + seconds; world->time() < end;) {
     const StepReport report = world->Step(dt);
     run.unclean += !report.ledger.Clean();
@@ -43,6 +44,8 @@ Course StepFor(World* world, double dt, double seconds) {
     run.momentum = std::max(run.momentum, report.ledger.momentum_unexplained.value);
     run.angular = std::max(run.angular, report.ledger.angular_momentum_unexplained.value);
     run.way = std::max(run.way, report.ledger.displacement_without_velocity.value);
+    run.fresh = std::max(run.fresh, report.penetration_max - before);
+    before = report.penetration_max;
     run.overlap = std::max(run.overlap, report.penetration_max);
   }
   for (const Body& b : world->bodies())
@@ -78,7 +81,8 @@ TEST(Crowd, HeapObeysTheLawInEveryStep) {
     EXPECT_LT(run.momentum, 1e-11);
     EXPECT_LT(run.angular, 1e-11);
     EXPECT_LT(run.way, 1e-13);
-    EXPECT_LT(run.overlap, 2e-3 * 0.5);
+    EXPECT_LT(run.fresh, 2e-3 * 0.5);    // what a piece may make
+    EXPECT_LT(run.overlap, 3e-3 * 0.5);  // what is there is taken back a fifth in a piece
   }
 }
 
