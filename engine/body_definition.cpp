@@ -39,8 +39,9 @@ void RequirePositive(const std::string& body, const std::string& field, double v
 void RequireInertia(const std::string& body, const Matrix3& inertia) {
   const Eigen::SelfAdjointEigenSolver<Matrix3> solver(inertia);
   const Vector3 moments = solver.eigenvalues();
-  if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9) || !(moments[0] > 0))
-    Reject(body, "inertia", "is not symmetric positive definite (smallest moment " + Text(moments[0]) + ")");
+  if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9))
+    Reject(body, "inertia", "is not symmetric and finite");
+  if (!(moments[0] > 0)) Reject(body, "inertia", "is not positive definite (smallest moment " + Text(moments[0]) + ")");
   if (moments[0] < 1 / kMostInertia || moments[2] > kMostInertia)
     Reject(body, "inertia",
            "has moments of " + Text(moments[0]) + " to " + Text(moments[2]) + ", beyond 1e-40 to 1e40");

@@ -27,7 +27,7 @@ void Settings::Validate() const {
   Require(freeze_count >= 0, "freeze_count", freeze_count, ">= 0 frames");
   Require(freeze_seconds > 0 && std::isfinite(freeze_seconds), "freeze_seconds", freeze_seconds, "> 0 s");
   Require(freeze_travel > 0 && freeze_travel < 1, "freeze_travel", freeze_travel, "in (0, 1) body radii");
-  Require(tolerance > 0 && tolerance <= 0.1, "tolerance", tolerance, "in (0, 0.1]");
+  Require(tolerance >= 1e-15 && tolerance <= 0.1, "tolerance", tolerance, "in [1e-15, 0.1]");
   Require(effort.sweeps >= 0, "effort.sweeps", effort.sweeps, ">= 0");
   Require(touch_gap > 0 && touch_gap < 0.1, "touch_gap", touch_gap, "in (0, 0.1) of a shape's size");
   Require(overlap_tolerance > 0 && overlap_tolerance <= touch_gap, "overlap_tolerance", overlap_tolerance,

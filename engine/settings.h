@@ -23,7 +23,7 @@ enum class BounceLaw {
 // When bodies are frozen.
 enum class Freezing {
   kOff,        // never
-  kPaper,      // kinetic energy below Eq. 15 for more than freeze_count frames; wakes by collision only
+  kPaper,      // kinetic energy below Eq. 15 for more than freeze_count frames; wakes by collision only, not by forces or what is removed
   kCertified,  // frozen while a static-contact solution holds the body; design in engine/freezing/README.md
 };
 

@@ -106,7 +106,7 @@ class World {
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);
   // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
-  // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass of its definition. Wakes all bodies.
+  // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass that it was given last. Wakes all bodies.
   void SetKind(int body, BodyKind kind);
   void SetMass(int body, double mass);  // [kg]; the inertia changes with it
   // [kg], [kg m^2] about the centre of mass.
@@ -144,7 +144,7 @@ class World {
   const Body& body(int number) const;                  // also of a removed one, until its number is used again
   const Shape& shape(int number) const;                // the same
   std::uint64_t user_data(int number) const;           // of a body that lives, else it throws
-  std::span<const Contact> contacts() const;           // touching, at the current poses
+  std::span<const Contact> contacts() const;           // touching, where the last step ended
   // Where impulses acted in the last step: once in each piece of it, in the order of time; where bodies and feature are those of a
   // contact in contacts(), it is the same one.
   std::span<const Contact> resolved_contacts() const;

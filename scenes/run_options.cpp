@@ -109,7 +109,7 @@ void CheckNumbers(const RunOptions& o) {
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
   if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
   if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
-  if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance > 0 && *o.tolerance <= 0.1, "in (0, 0.1]");
+  if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance >= 1e-15 && *o.tolerance <= 0.1, "in [1e-15, 0.1]");
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
@@ -188,7 +188,7 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
                   fmt::join(qp::kRungNames, ", ")));
   add(kMethod, "--effort", o.effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
-  add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
+  add(kMethod, "--tolerance", o.tolerance, "X", "of the contact problems, in [1e-15, 0.1] (default 1e-6)");
   add(kMethod, "--bounce", o.bounce, "NAME", "bounce law of the priority queue: eq5, eq6 or exact (default exact)");
   add(kMethod, "--bounce-limit", o.bounce_limit, "N|auto",
       "bounces per island before the QP takes over (default auto)");

@@ -220,7 +220,7 @@ void CheckOptions(const SolveOptions& o) {
   };
   require(o.model == "convex" || o.model == "coulomb", "--model", o.model, "one of convex, coulomb");
   require(o.cone == "circular" || o.cone == "octagon", "--cone", o.cone, "one of circular, octagon");
-  require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
+  require(o.tolerance >= 1e-15 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in [1e-15, 0.1]");
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
   if (o.time_limit) require(*o.time_limit > 0 && *o.time_limit <= 1e6, "--time-limit", *o.time_limit, "in (0, 1e6] s");
   if (o.report.empty() || o.report == "-") return;

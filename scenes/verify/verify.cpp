@@ -20,7 +20,7 @@ VerifyBase CheckOptions(const VerifyOptions& o) {
   const auto require = [](bool good, const char* option, const auto& value, const char* rule) {
     if (!good) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
   };
-  require(o.tolerance > 0 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in (0, 0.1]");
+  require(o.tolerance >= 1e-15 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in [1e-15, 0.1]");
   if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
   require(o.group_bodies >= 0, "--group-bodies", o.group_bodies, "at least 0");
   if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
@@ -74,7 +74,7 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   add("--model", o->model, "LIST",
       "of coulomb (default), convex, kinetic, paper: all as in the paper, its freezing too");
   add("--freeze", o->freeze, "LIST", "of off, certified (default: both)");
-  add("--tolerance", o->tolerance, "X", "of the contact problems, in (0, 0.1] (default 1e-6)");
+  add("--tolerance", o->tolerance, "X", "of the contact problems, in [1e-15, 0.1] (default 1e-6)");
   add("--effort", o->effort, "NAME|N", kEffortHelp);
   command->add_option_function<std::string>("--tier", NoteTier)->group("");  // hidden
   add("--group-bodies", o->group_bodies, "N",

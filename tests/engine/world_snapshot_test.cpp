@@ -71,6 +71,25 @@ TEST(WorldSnapshot, ContinuesBitForBitFromAnyFrame) {
   }
 }
 
+// What is restored frozen where nothing freezes would never wake: it moves.
+TEST(WorldSnapshot, WakesWhereNothingFreezes) {
+  for (const int group_bodies : {0, 20}) {
+    Settings settings = Threads(1);
+    settings.group_bodies = group_bodies;
+    World world(settings);
+    const int floor = world.Add(Floor());
+    const int cube = world.Add(Cube({0, 0, 0.5}));
+    StepTimes(&world, 60, kDt);
+    ASSERT_TRUE(world.body(cube).frozen);
+    settings.freezing = Freezing::kOff;
+    World other(settings);
+    other.Restore(world.Save());
+    other.Remove(floor);
+    StepTimes(&other, 60, kDt);
+    EXPECT_NEAR(other.body(cube).position_W.z(), 0.5 - 0.5 * testing::kGravity, 1e-9) << group_bodies;
+  }
+}
+
 TEST(WorldSnapshot, GoesBackInTheSameWorld) {
   World world = Scene(Threads(1));
   StepTimes(&world, 25);

@@ -98,6 +98,7 @@ class Stepper {
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 CarriedBy(size_t at_end) const;
+  int HeirOf(size_t held) const;
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
   bool WasHeld(size_t at_end) const;
   bool Presses(int pair) const;
@@ -219,7 +220,7 @@ class Stepper {
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
   std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins
-  std::vector<int> follows_;                                    // in end_, or -1
+  std::vector<int> follows_, heirs_;                            // in end_, or -1
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
   std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
   std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall

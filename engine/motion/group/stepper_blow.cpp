@@ -98,17 +98,23 @@ void Stepper::Settle() {
     ridden_W_[at_end] += ride_.impulse_W(c);
   }
   const double still = kSettled * settings_.tolerance * floor_;
+  heirs_.resize(held_.size());
+  for (size_t c = 0; c < held_.size(); ++c) heirs_[c] = impulse_W_[c].isZero(0) ? -1 : HeirOf(c);
+  targets_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const Vector3 carried = AllowedOf(e, u, still);
     const bool rode = !ridden_W_[e].isZero(0);
-    const double closed = !carried.isZero(0) || rode ? kTouching : Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
-    if (end_[e].gap > closed * Size(group_->pairs[end_pair_[e]])) continue;
+    const bool bore = !carried.isZero(0) || rode;
+    const double size = Size(group_->pairs[end_pair_[e]]);
+    if (!bore && end_[e].gap > (Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact) * size) continue;
     const double normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0) && !rode && WillHit(end_[e], normal)) continue;
     settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
+    targets_.push_back(
+        -std::max(yields_[end_pair_[e]], end_[e].gap > kTouching * size ? ClosingSpeed(end_[e], dt_) : 0));
     carried_W_.push_back(carried + ridden_W_[e]);
   }
   if (settled) return;
@@ -117,8 +123,6 @@ void Stepper::Settle() {
     ApplyImpulse(problem_[c], -carried_W_[c], posed_);
     local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
   }
-  targets_.resize(problem_.size());
-  for (size_t c = 0; c < problem_.size(); ++c) targets_[c] = -yields_[end_pair_[problem_of_[c]]];
   SolveParts(targets_, floor_, &out_->settled);
   for (size_t c = 0; c < problem_.size(); ++c)
     settle_W_[problem_of_[c]] = frames_[c] * local_impulses_[c] - carried_W_[c];

@@ -175,6 +175,21 @@ void Stepper::FollowHeld() {
   }
 }
 
+// Who takes back at the end what a held contact gave too much: itself, or the nearest of its pair where faces have slid on.
+int Stepper::HeirOf(size_t held) const {
+  if (follows_[held] >= 0) return follows_[held];
+  const auto [first, last] = std::equal_range(end_.begin(), end_.end(), held_[held], EarlierPair);
+  const Vector3 there = Carried(held_of_[held].pair, acted_at_[held], Moment::kMiddle, Moment::kEnd);
+  int heir = -1;
+  double nearest = INFINITY;
+  for (auto e = first; e != last; ++e) {
+    const double apart = (e->point_W - there).norm();
+    if (e->normal_W.dot(held_[held].normal_W) > 0 && apart < nearest)
+      nearest = apart, heir = static_cast<int>(e - end_.begin());
+  }
+  return heir;
+}
+
 // The contact as the piece began, if it was closed.
 const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Contact& end = end_[at_end];
@@ -194,7 +209,7 @@ Vector3 Stepper::CarriedBy(size_t at_end) const {
 Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const {
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
-    if (follows_[c] == static_cast<int>(at_end))
+    if (heirs_[c] == static_cast<int>(at_end))
       sum += TurnedAlong(held_[c], end_[at_end], impulse_W_[c], velocity_W, still);
   return WithinCone(end_[at_end], sum);
 }
