@@ -108,6 +108,16 @@ int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vec
   return found;
 }
 
+int FindHeir(std::span<const Contact> of_pair, const Vector3& normal_W, const Vector3& point_W) {
+  int heir = -1;
+  double nearest = INFINITY;
+  for (size_t k = 0; k < of_pair.size(); ++k) {
+    const double apart = (of_pair[k].point_W - point_W).norm();
+    if (of_pair[k].normal_W.dot(normal_W) > 0 && apart < nearest) nearest = apart, heir = static_cast<int>(k);
+  }
+  return heir;
+}
+
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W) {
   const double along = normal_W.dot(rotation_WB * Vector3::UnitZ());
   const bool round = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule ||

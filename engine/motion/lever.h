@@ -46,6 +46,10 @@ inline constexpr double kSamePlace = 1e-2;
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far);
 
+// Of a pair's contacts the place of the nearest to a point that faces the same way; -1: none. It takes back at the end what one gave too much
+// that is not found again, since faces have slid on.
+int FindHeir(std::span<const Contact> of_pair, const Vector3& normal_W, const Vector3& point_W);
+
 // [m] radius of the round side on which a shape takes a contact with that normal: of a sphere, a capsule, a cylinder that lies on its
 // side; infinite elsewhere, and of a rim.
 double RoundRadius(const Shape& shape, const Quaternion& rotation_WB, const Vector3& normal_W);

@@ -156,6 +156,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
   }
   for (size_t c = 0; c < start_.size() && ride_.any(); ++c)
     if (!ride_.impulse_W(c).isZero(0)) impulses_.push_back({start_[c], ride_.impulse_W(c), t, 0});
+  Inherit();
   carried_at_.assign(near_->size(), -1);
   work_.assign(near_->size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {

@@ -196,6 +196,7 @@ class Crowd {
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
+  void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);
   void FindHits();

@@ -11,8 +11,6 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
-namespace {}  // namespace
-
 // Which contacts of the problem are blows, and what all of them ask of their normal velocity while blows are held with the rest.
 void Crowd::FindHits() {
   hits_.assign(problem_.size(), 0);
@@ -83,6 +81,18 @@ void Crowd::TurnCarried() {
     const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
     const double still = std::max(threshold_, 10 * std::max(errors_[end.body_a], errors_[end.body_b]));
     turned_W_[follows_[c]] += was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, still) : impulse_W_[c];
+  }
+}
+
+// What is carried by contacts that are not found again falls to others of their pairs.
+void Crowd::Inherit() {
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (follows_[c] >= 0 || impulse_W_[c].isZero(0)) continue;
+    const auto [first, last] = std::equal_range(near_->begin(), near_->end(), held_[c], EarlierPair);
+    const int heir = FindHeir({first, last}, held_[c].normal_W, PlaceAtEnd(c).point_W);
+    if (heir < 0) continue;
+    follows_[c] = static_cast<int>(first - near_->begin()) + heir;
+    carried_W_[follows_[c]] += impulse_W_[c];
   }
 }
 
@@ -162,9 +172,12 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     blows_[contacts[k]].setZero();
     collisions_[contacts[k]].setZero();
   };
+  double held = 0, struck = 0;  // [s] of attempts
   for (int attempt = 1;; ++attempt) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
     Strike(island, worker);
+    held = outcomes_[island].seconds += held;
+    struck = struck_[island].seconds += struck;
     outcomes_[island].restitution_lowered = attempt > 1;
     if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
     if (!rebounds) {

@@ -175,19 +175,13 @@ void Stepper::FollowHeld() {
   }
 }
 
-// Who takes back at the end what a held contact gave too much: itself, or the nearest of its pair where faces have slid on.
+// Who takes back at the end what a held contact gave too much: itself, or another of its pair.
 int Stepper::HeirOf(size_t held) const {
   if (follows_[held] >= 0) return follows_[held];
   const auto [first, last] = std::equal_range(end_.begin(), end_.end(), held_[held], EarlierPair);
   const Vector3 there = Carried(held_of_[held].pair, acted_at_[held], Moment::kMiddle, Moment::kEnd);
-  int heir = -1;
-  double nearest = INFINITY;
-  for (auto e = first; e != last; ++e) {
-    const double apart = (e->point_W - there).norm();
-    if (e->normal_W.dot(held_[held].normal_W) > 0 && apart < nearest)
-      nearest = apart, heir = static_cast<int>(e - end_.begin());
-  }
-  return heir;
+  const int heir = FindHeir({first, last}, held_[held].normal_W, there);
+  return heir < 0 ? -1 : static_cast<int>(first - end_.begin()) + heir;
 }
 
 // The contact as the piece began, if it was closed.

@@ -574,10 +574,10 @@ TEST(CertifiedFreezing, BlowMovesWhatItHitsAndNothingElse) {
   int moving = 0;
   for (const Body& b : world.bodies()) {
     EXPECT_FALSE(b.frozen);
-    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 3e-4;
+    moving += b.linear_velocity_W.norm() + b.angular_velocity_W.norm() > 1e-3;
   }
   EXPECT_GE(moving, 2);
-  EXPECT_LE(moving, 15);  // of 92; nine of them are hit, the others depend on rounding
+  EXPECT_LE(moving, 9);  // of 92: those that are hit; the tenth has 7e-4 or 8e-4
 }
 
 // T26, Fig. 5: the blow wakes the whole row in the frame of the hit.
