@@ -45,8 +45,7 @@ inline bool OutlastsStep(const Contact& contact, double approach, double free_fa
   return 2 * contact.restitution * approach > (1 - contact.restitution) * free_fall;
 }
 
-inline constexpr double kTrembling =
-    0.01;  // of what weight does: what of it is felt along any normal; 3 mm/s at 1/30 s
+inline constexpr double kTrembling = 0.01;  // of weight: what of it is felt along any normal; 3 mm/s at 1/30 s
 
 // [m/s] up to which the static problem may take an approach along with the weight of the step: gravity [m/s^2] alone makes as much
 // of it within dt, and the rebound is none, or what presses the contact ends all its bounces in a fraction of the step.

@@ -138,7 +138,7 @@ class World {
   // Poses and velocities alone, 104 bytes a body: with Settings::stateless later steps depend on nothing else, and a world with the same
   // bodies that restores them goes on bit for bit (rollback). Time, forces and materials are the caller's.
   std::vector<std::byte> SaveMotion() const;
-  void RestoreMotion(std::span<const std::byte> bytes);  // goes back there; throws unless it fits the bodies
+  void RestoreMotion(std::span<const std::byte> bytes);  // goes back there; throws unless there are as many bodies
 
   std::span<const Body> bodies() const;                // including removed ones
   const Body& body(int number) const;                  // also of a removed one, until its number is used again

@@ -36,7 +36,7 @@ class Stepper {
 
  private:
   static constexpr int kSolveWork =
-      32;  // looks at a pair, which one solved contact is worth; pairs passed over, which a look is worth
+      32;  // looks at a pair that a solved contact is worth, pairs passed over that a look is
   static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
   // Times the step over the number of blows it may have: a rebound that is over sooner is none.
