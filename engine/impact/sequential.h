@@ -31,11 +31,11 @@ int BounceLimit(int setting, int num_bodies, int num_contacts);
 
 // Which contacts of a group bounce, and how often.
 struct BounceRule {
-  double threshold;                       // [m/s] > 0; a contact collides if it approaches faster
-  int limit = kAutoBounceLimit;           // c_b, or by BounceLimit
-  bool walls_answer = false;              // what rests on an immovable body takes a blow with it, not before it
-  std::span<const double> least_rebound;  // [m/s] per contact of the world: a slower one is none; empty: all rebound
-  double time = INFINITY;                 // [s] in which what is open may close
+  double threshold;                            // [m/s] > 0; a contact collides if it approaches faster
+  int limit = kAutoBounceLimit;                // c_b, or by BounceLimit
+  bool walls_answer = false;                   // what rests on an immovable body takes a blow with it, not before it
+  std::span<const double> least_rebound = {};  // [m/s] per contact of the world: a slower one is none; empty: all do
+  double time = INFINITY;                      // [s] in which what is open may close
   double tie = 0;  // of the fastest: by how much approaches of a body that come at once may differ
 };
 
