@@ -150,7 +150,8 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
       break;
     }
     if (!drawn && !options.picture.empty() && is_time_to_draw(frame - 1)) draw(world);
-    if (problems && problems->Wants(frame)) {
+    const bool observed = problems && problems->Wants(frame);
+    if (observed) {
       world.SetProblemObserver([&](const ProblemRecord& record) {
         if (exported) failures.Try([&] { exported = false, problems->Write(frame, record), exported = true; });
       });
@@ -160,7 +161,7 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
     const StepReport report = world.Step(dt);
     const double step_seconds = WallTime() - step_start;
     if (!options.trace.empty()) trace.AddFrame(frame, step_start, step_start + step_seconds);
-    world.SetProblemObserver({});
+    if (observed) world.SetProblemObserver({});
     frames_done = frame;
 
     run_report.AddFrame(report, step_seconds, world);

@@ -283,11 +283,11 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
 }
 
-// A callback may change its mind without telling.
+// What is done again costs nothing only where nothing was done. A callback may change its mind without telling.
 void World::Impl::Remember(double dt, const StepReport& report) {
   rest.reset();
   if (material || filter.has_callback() || !AllStandStill(before) || !AllStandStill(bodies) || report.woken > 0 ||
-      report.newly_frozen > 0)
+      report.newly_frozen > 0 || report.static_qp.solved > 0 || report.collision_qp.solved > 0)
     return;
   rest = report;
   rest->seconds = {};
