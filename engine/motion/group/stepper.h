@@ -35,8 +35,8 @@ class Stepper {
   void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
 
  private:
-  static constexpr int kSolveWork =
-      32;  // looks at a pair that a solved contact is worth, pairs passed over that a look is
+  // A solved contact is worth so many looks at a pair, a look so many pairs passed over.
+  static constexpr int kSolveWork = 32;
   static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
   // Times the step over the number of blows it may have: a rebound that is over sooner is none.

@@ -105,11 +105,11 @@ void Stepper::Settle() {
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const Vector3 carried = AllowedOf(e, u, still);
     const bool rode = !ridden_W_[e].isZero(0);
-    const bool bore = !carried.isZero(0) || rode;
-    const double size = Size(group_->pairs[end_pair_[e]]);
-    if (!bore && end_[e].gap > (Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact) * size) continue;
-    const double normal = end_[e].normal_W.dot(u);
-    if (carried.isZero(0) && !rode && WillHit(end_[e], normal)) continue;
+    const double size = Size(group_->pairs[end_pair_[e]]), normal = end_[e].normal_W.dot(u);
+    if (carried.isZero(0) && !rode) {  // it takes part where it is closed, and no blow to come
+      const double closed = Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
+      if (end_[e].gap > closed * size || WillHit(end_[e], normal)) continue;
+    }
     settled = settled && (carried.isZero(0) ? normal >= -still : Agrees(end_[e], carried, u, still));
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
