@@ -236,15 +236,13 @@ void CertifiedFreezing::EndFrame(const SuiteFrame& frame, const std::vector<std:
   }
 }
 
-// Of an island that was solved to the tolerance. Whether contacts can balance what rests is asked when it stops; that they nearly do is
-// asked here, but for what moves beside a body, and presses it now here, now there.
+// Of an island that was solved to the tolerance. Whether contacts can balance what rests is asked when it stops.
 void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector<std::uint8_t>& was_frozen,
                                       const std::vector<double>& errors, const std::vector<Stillness>& still,
                                       const Settings& settings) {
   const size_t n = frame.bodies.size();
   const double calm = kMargin * settings.tolerance * std::max(frame.rest_speed, 1e-12);
   rests_.assign(n, 0);
-  touched_.assign(n, 0);
   for (size_t i = 0; i < n; ++i) {
     const Body& body = frame.bodies[i];
     if (body.Moves() && errors[i] > calm) moves_[roots_[i]] = 1;
@@ -255,14 +253,6 @@ void CertifiedFreezing::FindWhatRests(const SuiteFrame& frame, const std::vector
         held_[i] && !moves_[roots_[i]] && (was_frozen[i] || still[i].seconds >= settings.freeze_seconds);
     rests_[i] = body.frozen ||
                 (body.Moves() && stands && FastestPoint(TwistOf(body), body.radius) <= kMargin * errors[i] + calm);
-  }
-  for (const Contact& c : frame.contacts.contacts)
-    if (JoinsDynamic(frame, c) && rests_[c.body_a] != rests_[c.body_b]) touched_[c.body_a] = touched_[c.body_b] = 1;
-  for (size_t i = 0; i < n; ++i) {
-    const Body& body = frame.bodies[i];
-    if (!body.Moves() || touched_[i]) continue;
-    const double sum = Imbalance(body, loads_[i]) * loads_[i].size;
-    rests_[i] = rests_[i] && sum <= (kMargin * errors[i] + calm) * body.mass;
   }
   if (!whole_) return;
   for (size_t i = 0; i < n; ++i)

@@ -637,6 +637,18 @@ TEST(CertifiedFreezing, NothingFloatsWhenTheLowerHalfIsRemoved) {
   EXPECT_TRUE(AllFrozen(world));
 }
 
+// Edges of four cubes that share one line touch in any direction, a new one in each step. What balances them is found anew.
+TEST(CertifiedFreezing, FlushBlocksFreezeAtOnceAndStayFrozen) {
+  constexpr int kAlong = 6, kAcross = 2, kHigh = 3;  // more than a small island
+  World world(OneThread());
+  world.Add(Floor());
+  for (int i = 0; i < kAlong * kAcross * kHigh; ++i)
+    world.Add(Cube({static_cast<double>(i % kAlong), static_cast<double>(i / kAlong % kAcross),
+                    0.5 + static_cast<double>(i / (kAlong * kAcross))}));
+  EXPECT_LE(FramesUntilFrozen(&world, 60), 12);
+  for (int frame = 0; frame < 120; ++frame) EXPECT_EQ(testing::Step(&world, kDt).woken, 0) << frame;
+}
+
 TEST(CertifiedFreezing, ResidualSpeedNeverSurvivesInAFrozenBody) {
   World world = FrozenStack(5);
   const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
