@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kLevels = 10;      // times that a piece is halved
 constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within a piece
-constexpr int kBlowWork = 256;   // bodies times blows in a step; beyond it they have to be faster and faster
-constexpr int kLeastBlows = 8;
 
 }  // namespace
 
@@ -138,6 +136,7 @@ void Stepper::Commit(double t, double h) {
     out_->ends.push_back(t + h);
     for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
   }
+  over_.assign(group_->pairs.size(), false);
   state_ = end_state_;
   now_ = end_;
   now_pair_ = end_pair_;
@@ -166,7 +165,9 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   }
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
-  blow_budget_ = std::max(kLeastBlows, kBlowWork / std::max(1, movers));
+  const double brief = std::min(0.5, kBrief * std::max(1, movers));  // of the step
+  brief_ = brief * dt;
+  budget_ = static_cast<int>(4 / brief);
   LoadState();
   FindTouching();
   Recall();
@@ -176,6 +177,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   cuts_ = work_ = 0;
   grazing_ = -1;
   yields_.assign(group->pairs.size(), 0.0);
+  over_.assign(group->pairs.size(), false);
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
   purse_.assign(group->pairs.size(), 0.0);
@@ -248,7 +250,7 @@ bool Stepper::Piece(Progress* p) {
   PlaceWallsAt(p->t, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
   const double rest = dt_ - p->t;
   double h = ChooseLength(std::min(rest, p->most));
-  if (rest - h < 0.2 * h) h = std::min(rest, 1.2 * h);
+  if (rest - h < 0.2 * h && p->events == 0) h = std::min(rest, 1.2 * h);
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = Shorten(h, moment);
@@ -270,6 +272,14 @@ bool Stepper::Piece(Progress* p) {
     return true;
   }
   if (deep || (creates_ && !yields)) return false;
+  if (p->events < budget_) {
+    const double end = std::min(SlipEnds(h), SupportEnds(h));
+    if (end < h) {
+      ++p->events;
+      if (end > 0) p->most = end;
+      return true;
+    }
+  }
   Commit(p->t, h);
   p->t += h;
   cuts_ += cut;

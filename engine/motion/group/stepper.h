@@ -5,6 +5,7 @@
 //     carry    impulses I, spread over the piece:  0 <= I_n, gap(x1) >= 0, I_n gap(x1) = 0, friction on the mean velocity
 //     settle   the same impulses redone so that velocities agree with the pose at the end; takes energy, never adds any
 //     blows    where something hits: a piece ends at that moment; queue and collision problem as in any step [SM04]
+//     ends     where a slip or a support ends within the piece, it ends there
 //   a piece in which the bodies gain energy, or that leaves an overlap, is done again at half its length
 //
 //   in:      bodies of the group with their partners (walls, what the user moves), ascending; pairs that may meet
@@ -39,8 +40,7 @@ class Stepper {
   static constexpr int kSolveWork = 32;
   static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
-  // Times the step over the number of blows it may have: a rebound that is over sooner is none.
-  static constexpr double kBrief = 4;
+  static constexpr double kBrief = 1.0 / 64;  // of a step, for each body that moves: what is over that soon is none
 
   struct Held {  // a contact that carries in this piece
     int pair;
@@ -68,6 +68,7 @@ class Stepper {
     double t = 0;     // [s] done
     double most = 0;  // [s] length of the next piece
     int level = 0;    // how often pieces were halved
+    int events = 0;   // slips and supports that ended
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece
 
@@ -174,6 +175,15 @@ class Stepper {
   bool HitsEarlier() const;
   bool HasMet(int pair) const;
 
+  // stepper_events.cpp: what ended within a piece.
+  double SlipEnds(double h) const;
+  double SupportEnds(double h);
+  bool GoesOn(size_t at_start) const;
+  Pose GoingOn(int i, int pair, double until, double t) const;
+  size_t ClosedAt(int pair, double until, double t);
+  double MostFriction(size_t held) const;
+  Vector3 SlipAtStart(size_t held) const;
+
   // stepper_energy.cpp: who gained, and who pays for a push.
   double EnergyOf(int i, const State& state) const;
   void KeepAccounts(double h);
@@ -187,10 +197,11 @@ class Stepper {
   std::vector<Vector3> pulls_W_;  // [m/s^2] those that there are
   double twist_ = 0;              // [m/s^2] of them: what torques make a point
   double floor_ = 0;              // [m/s] least v_ref
-  int blow_budget_ = 0;           // blows in this step at which they have to be faster
-  int cuts_ = 0;                  // pieces that ended at one
-  int work_ = 0;                  // so far
-  double threshold_ = 0;          // [m/s] approaches below it are none
+  double brief_ = 0;              // [s] what is over that soon is none
+  int budget_ = 0;        // blows in this step at which they have to be faster; other ends of pieces that are met
+  int cuts_ = 0;          // pieces that ended at one
+  int work_ = 0;          // so far
+  double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
@@ -226,7 +237,8 @@ class Stepper {
   std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall
   std::vector<Vector3> settle_W_, strike_W_;  // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
-  std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
+  std::vector<Freed> freed_;        // per pair: about to hit; leaves; is back within the piece, too slow for a blow
+  std::vector<std::uint8_t> over_;  // per pair: its support ended as the piece began
   bool returned_ = false, guarded_ = false;
   bool met_ = false;  // something on the way that was searched, and no blow
   std::vector<Contact> guards_;

@@ -38,15 +38,13 @@ double Stepper::BendOf(const Contact& contact) const {
 }
 
 // [m/s] a slower one is none, since weight ends it at once.
-double Stepper::LeastRebound(const Contact& contact) const {
-  return 0.5 * kBrief * PullAlong(contact.normal_W) * dt_ / blow_budget_;
-}
+double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_ * PullAlong(contact.normal_W); }
 
 // [m/s] approaches above it are blows: what they do is not over at once. Where there have been too many in the step, it takes more
 // and more.
 double Stepper::CutSpeed(const Contact& contact) const {
-  const double brief = 0.5 * kBrief * dt_ / blow_budget_ / std::max(contact.restitution, kRocks);  // [s]
-  const int beyond = std::clamp(cuts_ - blow_budget_, 0, 60);
+  const double brief = 0.5 * brief_ / std::max(contact.restitution, kRocks);  // [s]
+  const int beyond = std::clamp(cuts_ - budget_, 0, 60);
   return std::max(threshold_, std::ldexp(BendOf(contact) * std::min(brief, dt_), beyond));
 }
 

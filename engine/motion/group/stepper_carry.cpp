@@ -49,6 +49,10 @@ void Stepper::SelectHeld(double h) {
       if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
       continue;
     }
+    if (over_[now_pair_[c]] && freed_[now_pair_[c]] != kReturns) {
+      freed_[now_pair_[c]] = kLeaves;
+      continue;
+    }
     if (!rides && opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
       freed_[now_pair_[c]] = kLeaves;
       continue;

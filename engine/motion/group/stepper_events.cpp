@@ -1,0 +1,128 @@
+// In: a piece as it was found. Out: when something in it ended that its impulses took for all of it. An end within the first or the last
+// share kBrief of the piece is none, nor is that of a force which is that share of weight.
+#include "engine/motion/group/stepper.h"
+
+#include <algorithm>
+
+#include "qp/smallness.h"
+
+namespace islet::motion {
+// [s] when the first slip ends, h: none does. Impulses of a piece oppose its mean slip, and where that is none they hold: as if the slip had
+// its end's direction, or none, from the start. Until it ends friction is all that there can be.
+double Stepper::SlipEnds(double h) const {
+  double first = 1 - kBrief;
+  bool found = false;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const Contact& contact = held_[c];
+    const int a = contact.body_a, b = contact.body_b;
+    if (!(MostFriction(c) > kBrief * h * pull_ * contact.friction * LighterMass(contact))) continue;
+    const Vector3 slip = SlipAtStart(c);
+    const double speed = slip.norm();
+    if (speed <= threshold_) continue;
+    const Vector3 mean = MeanVelocity(b, acted_at_[c]) - MeanVelocity(a, acted_at_[c]) + SurfaceSlip(contact);
+    const double end = 2 * mean.dot(slip) / speed - speed;
+    if (end >= 0) continue;
+    double spare = 0;  // [N s] of the pair
+    for (size_t k = 0; k < held_.size(); ++k)
+      if (held_of_[k].pair == held_of_[c].pair)
+        spare += std::max(0.0, MostFriction(k) + SlipAtStart(k).normalized().dot(impulse_W_[k]));
+    const auto lightness = [&](int i) { return posed_[i].Moves() ? 1 / posed_[i].mass : 0; };
+    const double share = speed / (speed - end + spare * (lightness(a) + lightness(b)));
+    if (share <= kBrief || share >= first) continue;
+    first = share;
+    found = true;
+  }
+  return found ? first * h : h;
+}
+
+// [s] when the first support ends, h: none does; 0: one did as the piece began, and is over_ now. What pressed as the piece began, and at its
+// end is open or faces another way, was a support as long as all its contacts are there if all goes on as it did; if without it the pair is
+// open where the piece ends.
+double Stepper::SupportEnds(double h) {
+  double first = (1 - kBrief) * h;
+  bool found = false;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    const int pair = now_pair_[c];
+    if (!closed_[c] || over_[pair] || GoesOn(c) ||
+        !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])) || ClosedAt(pair, h, h) > 0)
+      continue;
+    const size_t closed = ClosedAt(pair, 0, 0);
+    double until = 0, from = h;
+    while (from - until > kBrief * kBrief * h) {
+      const double t = 0.5 * (until + from);
+      (ClosedAt(pair, t, t) < closed ? from : until) = t;
+    }
+    if (ClosedAt(pair, until, h) > 0) continue;
+    if (until > 0 && until < first) first = until, found = true;
+    over_[pair] = until == 0 && Presses(pair);
+    if (over_[pair]) return 0;
+  }
+  return found ? first : h;
+}
+
+// Whether a contact that pressed as the piece began is there at its end.
+bool Stepper::GoesOn(size_t at_start) const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_pair_[e] == now_pair_[at_start] && end_[e].gap <= kTouching * Size(group_->pairs[end_pair_[e]]) &&
+        (end_[e].normal_W - now_[at_start].normal_W).squaredNorm() < kNegligible)
+      return true;
+  return false;
+}
+
+// A body at t, under the forces of the start of the piece; from `until` on without those of a pair.
+Pose Stepper::GoingOn(int i, int pair, double until, double t) const {
+  const Body& b = group_->bodies[i];
+  Path path{state_[i].pose, state_[i].linear_W, Vector3::Zero(), VisibleSpinOf(i), Vector3::Zero(), 0};
+  if (!b.Moves()) return path.At(t);
+  Vector3 force = b.mass * settings_.gravity + b.force_W, torque = b.torque_W, without = force, turn = torque;
+  for (size_t c = 0; c < now_.size(); ++c) {
+    if (now_[c].body_a != i && now_[c].body_b != i) continue;
+    const Vector3 pressed = (now_[c].body_b == i ? 1 : -1) * force_W_[c];
+    const Vector3 moment = (now_[c].point_W - path.start.position_W).cross(pressed);
+    force += pressed, torque += moment;
+    if (now_pair_[c] != pair) without += pressed, turn += moment;
+  }
+  const auto turns = [&](const Vector3& of) -> Vector3 {
+    const bool shows = group_->shapes[i]->kind() != ShapeKind::kSphere;
+    return shows ? Vector3(0.5 * SpinOf(b, path.start.rotation_WB, of)) : Vector3(Vector3::Zero());
+  };
+  path.half_acceleration_W = 0.5 / b.mass * force;
+  path.half_change_W = turns(torque);
+  if (t <= until) return path.At(t);
+  path = path.From(until);
+  path.half_acceleration_W = 0.5 / b.mass * without;
+  path.half_change_W = turns(turn);
+  return path.At(t - until);
+}
+
+// How many contacts of a pair are closed at t, if all goes on up to `until`, and without the pair from there on.
+size_t Stepper::ClosedAt(int pair, double until, double t) {
+  const auto [a, b] = group_->pairs[pair];
+  const double closed = kExact * Size(group_->pairs[pair]);
+  probe_.clear();
+  CollideShapes(*group_->shapes[a], GoingOn(a, pair, until, t).placement(), *group_->shapes[b],
+                GoingOn(b, pair, until, t).placement(), closed, &probe_);
+  ++work_;
+  return static_cast<size_t>(
+      std::count_if(probe_.begin(), probe_.end(), [&](const Contact& c) { return c.gap <= closed; }));
+}
+
+// [N s] of a held contact.
+double Stepper::MostFriction(size_t c) const {
+  return held_[c].friction * std::max(0.0, held_[c].normal_W.dot(impulse_W_[c]));
+}
+
+// [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall whose velocity the user changed: its speed is
+// that of the middle of the step (ride.h).
+Vector3 Stepper::SlipAtStart(size_t c) const {
+  const int found = FindAt(held_of_[c].pair, held_[c], Moment::kMiddle, Moment::kStart, now_);
+  if (found < 0 || !closed_[found]) return Vector3::Zero();
+  const Contact& contact = now_[found];
+  const Body &a = group_->bodies[contact.body_a], &b = group_->bodies[contact.body_b];
+  if (!SurfaceChange(a, b, contact.point_W).isZero(0)) return Vector3::Zero();
+  const Vector3 u = state_[contact.body_b].VelocityAt(contact.point_W) -
+                    state_[contact.body_a].VelocityAt(contact.point_W) + SurfaceSlip(contact);
+  return u - contact.normal_W.dot(u) * contact.normal_W;
+}
+
+}  // namespace islet::motion

@@ -1,0 +1,130 @@
+// Pieces end where a slip or a support ends (engine/motion): scenes whose answer is known, at any step.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Floor;
+using testing::kGravity;
+
+struct Slab {
+  double mass, friction, speed;  // friction: of its lower side
+};
+
+struct Course {
+  std::vector<double> x, v;  // per slab
+};
+
+// Slabs on each other that rub, by tiny steps of implicit friction: another method, one dimension, no contact code.
+Course RubSlabs(const std::vector<Slab>& slabs, double seconds) {
+  constexpr double kStep = 2e-5;
+  const size_t n = slabs.size();
+  Course course{std::vector<double>(n, 0.0), {}};
+  for (const Slab& s : slabs) course.v.push_back(s.speed);
+  std::vector<double> most(n), gave(n, 0.0);
+  double above = 0;
+  for (size_t i = n; i-- > 0;) {
+    above += slabs[i].mass;
+    most[i] = slabs[i].friction * kGravity * above * kStep;
+  }
+  for (double t = 0; t < seconds - 0.5 * kStep; t += kStep) {
+    const std::vector<double> before = course.v;
+    for (size_t i = 0; i < n; ++i) {
+      course.v[i] += gave[i] / slabs[i].mass;
+      if (i > 0) course.v[i - 1] -= gave[i] / slabs[i - 1].mass;
+    }
+    for (double change = 1; change > 1e-12;) {
+      change = 0;
+      for (size_t i = 0; i < n; ++i) {
+        const double slip = course.v[i] - (i > 0 ? course.v[i - 1] : 0);
+        const double light = 1 / slabs[i].mass + (i > 0 ? 1 / slabs[i - 1].mass : 0);
+        const double next = std::clamp(gave[i] - slip / light, -most[i], most[i]), more = next - gave[i];
+        gave[i] = next;
+        course.v[i] += more / slabs[i].mass;
+        if (i > 0) course.v[i - 1] -= more / slabs[i - 1].mass;
+        change = std::max(change, std::abs(more) / slabs[i].mass);
+      }
+    }
+    for (size_t i = 0; i < n; ++i) course.x[i] += 0.5 * kStep * (before[i] + course.v[i]);
+  }
+  return course;
+}
+
+// Whoever slides may stop, turn back, or be taken along within a step: it does so when it does, not when the step ends.
+TEST(Events, SlabsThatRubStopWhenTheyStop) {
+  const std::vector<std::vector<Slab>> stacks = {
+      {{1.88, 0.7, 0.35}, {4.96, 0.75, -0.97}, {1.12, 0.2, -0.9}},
+      {{0.77, 0.1, 0.83}, {3.68, 0.6, -0.66}},
+      {{0.25, 0.22, -0.78}, {1.09, 0.63, 0.92}},
+  };
+  for (const std::vector<Slab>& slabs : stacks) {
+    const Course exact = RubSlabs(slabs, 0.4);
+    for (const double rate : {30.0, 60.0, 240.0}) {
+      World world(testing::Awake());
+      world.Add(Floor(1, 0));
+      std::vector<int> numbers;
+      for (size_t i = 0; i < slabs.size(); ++i) {
+        BodyDefinition slab{.shape = Shape::Box({1, 0.5, 0.02}),
+                            .mass = slabs[i].mass,
+                            .position_W = {0, 0, 0.02 + 0.04 * static_cast<double>(i)},
+                            .restitution = 0};
+        slab.linear_velocity_W = {slabs[i].speed, 0, 0};
+        numbers.push_back(world.Add(slab));
+      }
+      world.SetMaterialCallback([&](const Contact& c, const Body&, const Body&) -> Material {
+        return {slabs[static_cast<size_t>(std::max(c.body_a, c.body_b) - numbers[0])].friction, 0};
+      });
+      testing::StepTimes(&world, static_cast<int>(std::lround(0.4 * rate)), 1 / rate);
+      for (size_t i = 0; i < slabs.size(); ++i) {
+        const Body& b = world.body(numbers[i]);
+        EXPECT_NEAR(b.position_W.x(), exact.x[i], 2e-4)
+            << slabs.size() << " slabs, " << i << ", " << rate;  // before: 1e-2
+        EXPECT_NEAR(b.linear_velocity_W.x(), exact.v[i], 2e-3) << slabs.size() << " slabs, " << i << ", " << rate;
+      }
+    }
+  }
+}
+
+// A ball, a cylinder, a capsule leave a table in the middle of a step: they fall from then on, and no energy is lost on the edge.
+TEST(Events, WhatRunsOffAnEdgeFallsFromThereOn) {
+  const double speed = 2, radius = 0.05;
+  const std::vector<Shape> shapes = {Shape::Sphere(radius), Shape::Cylinder(radius, 0.1), Shape::Capsule(radius, 0.1)};
+  for (const Shape& shape : shapes) {
+    for (const double friction : {0.0, 0.5}) {
+      for (const double rate : {30.0, 60.0, 240.0}) {
+        for (const double start : {0.2, 0.215, 0.23, 0.245, 0.26}) {
+          World world(testing::Awake());
+          world.Add({.shape = Shape::Box({1, 1, 0.5}),
+                     .kind = BodyKind::kFixed,
+                     .position_W = {-1, 0, -0.5},
+                     .friction = friction,
+                     .restitution = 0});
+          BodyDefinition body{
+              .shape = shape, .mass = 1, .position_W = {-start, 0, radius}, .friction = friction, .restitution = 0};
+          body.rotation_WB = testing::Turn(0.5 * std::numbers::pi, Vector3::UnitX());
+          body.linear_velocity_W = {speed, 0, 0};
+          if (friction > 0) body.angular_velocity_W = {0, speed / radius, 0};
+          const int number = world.Add(body);
+          while (world.body(number).position_W.x() < 0.05) testing::Step(&world, 1 / rate);
+          const Vector3 v = world.body(number).linear_velocity_W;
+          const double falls = world.time() - start / speed;
+          EXPECT_NEAR(v.z(), -kGravity * falls, 0.03 * kGravity / rate) << rate << " " << start;  // before: up to 1
+          EXPECT_NEAR(v.x(), speed, 1e-3) << rate << " " << start;
+          EXPECT_NEAR(world.body(number).position_W.z(), radius - 0.5 * kGravity * falls * falls, 1e-4)
+              << rate << " " << start;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace islet
