@@ -183,9 +183,12 @@ class Search {
     const double radius_a = line_a ? a_.wall : 0, radius_b = line_b ? b_.wall : 0;
     for (int k = 0; k < places.count; ++k) {
       const CurvePlace& place = places.place[k];
-      const Vector3 cross = place.tangent_p.cross(place.tangent_q);
-      if (cross.norm() < kNegligible) continue;
       const Vector3 &p = swapped ? place.on_q : place.on_p, &q = swapped ? place.on_p : place.on_q;
+      Vector3 cross = place.tangent_p.cross(place.tangent_q);
+      if (cross.norm() < kNegligible) {  // side by side: from one to the other
+        cross = q - p - place.tangent_p.dot(q - p) * place.tangent_p;
+        if (cross.norm() <= kNegligible * size_) continue;
+      }
       for (const double sign : {1.0, -1.0}) {
         const Vector3 n = sign * cross.normalized();
         TryPlace(n, p + radius_a * n, q - radius_b * n,

@@ -46,7 +46,7 @@ void Stepper::SelectHeld(double h) {
         contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
     const bool rides = !ride_.impulse_W(c).isZero(0);
     if (!rides && WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
-      if (freed_[now_pair_[c]] == kStays) freed_[now_pair_[c]] = kHits;
+      if (freed_[now_pair_[c]] != kReturns) freed_[now_pair_[c]] = kHits;
       continue;
     }
     if (over_[now_pair_[c]] && freed_[now_pair_[c]] != kReturns) {
@@ -54,7 +54,7 @@ void Stepper::SelectHeld(double h) {
       continue;
     }
     if (!rides && opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
-      freed_[now_pair_[c]] = kLeaves;
+      if (freed_[now_pair_[c]] != kHits) freed_[now_pair_[c]] = kLeaves;  // its other side may hit
       continue;
     }
     const Vector3 guess = h * force_W_[c];
