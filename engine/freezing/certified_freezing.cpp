@@ -138,7 +138,8 @@ void CertifiedFreezing::WakeIslands(const SuiteFrame& frame) {
     if (moves_[roots_[i]]) frame.bodies[i].frozen = false;
 }
 
-// Bodies that `of` names, by island, and the contacts that press between them and at walls.
+// Bodies that `of` names, by island, and the contacts that hold between them and at walls. One that hardly presses holds nothing: what two
+// walls press a body with where nothing presses would hold any load.
 template <typename F>
 void CertifiedFreezing::CollectIslands(const SuiteFrame& frame, const F& of) {
   collected_.clear();
@@ -150,7 +151,9 @@ void CertifiedFreezing::CollectIslands(const SuiteFrame& frame, const F& of) {
   for (int c = 0; c < static_cast<int>(frame.contacts.contacts.size()); ++c) {
     const Contact& contact = frame.contacts.contacts[c];
     const int body = of(contact.body_a) ? contact.body_a : contact.body_b;
-    if (of(body) && takes_part(contact.body_a) && takes_part(contact.body_b) && frame.holding[c][0] > 0)
+    if (!of(body) || !takes_part(contact.body_a) || !takes_part(contact.body_b)) continue;
+    const auto load = [&](int i) { return of(i) ? loads_[i].size : INFINITY; };
+    if (frame.holding[c][0] > kAlike * std::min(load(contact.body_a), load(contact.body_b)))
       holding_.emplace_back(roots_[body], c);
   }
   std::sort(collected_.begin(), collected_.end());

@@ -1,5 +1,6 @@
 // In: a piece as it was found. Out: when something in it ended that its impulses took for all of it. An end within the first or the last
-// share kBrief of the piece is none, nor is that of a force which is that share of weight.
+// share kBrief of the piece is none, nor one within kBrief^2 of a step, nor that of a force which is that
+// share of weight.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>
@@ -28,7 +29,7 @@ double Stepper::SlipEnds(double h) const {
         spare += std::max(0.0, MostFriction(k) + SlipAtStart(k).normalized().dot(impulse_W_[k]));
     const auto lightness = [&](int i) { return posed_[i].Moves() ? 1 / posed_[i].mass : 0; };
     const double share = speed / (speed - end + spare * (lightness(a) + lightness(b)));
-    if (share <= kBrief || share >= first) continue;
+    if (share <= kBrief || share * h <= kBrief * kBrief * dt_ || share >= first) continue;
     first = share;
     found = true;
   }
@@ -48,7 +49,7 @@ double Stepper::SupportEnds(double h) {
       continue;
     const size_t closed = ClosedAt(pair, 0, 0);
     double until = 0, from = h;
-    while (from - until > kBrief * kBrief * h) {
+    while (from - until > kBrief * kBrief * dt_) {
       const double t = 0.5 * (until + from);
       (ClosedAt(pair, t, t) < closed ? from : until) = t;
     }
