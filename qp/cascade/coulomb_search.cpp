@@ -87,6 +87,7 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = Start(task, tried, map_of_tried);
+    if (!exact && IsAtRest(task)) map = StandFromNone(task);
     if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
@@ -101,12 +102,7 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
 // What is at rest, has no impulses to begin with and would fall by the answer at hand stays so where it can: friction has several answers.
 // What the convex problem says is one of exact friction, too, where nothing slides. (Not at once: it squeezes what fits between walls.)
 bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
-  if (!AllZero(task.start)) return false;
-  before_.TakeNone(task.problem);
-  for (const ContactTerm& contact : task.problem.contacts) {  // a blow is not at rest
-    if (contact.target > 0 || ContactVelocity(contact, before_.velocities.data()).norm() > (1 + kExact) * task.scale())
-      return false;
-  }
+  if (!IsAtRest(task)) return false;
   convex->Solve(task.problem, task.settings, {}, &trial_);
   if (trial_.status != Status::kSolved) return false;
   std::swap(now_, before_);
@@ -114,6 +110,25 @@ bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
   if (Stands(task)) return true;
   std::swap(now_, before_);
   return false;
+}
+
+// Whether it has no impulses to begin with, and nothing moves but by its weight: a blow is not at rest. before_: without impulses.
+bool CoulombSearch::IsAtRest(const Task& task) {
+  if (!AllZero(task.start)) return false;
+  before_.TakeNone(task.problem);
+  return std::none_of(task.problem.contacts.begin(), task.problem.contacts.end(), [&](const ContactTerm& contact) {
+    return contact.target > 0 ||
+           ContactVelocity(contact, before_.velocities.data()).norm() > (1 + kExact) * task.scale();
+  });
+}
+
+// What is at rest and has no impulses yet, by Newton's method alone. Sweeps go from contact to contact, and what they press bodies against each
+// other by on their way stays: flush columns would press their neighbours, and rub on them for ever.
+NaturalMap CoulombSearch::StandFromNone(const Task& task) {
+  now_ = before_;
+  NewtonOn(task, kSmallShare * task.goal());
+  VelocitiesAfter(task.problem, now_.impulses, &now_.velocities);
+  return now_.MapOf(task);
 }
 
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
@@ -191,13 +206,15 @@ NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
   const bool rough = !small || (MayBeRough(task) && !AllZero(now_.impulses));
   if (rough) map = Search(task, map);
   const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kRough * task.scale());
-  if (exact || (task.settings.effort.newton && !map.Meets(goal))) {
-    const CoulombNewton::Aim aim = {goal, exact ? kSmallShare * goal : goal, task.settings.speed_share};
-    coulomb_newton_.Solve(problem, task.scales, aim, NewtonSteps(task), &now_.impulses);
-    factorisations_ += coulomb_newton_.factorisations();
-  }
+  if (exact || (task.settings.effort.newton && !map.Meets(goal))) NewtonOn(task, exact ? kSmallShare * goal : goal);
   VelocitiesAfter(problem, now_.impulses, &now_.velocities);  // without the rounding of thousands of increments
   return now_.MapOf(task);
+}
+
+void CoulombSearch::NewtonOn(const Task& task, double least) {
+  const CoulombNewton::Aim aim = {task.goal(), least, task.settings.speed_share};
+  coulomb_newton_.Solve(task.problem, task.scales, aim, NewtonSteps(task), &now_.impulses);
+  factorisations_ += coulomb_newton_.factorisations();
 }
 
 // Sweeps leave every contact a velocity that a pile keeps as a pose: walls of bricks would lean, step by step.

@@ -131,6 +131,35 @@ TEST(CertifiedFreezing, PlankTipsWhereABallSlidesTooFarOut) {
 
 // A pile that is struck wakes as a whole, before the blow is resolved, moves as one that was never frozen, and has its impulses explain
 // what it does. In the same frame what the blow left at rest freezes again.
+// The same with its tail at an upstand, which it touches and does not press. Pressed hard enough between that and the table the plank would be
+// held by friction at its tail; nothing presses it there.
+TEST(CertifiedFreezing, PlankTipsThoughItsTailTouchesAnUpstand) {
+  constexpr double kPlank = 10, kBall = 8, kOver = 0.2 * kPlank / kBall;  // [m] where it tips
+  for (const double rate : {30.0, 60.0, 240.0}) {
+    World world(testing::AsCrowd(OneThread()));
+    world.Add({.shape = Shape::Box({0.8, 0.2, 0.2}),
+               .kind = BodyKind::kFixed,
+               .position_W = {-0.8, 0, 0.2},
+               .friction = 0.6});
+    world.Add({.shape = Shape::Box({0.1, 0.2, 0.1}),
+               .kind = BodyKind::kFixed,
+               .position_W = {-0.85, 0, 0.5001},
+               .friction = 0.6});
+    const int plank = world.Add(
+        {.shape = Shape::Box({0.55, 0.15, 0.02}), .mass = kPlank, .position_W = {-0.2, 0, 0.42}, .friction = 0.6});
+    BodyDefinition ball{
+        .shape = Shape::Sphere(0.05), .mass = kBall, .position_W = {kOver - 0.05, 0, 0.49}, .friction = 0.6};
+    ball.linear_velocity_W = {0.05, 0, 0};
+    ball.angular_velocity_W = {0, 1, 0};
+    const int number = world.Add(ball);
+    const auto tipped = [&] { return world.body(plank).angular_velocity_W.norm() > 1e-4; };
+    while (world.body(number).position_W.x() < kOver - 2e-3) testing::Step(&world, 1 / rate);
+    EXPECT_FALSE(tipped()) << rate;
+    while (world.body(number).position_W.x() < kOver + 0.01) testing::Step(&world, 1 / rate);
+    EXPECT_TRUE(tipped()) << rate;
+  }
+}
+
 TEST(CertifiedFreezing, PileThatIsStruckMovesAsIfItHadNeverBeenFrozen) {
   Settings freezes = testing::AsCrowd(OneThread());
   freezes.effort = qp::kThoroughEffort;
