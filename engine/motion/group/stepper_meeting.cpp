@@ -48,17 +48,22 @@ double Stepper::FindMeeting(double h) {
 
 // Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
 // blow: t goes back to where what is fast was as deep as the piece found it, and the contacts there are in probe_. A rebound that comes
-// back before it is open was none.
+// back before it is open was none. A point that is none where it would have met is new: the lowest one of a rim that tips about others.
 bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
   const GroupPair& pair = group_->pairs[number];
   const double closed = kExact * Size(pair);
+  double later = *t;
+  std::uint32_t feature = 0;  // of what is fastest then
   for (int round = 0; round < kHalvings; ++round) {
     ++work_;
     probe_.clear();
     const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
     CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 40 * kTouching * Size(pair), &probe_);
     double fastest = 0, back = 0;
+    bool found = false;
+    std::uint32_t fast = 0;
     for (Contact& c : probe_) {
+      found = found || c.feature == feature;
       Mix(pair, &c);
       const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
         return path.VelocityAt(*t) + path.RateAt(*t).cross(c.point_W - at.position_W);
@@ -67,9 +72,16 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
       if (approach <= std::max(fastest, CutSpeed(c))) continue;
       fastest = approach;
       back = std::max(0.0, query.gap - c.gap) / approach;
+      fast = c.feature;
+    }
+    if (round > 0 && fastest == 0 && !found) {
+      *t = later;
+      return true;
     }
     if (fastest * back <= closed || *t == 0)
       return fastest > 0 && (freed_[number] == kHits || 0.25 * fastest * *t > closed);
+    later = *t;
+    feature = fast;
     *t = std::max(0.0, *t - back);
   }
   return true;
