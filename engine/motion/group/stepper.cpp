@@ -136,7 +136,6 @@ void Stepper::Commit(double t, double h) {
     out_->ends.push_back(t + h);
     for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
   }
-  over_.assign(group_->pairs.size(), false);
   state_ = end_state_;
   now_ = end_;
   now_pair_ = end_pair_;
@@ -177,7 +176,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   cuts_ = work_ = 0;
   grazing_ = -1;
   yields_.assign(group->pairs.size(), 0.0);
-  over_.assign(group->pairs.size(), false);
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
   purse_.assign(group->pairs.size(), 0.0);
@@ -276,7 +274,7 @@ bool Stepper::Piece(Progress* p) {
     const double end = std::min(SlipEnds(h), SupportEnds(h));
     if (end < h) {
       ++p->events;
-      if (end > 0) p->most = end;
+      p->most = end;
       return true;
     }
   }

@@ -110,6 +110,7 @@ class Stepper {
   double FreshOverlap() const;
   double DeepestSinceStart() const;
   double Missed() const;
+  bool IsOpenAtEnd(int pair) const;
   double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
@@ -237,8 +238,7 @@ class Stepper {
   std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall
   std::vector<Vector3> settle_W_, strike_W_;  // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
-  std::vector<Freed> freed_;        // per pair: about to hit; leaves; is back within the piece, too slow for a blow
-  std::vector<std::uint8_t> over_;  // per pair: its support ended as the piece began
+  std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;
   bool met_ = false;  // something on the way that was searched, and no blow
   std::vector<Contact> guards_;

@@ -49,10 +49,6 @@ void Stepper::SelectHeld(double h) {
       if (freed_[now_pair_[c]] != kReturns) freed_[now_pair_[c]] = kHits;
       continue;
     }
-    if (over_[now_pair_[c]] && freed_[now_pair_[c]] != kReturns) {
-      freed_[now_pair_[c]] = kLeaves;
-      continue;
-    }
     if (!rides && opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
       if (freed_[now_pair_[c]] != kHits) freed_[now_pair_[c]] = kLeaves;  // its other side may hit
       continue;

@@ -132,7 +132,7 @@ double Stepper::DeepestSinceStart() const {
   return worst;
 }
 
-// Of a size: what the piece missed of gap(x1) = gap(x0), or >=, by.
+// Of a size: what the piece missed of gap(x1) = gap(x0), or >=, by. Infinite where something pressed a pair that it left open.
 double Stepper::Missed() const {
   double worst = 0;
   for (size_t e = 0; e < end_.size(); ++e) {
@@ -142,7 +142,15 @@ double Stepper::Missed() const {
     const double rose = end_[e].gap - (1 - PushOut(pair)) * before;
     if (rose > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, rose / size);
   }
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (follows_[c] < 0 && !impulse_W_[c].isZero(0) && IsOpenAtEnd(held_of_[c].pair)) return INFINITY;
   return worst;
+}
+
+bool Stepper::IsOpenAtEnd(int pair) const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_pair_[e] == pair && end_[e].gap <= kTouching * Size(group_->pairs[pair])) return false;
+  return true;
 }
 
 // Of a size: by how much levers are not those that the problem had, since middles came to lie elsewhere.

@@ -36,16 +36,15 @@ double Stepper::SlipEnds(double h) const {
   return found ? first * h : h;
 }
 
-// [s] when the first support ends, h: none does; 0: one did as the piece began, and is over_ now. What pressed as the piece began, and at its
-// end is open or faces another way, was a support as long as all its contacts are there if all goes on as it did; if without it the pair is
-// open where the piece ends.
+// [s] when the first support ends, h: none does. What pressed as the piece began, and at its end is open or faces another way, was a support
+// as long as all its contacts are there if all goes on as it did; if without it the pair is open where the piece ends.
 double Stepper::SupportEnds(double h) {
   double first = (1 - kBrief) * h;
   bool found = false;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
-    if (!closed_[c] || over_[pair] || GoesOn(c) ||
-        !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])) || ClosedAt(pair, h, h) > 0)
+    if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])) ||
+        ClosedAt(pair, h, h) > 0)
       continue;
     const size_t closed = ClosedAt(pair, 0, 0);
     double until = 0, from = h;
@@ -55,8 +54,6 @@ double Stepper::SupportEnds(double h) {
     }
     if (ClosedAt(pair, until, h) > 0) continue;
     if (until > 0 && until < first) first = until, found = true;
-    over_[pair] = until == 0 && Presses(pair);
-    if (over_[pair]) return 0;
   }
   return found ? first : h;
 }

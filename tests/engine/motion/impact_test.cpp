@@ -234,6 +234,56 @@ TEST(Impact, KickedBoxStrikesWithOneEdgeWhileTheOtherLeaves) {
   }
 }
 
+// A can lands flat while it moves to a side, and its rim grips. After the blow it tips about two points of the rim, and the lowest one between
+// them, which was no contact, meets the floor at once. It ends alike at any step.
+TEST(Impact, CanThatTripsEndsAlikeAtAnyStep) {
+  for (const double speed : {2.0, 3.0}) {
+    Vector3 finest = Vector3::Zero();
+    for (const double rate : {960.0, 240.0, 60.0, 30.0}) {
+      World world(Awake());
+      world.Add(Floor(1.5, 0));
+      BodyDefinition can{.shape = Shape::Cylinder(0.05, 0.05),
+                         .mass = 0.1,
+                         .position_W = {0, 0, 0.1},
+                         .friction = 1.5,
+                         .restitution = 0};
+      can.rotation_WB = testing::Turn(0.5, Vector3::UnitZ());
+      can.linear_velocity_W = {-speed, 0, 0};
+      world.Add(can);
+      testing::StepTimes(&world, static_cast<int>(std::lround(0.2 * rate)), 1 / rate);
+      if (rate == 960) finest = world.body(1).linear_velocity_W;
+      EXPECT_LT((world.body(1).linear_velocity_W - finest).norm(), 5e-3) << speed << " " << rate;  // before: 3
+    }
+  }
+}
+
+// A heavy box hits a ball off its centre, drives it to a wall and squeezes it out there; nothing rebounds, nothing rubs. What pressed a pair
+// that comes apart within a piece presses it no more.
+TEST(Impact, BallIsSqueezedOutAlikeAtAnyStep) {
+  for (int phase = 0; phase < 6; ++phase) {
+    for (const double rate : {30.0, 60.0, 240.0}) {
+      Settings settings = Awake();
+      settings.gravity.setZero();
+      World world(settings);
+      world.Add({.shape = Shape::Box({0.1, 0.5, 0.3}),
+                 .kind = BodyKind::kFixed,
+                 .position_W = {0.6, 0, 0},
+                 .friction = 0,
+                 .restitution = 0});
+      world.Add({.shape = Shape::Box({0.05, 0.05, 0.1}),
+                 .mass = 5,
+                 .position_W = {-0.25 - 0.016 * phase, 0, 0},
+                 .linear_velocity_W = {3, 0, 0},
+                 .friction = 0,
+                 .restitution = 0});
+      const int ball = world.Add(
+          {.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {0.05, 0.02, 0}, .friction = 0, .restitution = 0});
+      testing::StepTimes(&world, static_cast<int>(std::lround(0.3 * rate)), 1 / rate);
+      EXPECT_NEAR(world.body(ball).linear_velocity_W.y(), 2.1148, 3e-3) << phase << " " << rate;  // before: up to 3.2
+    }
+  }
+}
+
 TEST(Impact, BouncesThatWouldGainEnergyKeepNewtonsLaw) {
   std::mt19937 rng(11);
   std::uniform_real_distribution<double> uniform(-1, 1), share(0.05, 1);
