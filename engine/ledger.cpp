@@ -370,25 +370,27 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
 }
 
 // A body that goes through another takes its centre through it. Asked of those whose ways meet, by a sweep along x, where any way is
-// long enough to get through the thinnest.
+// long enough to get through the thinnest, as the other body sees it: one that turns passes by.
 void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   struct Way {
     size_t body;
-    double length;
-    Vector3 low, high;  // [m] of its centre, with its radius around
+    double length, turn;  // [m], [rad] in the step
+    Vector3 low, high;    // [m] of its centre, with its radius around
   };
   thread_local std::vector<Way> ways;
   ways.clear();
   thread_local std::vector<size_t> planes, order;
   planes.clear();
-  double thinnest = INFINITY, longest = 0;
+  double thinnest = INFINITY, longest = 0, largest = 0, turns = 0;
   for (size_t i = 0; i < step.before.size(); ++i) {
     if (step.before[i].removed) continue;
     if (step.shapes[i].kind() == ShapeKind::kHalfSpace) {
       planes.push_back(i);
       continue;
     }
-    Way way{i, 0, accounts_[i].course[0].position_W, accounts_[i].course[0].position_W};
+    const double rate = std::max(step.before[i].angular_velocity_W.norm(), step.after[i].angular_velocity_W.norm());
+    Way way{i, 0, step.shapes[i].kind() == ShapeKind::kSphere ? 0 : rate * step.dt, accounts_[i].course[0].position_W,
+            accounts_[i].course[0].position_W};
     for (size_t s = 1; s < accounts_[i].course.size(); ++s) {
       const Vector3& to = accounts_[i].course[s].position_W;
       way.length += (to - accounts_[i].course[s - 1].position_W).norm();
@@ -400,6 +402,8 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
     ways.push_back(way);
     thinnest = std::min(thinnest, step.shapes[i].size());
     longest = std::max(longest, way.length);
+    largest = std::max(largest, step.before[i].radius);
+    turns = std::max(turns, way.turn);
   }
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
@@ -413,7 +417,7 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   };
   for (const Way& way : ways)
     for (const size_t plane : planes) judge(way, plane, 0);
-  if (kCore * thinnest > 2 * longest) return;
+  if (kCore * thinnest > 2 * (longest + turns * largest)) return;
   order.resize(ways.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(),
@@ -423,8 +427,9 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
     for (size_t k = i + 1; k < order.size() && ways[order[k]].low.x() <= a.high.x(); ++k) {
       const Way& b = ways[order[k]];
       if ((a.low.array() > b.high.array()).any() || (b.low.array() > a.high.array()).any()) continue;
-      judge(a, b.body, a.length + b.length);
-      judge(b, a.body, a.length + b.length);
+      const double length = a.length + b.length, radii = step.before[a.body].radius + step.before[b.body].radius;
+      judge(a, b.body, length + b.turn * radii);
+      judge(b, a.body, length + a.turn * radii);
     }
   }
 }

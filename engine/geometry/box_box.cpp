@@ -211,18 +211,6 @@ void AppendFaces(const Pair& pair, const Axis& axis, std::vector<Contact>* conta
                      {axis.score, axis.separation, axis.normal}, input, contacts);
 }
 
-// Whether the boxes meet in the line of two edges, or in a corner: along two of their faces they are level. Neither face is over the other, and
-// whoever moves along one of them passes.
-bool MeetInALine(const Pair& pair, const Axis& best) {
-  if (std::abs(best.separation) > FaceSlack(pair.size)) return false;
-  for (int k = 0; k < 6; ++k) {
-    const auto column = k < 3 ? pair.A.col(k) : pair.B.col(k - 3);
-    if (std::abs(column.dot(best.normal)) < 0.5 && std::abs(AlongFace(pair, k).value) <= FaceSlack(pair.size))
-      return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
@@ -241,7 +229,7 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
       return;
     }
   }
-  if (!MeetInALine(pair, face)) AppendFaces(pair, face, contacts);
+  AppendFaces(pair, face, contacts);
 }
 
 }  // namespace islet

@@ -3,12 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <utility>
 #include <vector>
 
 #include "engine/rotation.h"
 #include "engine/world.h"
 #include "parallel/worker_pool.h"
+#include "tests/support/worlds.h"
 
 namespace islet {
 namespace {
@@ -209,6 +211,36 @@ TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
   const Ledger ledger = Judge();
   EXPECT_LT(ledger.energy_created.value, 1e-12);
   EXPECT_LT(ledger.momentum_unexplained.value, 1e-14);
+}
+
+// A bat that turns passes over a ball at rest in a crowd, which looks where bodies are when a step ends. Its own centre rests as well: the
+// ball's goes through it as the bat sees it.
+TEST(Ledger, TellsOfABatThatTurnsThroughABall) {
+  int hit = 0, told = 0;
+  for (int phase = 0; phase < 24; ++phase) {
+    constexpr double kTurn = 0.5;  // [rad] a step
+    const double place = 0.5 + 0.09 * phase;
+    Settings settings = testing::AsCrowd(testing::Awake());
+    settings.gravity.setZero();
+    World world(settings);
+    BodyDefinition bat{
+        .shape = Shape::Box({1, 0.02, 0.1}), .kind = BodyKind::kKinematic, .friction = 0, .restitution = 1};
+    bat.angular_velocity_W = {0, 0, kTurn / kDt};
+    world.Add(bat);
+    const int ball = world.Add({.shape = Shape::Sphere(0.05),
+                                .mass = 1,
+                                .position_W = {0.8 * std::cos(place), 0.8 * std::sin(place), 0},
+                                .friction = 0,
+                                .restitution = 1});
+    bool failed = false;
+    for (int step = 0; step < static_cast<int>(place / kTurn) + 3; ++step) failed = world.Step(kDt).Failed() || failed;
+    const bool moves = world.body(ball).linear_velocity_W.norm() > 0.1;
+    EXPECT_TRUE(moves || failed) << phase;
+    hit += moves;
+    told += failed;
+  }
+  EXPECT_GT(hit, 0);
+  EXPECT_GT(told, 0);
 }
 
 }  // namespace

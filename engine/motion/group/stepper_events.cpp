@@ -1,6 +1,5 @@
 // In: a piece as it was found. Out: when something in it ended that its impulses took for all of it. An end within the first or the last
-// share kBrief of the piece is none, nor one within kBrief^2 of a step, nor that of a force which is that
-// share of weight.
+// share kBrief of the piece is none, nor one within kBrief^2 of a step, nor that of a force which is that share of weight.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
+
 // [s] when the first slip ends, h: none does. Impulses of a piece oppose its mean slip, and where that is none they hold: as if the slip had
 // its end's direction, or none, from the start. Until it ends friction is all that there can be.
 double Stepper::SlipEnds(double h) const {

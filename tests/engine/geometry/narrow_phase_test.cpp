@@ -314,16 +314,6 @@ TEST(BoxBox, TravelChoosesTheAxisThatKeepsTheBodiesApart) {
   }
 }
 
-// Cubes that share no more than a line or a corner hold nothing: neither face is over the other. Half a millimetre over it, it is a support.
-TEST(BoxBox, LevelAlongTwoFacesHoldsNothing) {
-  const Shape cube = Shape::Box({0.5, 0.5, 0.5});
-  EXPECT_TRUE(Collide(cube, At(0, 0, 0), cube, At(1, 0, 1), 0.1).empty());
-  EXPECT_TRUE(Collide(cube, At(0, 0, 0), cube, At(1 + 1e-9, 0.3, -1 - 1e-9), 0.1).empty());
-  EXPECT_TRUE(Collide(cube, At(0, 0, 0), cube, At(1, -1, 1), 0.1).empty());
-  EXPECT_EQ(Collide(cube, At(0, 0, 0), cube, At(1 - 5e-4, 0, 1), 0.1).size(), 4u);
-  EXPECT_EQ(Collide(cube, At(0, 0, 0), cube, At(1, 0, 0), 0.1).size(), 4u);
-}
-
 // --- random pairs ---------------------------------------------------------------------------------------------------
 
 struct RandomPair {

@@ -132,19 +132,17 @@ TEST(Crowd, BlowsOfOneBodyGiveNothingToTheNext) {
   EXPECT_LT(StepFor(&world, 1.0 / 240, 2).energy, 1e-6);
 }
 
-// Columns that touch side by side do not press each other. A block that is pushed across the row slides as if it were alone.
+// Columns that touch side by side do not press each other.
 TEST(Crowd, FlushColumnsDoNotPressEachOther) {
   World world(ByLaw());
   world.Add(Floor(0.5, 0));
-  int top = 0;
   for (int i = 0; i < 15; ++i) {
     for (int k = 0; k < 3; ++k) {
-      const int block = world.Add({.shape = Shape::Box({0.1, 0.1, 0.05}),
-                                   .mass = 4,
-                                   .position_W = {0.2 * (i - 7), 0, 0.05 + 0.1 * k},
-                                   .friction = 0.5,
-                                   .restitution = 0});
-      if (i == 7) top = block;
+      world.Add({.shape = Shape::Box({0.1, 0.1, 0.05}),
+                 .mass = 4,
+                 .position_W = {0.2 * (i - 7), 0, 0.05 + 0.1 * k},
+                 .friction = 0.5,
+                 .restitution = 0});
     }
   }
   for (int step = 0; step < 18; ++step) {
@@ -156,9 +154,6 @@ TEST(Crowd, FlushColumnsDoNotPressEachOther) {
     }
     EXPECT_LT(side, 1e-6 * all) << step;
   }
-  world.SetVelocity(top, {0, 0.5, 0}, Vector3::Zero());
-  testing::StepTimes(&world, 18, 1.0 / 60);
-  EXPECT_NEAR(world.body(top).position_W.y(), 0.25 / (2 * 0.5 * kGravity), 1e-4);
 }
 
 // What is closed stays as it is, or what one step misses would be a velocity of the next.
