@@ -271,7 +271,8 @@ bool Stepper::Piece(Progress* p) {
   }
   if (deep || (creates_ && !yields)) return false;
   if (p->events < budget_) {
-    const double end = std::min(SlipEnds(h), SupportEnds(h));
+    // Impulses of a piece before that was that short are no forces.
+    const double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
     if (end < h) {
       ++p->events;
       p->most = end;
@@ -279,6 +280,7 @@ bool Stepper::Piece(Progress* p) {
     }
   }
   Commit(p->t, h);
+  p->before = h;
   p->t += h;
   cuts_ += cut;
   SeeWhoPays(h);
@@ -306,7 +308,7 @@ void Stepper::End() {
 
 void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
   Begin(dt, settings, mix, group, outcome);
-  Progress progress{.most = dt};
+  Progress progress{.most = dt, .before = dt};
   while (dt - progress.t > kExact * dt) {
     ++outcome->pieces;
     if (work_ > group->most_work || !Piece(&progress)) {  // they stay where they are for the rest of the step

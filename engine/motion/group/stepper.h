@@ -64,11 +64,12 @@ class Stepper {
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
-  struct Progress {   // of the step
-    double t = 0;     // [s] done
-    double most = 0;  // [s] length of the next piece
-    int level = 0;    // how often pieces were halved
-    int events = 0;   // slips and supports that ended
+  struct Progress {     // of the step
+    double t = 0;       // [s] done
+    double most = 0;    // [s] length of the next piece
+    double before = 0;  // [s] length of the last one
+    int level = 0;      // how often pieces were halved
+    int events = 0;     // slips and supports that ended
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece
 
@@ -199,10 +200,10 @@ class Stepper {
   double twist_ = 0;              // [m/s^2] of them: what torques make a point
   double floor_ = 0;              // [m/s] least v_ref
   double brief_ = 0;              // [s] what is over that soon is none
-  int budget_ = 0;                // blows in this step at which they have to be faster; other ends of pieces that are met
-  int cuts_ = 0;                  // pieces that ended at one
-  int work_ = 0;                  // so far
-  double threshold_ = 0;          // [m/s] approaches below it are none
+  int budget_ = 0;        // blows in this step at which they have to be faster; other ends of pieces that are met
+  int cuts_ = 0;          // pieces that ended at one
+  int work_ = 0;          // so far
+  double threshold_ = 0;  // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
