@@ -248,9 +248,10 @@ void Stepper::NextTargets(double h) {
     next_of_.push_back(held);
     next_impulse_W_.push_back(WithinCone(contact, CarriedBy(e)));
   }
-  // What pressed and is not found again stays for some passes, or they would go round between corners.
+  // What pressed and is not found again stays for some passes, or they would go round between corners; not where the pair has come apart.
   for (size_t c = 0; c < held_.size(); ++c) {
-    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges || follows_[c] >= 0) continue;
+    if (impulse_W_[c].isZero(0) || held_of_[c].age >= kAges || follows_[c] >= 0 || IsOpenAtEnd(held_of_[c].pair))
+      continue;
     Held old = held_of_[c];
     ++old.age;
     Contact contact = held_[c];
