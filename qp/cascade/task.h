@@ -13,7 +13,7 @@ struct Task {
   const Problem& problem;
   const Settings& settings;
   std::span<const Vector3> start;     // impulses to begin with, one per contact, or empty
-  const std::vector<double>& scales;  // rho of the natural map, per contact; empty as long as only the closed form is asked
+  const std::vector<double>& scales;  // rho of the natural map, per contact; empty where only the closed form is asked
   double scale() const { return settings.velocity_scale; }
   double goal() const { return settings.tolerance * settings.velocity_scale; }  // of the natural map
   bool coulomb() const { return settings.model == Model::kCoulomb; }
