@@ -87,7 +87,9 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
     map = Start(task, tried, map_of_tried);
-    if (!exact && IsAtRest(task)) map = StandFromNone(task);
+    // Sweeps go from contact to contact, and what they press bodies against each other by on their way stays: flush columns would press their
+    // neighbours, and rub on them for ever.
+    if (!exact && IsAtRest(task)) map = NewtonOn(task, kSmallShare * goal);
     if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
@@ -120,15 +122,6 @@ bool CoulombSearch::IsAtRest(const Task& task) {
     return contact.target > 0 ||
            ContactVelocity(contact, before_.velocities.data()).norm() > (1 + kExact) * task.scale();
   });
-}
-
-// What is at rest and has no impulses yet, by Newton's method alone. Sweeps go from contact to contact, and what they press bodies against each
-// other by on their way stays: flush columns would press their neighbours, and rub on them for ever.
-NaturalMap CoulombSearch::StandFromNone(const Task& task) {
-  now_ = before_;
-  NewtonOn(task, kSmallShare * task.goal());
-  VelocitiesAfter(task.problem, now_.impulses, &now_.velocities);
-  return now_.MapOf(task);
 }
 
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
@@ -206,15 +199,19 @@ NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
   const bool rough = !small || (MayBeRough(task) && !AllZero(now_.impulses));
   if (rough) map = Search(task, map);
   const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kRough * task.scale());
-  if (exact || (task.settings.effort.newton && !map.Meets(goal))) NewtonOn(task, exact ? kSmallShare * goal : goal);
+  if (exact || (task.settings.effort.newton && !map.Meets(goal)))
+    return NewtonOn(task, exact ? kSmallShare * goal : goal);
   VelocitiesAfter(problem, now_.impulses, &now_.velocities);  // without the rounding of thousands of increments
   return now_.MapOf(task);
 }
 
-void CoulombSearch::NewtonOn(const Task& task, double least) {
+// By Newton's method from the impulses at hand; least: where it stops. Returns the map of what it made of them.
+NaturalMap CoulombSearch::NewtonOn(const Task& task, double least) {
   const CoulombNewton::Aim aim = {task.goal(), least, task.settings.speed_share};
   coulomb_newton_.Solve(task.problem, task.scales, aim, NewtonSteps(task), &now_.impulses);
   factorisations_ += coulomb_newton_.factorisations();
+  VelocitiesAfter(task.problem, now_.impulses, &now_.velocities);
+  return now_.MapOf(task);
 }
 
 // Sweeps leave every contact a velocity that a pile keeps as a pose: walls of bricks would lean, step by step.

@@ -22,8 +22,7 @@ class CoulombSearch {
 
  private:
   bool IsAtRest(const Task& task);
-  NaturalMap StandFromNone(const Task& task);
-  void NewtonOn(const Task& task, double least);
+  NaturalMap NewtonOn(const Task& task, double least);
   bool CanStand(const Task& task, ConvexSolver* convex);
   NaturalMap Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried);
   NaturalMap Improve(const Task& task, NaturalMap map);

@@ -157,8 +157,8 @@ double Fastest(const World& world) {
   return fastest;
 }
 
-// The bodies as they are at some moment of a run, or once they rest after that, for which they have four times as long: how long a heap
-// trembles is chance. Balls that still roll or spin where nothing brakes them are stopped.
+// The bodies as they are at some moment of a run, or once they rest after that, for which they have four times as long: how long
+// a heap trembles is chance.
 std::vector<BodyDefinition> DefinitionsAt(std::vector<BodyDefinition> definitions, int frames, const CheckSettings& s,
                                           bool at_rest = false) {
   World world = Build(definitions, s.engine);
@@ -169,8 +169,8 @@ std::vector<BodyDefinition> DefinitionsAt(std::vector<BodyDefinition> definition
     const Body& b = world.bodies()[i];
     definitions[i].position_W = b.position_W;
     definitions[i].rotation_WB = b.rotation_WB;
-    definitions[i].linear_velocity_W = at_rest ? Vector3::Zero() : b.linear_velocity_W;
-    definitions[i].angular_velocity_W = at_rest ? Vector3::Zero() : b.angular_velocity_W;
+    definitions[i].linear_velocity_W = b.linear_velocity_W;
+    definitions[i].angular_velocity_W = b.angular_velocity_W;
   }
   return definitions;
 }

@@ -42,7 +42,7 @@ TEST(Towers, FallingCubesAndSpheresAreNotCutForEnergy) {
   Settings settings;
   settings.threads = 1;
   BuiltScene scene = Build("csstack", 10, {}, settings);
-  for (int frame = 0; frame < 100; ++frame) EXPECT_LE(testing::Step(&scene.world, kStep).pieces, 60) << frame;
+  for (int frame = 0; frame < 100; ++frame) EXPECT_LE(testing::Step(&scene.world, kStep).pieces, 50) << frame;
 }
 
 // Chaotic runs are not the same with the ladder and without, but what they are on average is.
