@@ -177,7 +177,7 @@ std::vector<BodyDefinition> DefinitionsAt(std::vector<BodyDefinition> definition
 
 // Frictionless or at rest: there the velocities are unique. Where bodies slide several answers obey Coulomb's law, and the
 // numbers decide between them.
-// Of 26 heaps of boxes (dt 1/250 to 1/60) two change by 9e-5 and 2e-4, the others by less than 5e-5; of twelve at rest one by 3e-4, the others
+// Of 26 heaps of boxes (dt 1/250 to 1/60) two change by 9e-5 and 2e-4, the others by less than 5e-5; of eight at rest one by 3e-4, the others
 // by less than 3e-6.
 constexpr double kGapSlack = 1e-3;
 void NumbersDoNotMatter(const CheckSettings& s, Measurements* out) {
