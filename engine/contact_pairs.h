@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
+#include <vector>
 
 #include "engine/contact.h"
 
@@ -29,6 +30,16 @@ void ForEachPair(std::span<const Contact> x, std::span<const Contact> y, const F
     while (k < y.size() && SamePair(y[k], pair)) ++k;
     f(first_i, i, first_k, k);
   }
+}
+
+// Where the contacts of one pair are in two lists: first and last place in x, the same in y.
+struct PairPlaces {
+  size_t x, x_end, y, y_end;
+};
+
+inline void ListPairs(std::span<const Contact> x, std::span<const Contact> y, std::vector<PairPlaces>* pairs) {
+  pairs->clear();
+  ForEachPair(x, y, [pairs](size_t i, size_t i_end, size_t k, size_t k_end) { pairs->push_back({i, i_end, k, k_end}); });
 }
 
 }  // namespace islet

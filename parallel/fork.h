@@ -1,7 +1,7 @@
 // Pieces of one task side by side: for work inside an island, while the other islands leave workers idle.
 //
-// A task of a WorkerPool may fork over the workers of its pool that have run out of tasks of their own; anywhere else the
-// pieces run one after the other in the calling thread. A thread that waits for its pieces helps with pieces only, it
+// Whoever works for a WorkerPool may fork over the workers of the pool that have run out of tasks of their own; anywhere else
+// the pieces run one after the other in the calling thread. A thread that waits for its pieces helps with pieces only, it
 // never starts another task. Which thread runs which piece depends on timing: pieces write to places of their own, and
 // whoever forks puts their results together in the order of their numbers.
 //   threads: from any task; forks may be nested; no allocation
@@ -42,50 +42,63 @@ void ForkTwo(const First& first, const Second& second) {
   Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
 }
 
-// run(first, last) for consecutive ranges of kAtOnce numbers that cover 0 .. count-1.
+// run(first, last) for consecutive ranges of `at_once` numbers that cover 0 .. count-1.
 template <typename Run>
-void ForkRanges(int count, const Run& run) {
-  Fork((count + kAtOnce - 1) / kAtOnce,
-       [&](int piece) { run(piece * kAtOnce, std::min(count, (piece + 1) * kAtOnce)); });
+void ForkRanges(int count, const Run& run, int at_once = kAtOnce) {
+  Fork((count + at_once - 1) / at_once,
+       [&](int piece) { run(piece * at_once, std::min(count, (piece + 1) * at_once)); });
 }
 
-// The workers of one call of WorkerPool::ForEach. Used by WorkerPool alone.
+// The workers of one call of WorkerPool. Used by WorkerPool alone.
 class ForkTeam {
  public:
-  explicit ForkTeam(int width) : width_(width) {}
+  // of: the pool.
+  ForkTeam(int width, const void* of) : width_(width), of_(of) {}
 
   // While one lives, forks of this thread are shared with the team.
   class Member {
    public:
-    explicit Member(ForkTeam* team);
+    Member(ForkTeam* team, int worker);
     ~Member();
     Member(const Member&) = delete;
     Member& operator=(const Member&) = delete;
 
    private:
     ForkTeam* outer_;
+    int outer_worker_;
   };
 
-  // Takes up pieces of others until `done` equals `target`.
-  void HelpUntil(const std::atomic<int>& done, int target);
+  // The team of that pool that this thread works in, or null.
+  static ForkTeam* Of(const void* pool);
+  // Of this thread.
+  static int Worker();
+
+  // task(i) for i = 0 .. count-1, started in this order. Who waits for pieces of a task takes up no other one.
+  void ForEach(int count, PieceRef task);
+
+  // Takes up tasks, and pieces of others, until `done` equals `target`.
+  void WorkUntil(const std::atomic<int>& done, int target) { HelpUntil(done, target, true); }
 
  private:
   friend int ForkWidth();
   friend void Fork(int, PieceRef);
   struct Job {
     PieceRef piece;
-    int count;
-    int next;  // guarded by the mutex
+    int count, last;  // how many there are; up to where they are left
+    int next = 0;     // from where on; both guarded by the mutex
     std::atomic<int> done{0};
-    Job* before;  // list of the jobs with pieces left, latest first; guarded by the mutex
+    Job* before = nullptr;  // list of the jobs with pieces left, latest first; guarded by the mutex
   };
   void Run(Job* job);
   bool TakePiece(Job* job, int* piece);
-  bool HelpOnce();
+  bool TakeTask(Job** job, int* piece);
+  bool HelpOnce(bool tasks_too);
+  void HelpUntil(const std::atomic<int>& done, int target, bool tasks_too);
 
   const int width_;
+  const void* const of_;
   std::mutex mutex_;
-  std::atomic<Job*> latest_{nullptr};
+  std::atomic<Job*> latest_{nullptr}, tasks_{nullptr};
 };
 
 }  // namespace islet::parallel

@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include <oneapi/tbb/global_control.h>
@@ -43,58 +44,64 @@ class FirstException {
   std::exception_ptr exception_;
 };
 
-// One call of ForEach: workers draw indices from a shared counter, which starts tasks in list order whatever TBB does
-// with the workers themselves.
+// One call of Together: the thread that enters does the work, and the other workers take up its tasks and pieces.
 class Run {
  public:
-  Run(int num_tasks, int num_workers, const Task& task)
-      : num_tasks_(num_tasks), num_workers_(num_workers), task_(task), team_(num_workers) {
+  Run(int num_workers, const void* pool, const std::function<void()>& work)
+      : num_workers_(num_workers), work_(work), team_(num_workers, pool) {
     ended_.store(0, std::memory_order_release);
   }
 
-  void Work(int worker) {
-    static_cast<void>(ended_.load(std::memory_order_acquire));
-    const ForkTeam::Member member(num_workers_ > 1 ? &team_ : nullptr);
-    for (;;) {
-      const int index = next_.fetch_add(1, std::memory_order_relaxed);
-      if (index >= num_tasks_) break;
-      try {
-        task_(index, worker);
-      } catch (...) {
-        first_exception_.Catch(index);
-      }
-      tasks_done_.fetch_add(1, std::memory_order_release);
-    }
-    if (num_workers_ > 1) team_.HelpUntil(tasks_done_, num_tasks_);
-    ended_.fetch_add(1, std::memory_order_release);
-  }
-
-  // Isolated twice: the calling thread, while it waits, must not pick up work of others; and a task that uses TBB
+  // Isolated twice: the thread that does the work, while it waits, must not pick up work of others; and a task that uses TBB
   // itself must not, while it waits, start the loop of another of our workers on top of its own.
   void WorkInArena() {
-    tbb::this_task_arena::isolate([this] {
+    const std::thread::id first = std::this_thread::get_id();
+    tbb::this_task_arena::isolate([this, first] {
       tbb::parallel_for(
-          0, num_workers_, 1, [this](int worker) { tbb::this_task_arena::isolate([this, worker] { Work(worker); }); },
+          0, num_workers_, 1,
+          [this, first](int) {
+            tbb::this_task_arena::isolate([this, first] { std::this_thread::get_id() == first ? Work() : Help(); });
+          },
           tbb::simple_partitioner());
     });
   }
 
   void Finish() const {
     static_cast<void>(ended_.load(std::memory_order_acquire));
-    first_exception_.Rethrow();
+    if (exception_) std::rethrow_exception(exception_);
   }
 
  private:
-  const int num_tasks_;
+  // Of several turns that nobody else took the first.
+  void Work() {
+    if (std::exchange(begun_, true)) return;
+    static_cast<void>(ended_.load(std::memory_order_acquire));
+    const ForkTeam::Member member(&team_, 0);
+    try {
+      work_();
+    } catch (...) {
+      exception_ = std::current_exception();
+    }
+    done_.store(1, std::memory_order_release);
+    ended_.fetch_add(1, std::memory_order_release);
+  }
+
+  void Help() {
+    static_cast<void>(ended_.load(std::memory_order_acquire));
+    const ForkTeam::Member member(&team_, helpers_.fetch_add(1, std::memory_order_relaxed) + 1);
+    team_.WorkUntil(done_, 1);
+    ended_.fetch_add(1, std::memory_order_release);
+  }
+
   const int num_workers_;
-  const Task& task_;
-  std::atomic<int> next_{0};
-  std::atomic<int> tasks_done_{0};
-  ForkTeam team_;  // who has run out of tasks helps those that fork
-  // Orders caller before tasks before caller. TBB does so too, but its library is not instrumented: this lets the
+  const std::function<void()>& work_;
+  bool begun_ = false;
+  std::atomic<int> helpers_{0}, done_{0};
+  ForkTeam team_;
+  // Orders caller before helpers before caller. TBB does so too, but its library is not instrumented: this lets the
   // thread sanitizer see that order, and no other, so that a race between two tasks is still found.
   std::atomic<int> ended_{0};
-  FirstException first_exception_;
+  std::exception_ptr exception_;
 };
 
 constexpr int kMostWorkers = 1024;
@@ -137,17 +144,39 @@ const char* TbbVersion() { return TBB_runtime_version(); }
 
 int WorkerPool::num_workers() const { return impl_->num_workers; }
 
-void WorkerPool::ForEach(int num_tasks, const Task& task) {
-  if (num_tasks <= 0) return;
-  Run run(num_tasks, impl_->num_workers, task);
-  if (impl_->num_workers == 1) {
-    run.Work(0);  // nothing to share: no TBB, not even the user's arena
-  } else if (impl_->enter) {
+void WorkerPool::Together(const std::function<void()>& work) {
+  if (impl_->num_workers == 1 || ForkTeam::Of(impl_.get())) return work();  // nothing to share: no TBB, not even the user's arena
+  Run run(impl_->num_workers, impl_.get(), work);
+  if (impl_->enter) {
     impl_->enter([&run] { run.WorkInArena(); });
   } else {
     impl_->arena->execute([&run] { run.WorkInArena(); });
   }
   run.Finish();
+}
+
+void WorkerPool::ForEach(int num_tasks, const Task& task) { RunAll(num_tasks, true, task); }
+
+void WorkerPool::ForPieces(int num_pieces, const Task& run) { RunAll(num_pieces, false, run); }
+
+void WorkerPool::RunAll(int count, bool in_order, const Task& task) {
+  if (count <= 0) return;
+  FirstException first_exception;
+  const auto guarded = [&](int index) {
+    try {
+      task(index, ForkTeam::Worker());
+    } catch (...) {
+      first_exception.Catch(index);
+    }
+  };
+  if (impl_->num_workers == 1) {
+    const ForkTeam::Member alone(nullptr, 0);
+    for (int index = 0; index < count; ++index) guarded(index);
+  } else {
+    const auto all = [&] { in_order ? ForkTeam::Of(impl_.get())->ForEach(count, guarded) : Fork(count, guarded); };
+    Together(std::cref(all));
+  }
+  first_exception.Rethrow();
 }
 
 }  // namespace islet::parallel

@@ -3,7 +3,7 @@
 // Tasks are started in the order given, one at a time per worker, so a list sorted largest first is run largest first.
 // Which worker takes which task depends on timing: a task may use its worker's scratch memory but nothing that it
 // computes may depend on the worker's number.
-//   threads: ForEach from one thread at a time; a task must not call ForEach of the same pool
+//   threads: one caller at a time; a task must not call ForEach of the same pool
 #pragma once
 
 #include <algorithm>
@@ -36,7 +36,15 @@ class WorkerPool {
   // first exception (by index) is rethrown then.
   void ForEach(int num_tasks, const std::function<void(int index, int worker)>& task);
 
-  // f(i) for i = 0 .. count-1, kAtOnce of them in one task; what fits into one runs in the calling thread.
+  // The same for the pieces of a loop, which must not fork. The caller begins at the first and others at the last, so that in loops
+  // that follow each other a worker mostly meets what it has in its cache.
+  void ForPieces(int num_pieces, const std::function<void(int piece, int worker)>& run);
+
+  // work(), in the calling thread where the arena lets it in, while the other workers wait for what it shares: every ForEach and
+  // Fork in it begins at once, where each by itself would have to wake them. Rethrows what work throws.
+  void Together(const std::function<void()>& work);
+
+  // f(i) for i = 0 .. count-1, kAtOnce of them in one piece; what fits into one runs in the calling thread.
   template <typename F>
   void ForEachOf(std::size_t count, const F& f) {
     constexpr std::size_t size = kAtOnce;
@@ -44,12 +52,12 @@ class WorkerPool {
       for (std::size_t i = 0; i < count; ++i) f(i);
       return;
     }
-    const auto work = [&](int task, int) {
-      const std::size_t begin = static_cast<std::size_t>(task) * size, end = std::min(count, begin + size);
+    const auto work = [&](int piece, int) {
+      const std::size_t begin = static_cast<std::size_t>(piece) * size, end = std::min(count, begin + size);
       for (std::size_t i = begin; i < end; ++i) f(i);
     };
     // By reference: a function object that holds more than two words allocates.
-    ForEach(static_cast<int>((count + size - 1) / size), std::cref(work));
+    ForPieces(static_cast<int>((count + size - 1) / size), std::cref(work));
   }
 
   // f(task, worker) for each of these costs, largest first, those below batch_cost in batches. schedule: scratch.
@@ -63,6 +71,8 @@ class WorkerPool {
   }
 
  private:
+  void RunAll(int count, bool in_order, const std::function<void(int, int)>& task);
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -180,7 +180,7 @@ void Detector::Impl::FindCandidates() {
       if (leaves[searching[k]]) Query(searching[k], &stack, &found_by_task[task]);
     }
   };
-  pool->ForEach(tasks, std::cref(work));
+  pool->ForPieces(tasks, std::cref(work));
   SortFound();
   MergeFound();
 }

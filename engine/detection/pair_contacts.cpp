@@ -86,14 +86,14 @@ void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, const P
     const int count = std::min(parallel::kAtOnce, num_pairs - begin);
     CollideChunk(bodies, include_frozen, rule, std::span(*pairs).subspan(begin, count), chunk);
   };
-  pool_->ForEach(chunks, std::cref(collide));
+  pool_->ForPieces(chunks, std::cref(collide));
   start_.assign(chunks + 1, 0);
   for (int chunk = 0; chunk < chunks; ++chunk) start_[chunk + 1] = start_[chunk] + now_[chunk].size();
   contacts->resize(start_[chunks]);
   const auto copy = [&](int chunk, int) {
     std::copy(now_[chunk].begin(), now_[chunk].end(), contacts->begin() + static_cast<std::ptrdiff_t>(start_[chunk]));
   };
-  pool_->ForEach(chunks, std::cref(copy));
+  pool_->ForPieces(chunks, std::cref(copy));
 }
 
 KeptContacts PairContacts::kept() const {

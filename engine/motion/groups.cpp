@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 
 #include "engine/motion/visible_turn.h"
@@ -73,9 +74,9 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     sum += middle;
     squares += middle.cwiseAbs2();
   }
-  const auto add = [&](int i, int k) {
+  const auto add = [&](int i, int k, std::vector<std::pair<int, int>>* pairs) {
     if ((CanMove(bodies[i]) || CanMove(bodies[k])) && (!asks || filter.Allows(bodies, i, k)))
-      pairs_.emplace_back(std::min(i, k), std::max(i, k));
+      pairs->emplace_back(std::min(i, k), std::max(i, k));
   };
   for (const int p : planes_) {
     const Vector3 up = bodies[p].rotation_WB * Vector3::UnitZ();
@@ -83,7 +84,7 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     for (const int i : order_) {
       const Vector3 middle = 0.5 * (rooms_[i].lower + rooms_[i].upper), half = rooms_[i].upper - middle;
       const double turns = dt * bodies[p].angular_velocity_W.norm() * (middle - bodies[p].position_W).norm();
-      if (up.dot(middle - bodies[p].position_W) - up.cwiseAbs().dot(half) <= moves + turns) add(p, i);
+      if (up.dot(middle - bodies[p].position_W) - up.cwiseAbs().dot(half) <= moves + turns) add(p, i, &pairs_);
     }
   }
   // Sweep along the axis on which the bodies are spread most.
@@ -96,15 +97,28 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   });
   sorted_.clear();
   for (const int i : order_) sorted_.push_back(rooms_[i]);
-  met_.resize(sorted_.size());
-  for (size_t i = 0; i < sorted_.size(); ++i) {
-    size_t met = 0;
-    for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k) {
-      met_[met] = static_cast<int>(k);
-      met += static_cast<size_t>(sorted_[i].Meets(sorted_[k]));
+  constexpr size_t at_once = parallel::kAtOnce;
+  const size_t tasks = (sorted_.size() + at_once - 1) / at_once;
+  if (sweeps_.size() < tasks) sweeps_.resize(tasks);
+  const auto sweep = [&](int task, int) {
+    auto& [meets, pairs] = sweeps_[task];
+    meets.resize(sorted_.size());
+    pairs.clear();
+    for (size_t i = task * at_once; i < std::min(sorted_.size(), (task + 1) * at_once); ++i) {
+      size_t met = 0;
+      for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k) {
+        meets[met] = static_cast<int>(k);
+        met += static_cast<size_t>(sorted_[i].Meets(sorted_[k]));
+      }
+      for (size_t k = 0; k < met; ++k) add(order_[i], order_[meets[k]], &pairs);
     }
-    for (size_t k = 0; k < met; ++k) add(order_[i], order_[met_[k]]);
-  }
+  };
+  if (asks)  // a callback is asked by one thread
+    for (size_t task = 0; task < tasks; ++task) sweep(static_cast<int>(task), 0);
+  else
+    pool_->ForPieces(static_cast<int>(tasks), std::cref(sweep));
+  for (const Sweep& part : std::span(sweeps_).first(tasks))
+    pairs_.insert(pairs_.end(), part.pairs.begin(), part.pairs.end());
   SortPairs(n);
   parted_.clear();
   islands::BuildPartition({cut_, pairs_}, &partition_);

@@ -20,11 +20,14 @@
 #include "engine/motion/meeting.h"
 #include "engine/shape.h"
 #include "islands/partition.h"
+#include "parallel/worker_pool.h"
 
 namespace islet::motion {
 
 class Groups {
  public:
+  explicit Groups(parallel::WorkerPool* pool) : pool_(pool) {}
+
   // rooms: [m] per body, beside what the body sweeps by its own velocity.
   void Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
             std::span<const double> rooms, const ContactFilter& filter);
@@ -61,9 +64,15 @@ class Groups {
   void SortPairs(size_t num_bodies);
   bool ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes);
 
+  parallel::WorkerPool* pool_;
   std::vector<Box> rooms_;   // per body; of half-spaces and removed bodies unused
   std::vector<Box> sorted_;  // in order of the sweep
-  std::vector<int> order_, planes_, met_, starts_;
+  std::vector<int> order_, planes_, starts_;
+  struct Sweep {  // of some places in order_
+    std::vector<int> met;
+    std::vector<std::pair<int, int>> pairs;
+  };
+  std::vector<Sweep> sweeps_;
   std::vector<std::pair<int, int>> pairs_, unsorted_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> parted_;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
+#include "parallel/fork.h"
 #include "qp/elementary.h"
 
 namespace islet {
@@ -108,8 +110,11 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
   out.momentum = std::sqrt(momentum.residual_squared / momentum.mass) / v_ref;
   out.energy_gain = std::max(0.0, momentum.energy_after - momentum.energy_before);
   const bool kinetic = model == qp::Model::kKinetic && !solution.multipliers.empty();
-  double gap = 0, model_sum = 0, coulomb_sum = 0;
-  for (size_t c = 0; c < problem.contacts.size(); ++c) {
+  struct Part {
+    Certificate worst;
+    double gap = 0, model_sum = 0, coulomb_sum = 0;
+  };
+  const auto add = [&](size_t c, Part* part) {
     const qp::ContactTerm& contact = problem.contacts[c];
     const double mu = contact.friction;
     const Vector3& j = solution.impulses[c];
@@ -120,26 +125,38 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
     if (kinetic) {
       w = qp::ContactVelocity(contact, solution.multipliers.data());
       const double gamma = solution.bounce_multipliers[c], excess = u[0] - contact.target;
-      gap += std::abs(gamma * excess);
-      out.dual = std::max(out.dual, -excess / v_ref);
+      part->gap += std::abs(gamma * excess);
+      part->worst.dual = std::max(part->worst.dual, -excess / v_ref);
     } else {
       w[0] += solution.slips[c] - contact.target;
     }
     Vector3 u_hat = u;
     u_hat[0] += mu * u.tail<2>().norm() - contact.target;
-    gap += std::abs(j.dot(w));
-    out.cone = std::max(out.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
-    out.dual = std::max(out.dual, -DualSlack(w, mu, cone) / v_ref);
+    part->gap += std::abs(j.dot(w));
+    part->worst.cone =
+        std::max(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
+    part->worst.dual = std::max(part->worst.dual, -DualSlack(w, mu, cone) / v_ref);
     const double model_map = (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
     const double coulomb_map = (j - ProjectOnCone(j - rho * u_hat, mu, qp::Cone::kCircular)).norm() / rho;
-    out.natural_map_max = std::max(out.natural_map_max, model_map);
-    out.coulomb_map_max = std::max(out.coulomb_map_max, coulomb_map);
-    model_sum += model_map * model_map;
-    coulomb_sum += coulomb_map * coulomb_map;
+    part->worst.natural_map_max = std::max(part->worst.natural_map_max, model_map);
+    part->worst.coulomb_map_max = std::max(part->worst.coulomb_map_max, coulomb_map);
+    part->model_sum += model_map * model_map;
+    part->coulomb_sum += coulomb_map * coulomb_map;
+  };
+  const size_t count = problem.contacts.size();
+  thread_local std::vector<Part> parts;
+  parts.assign((count + parallel::kAtOnce - 1) / parallel::kAtOnce, {});
+  parallel::ForkRanges(static_cast<int>(count), [to = parts.data(), &add](int first, int last) {
+    for (int c = first; c < last; ++c) add(c, to + first / parallel::kAtOnce);
+  });
+  double gap = 0, model_sum = 0, coulomb_sum = 0;
+  for (const Part& part : parts) {
+    out.Include(part.worst);
+    gap += part.gap, model_sum += part.model_sum, coulomb_sum += part.coulomb_sum;
   }
   out.gap = gap / (momentum.energy_before + 0.5 * momentum.mass * v_ref * v_ref);
-  out.natural_map_rms = std::sqrt(model_sum / static_cast<double>(problem.contacts.size()));
-  out.coulomb_map_rms = std::sqrt(coulomb_sum / static_cast<double>(problem.contacts.size()));
+  out.natural_map_rms = std::sqrt(model_sum / static_cast<double>(count));
+  out.coulomb_map_rms = std::sqrt(coulomb_sum / static_cast<double>(count));
   return out;
 }
 

@@ -101,6 +101,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void Forget(int number);
   void ForgetAll();
   StepReport StepWhole(double dt);
+  bool IsShared() const;
   void FindEvents();
   void FindSensed();
   void AddPassed();

@@ -334,6 +334,9 @@ StepReport World::Impl::StepWhole(double dt) {
   return report;
 }
 
+// Whether a step has enough to do for several workers to be called once for all of it.
+bool World::Impl::IsShared() const { return bodies.size() > parallel::kAtOnce || group_motion.any_crowd(); }
+
 StepReport World::Step(double dt) {
   RequireStep(dt);
   Impl& w = *impl_;
@@ -348,8 +351,15 @@ StepReport World::Step(double dt) {
   const bool may_throw = w.material || w.filter.has_callback() || w.observer || custom;
   if (may_throw) w.start = w;
   try {
-    StepReport report = w.StepWhole(dt);
-    w.FindEvents();
+    StepReport report;
+    const auto step = [&] {
+      report = w.StepWhole(dt);
+      w.FindEvents();
+    };
+    if (w.IsShared())
+      w.pool->Together(std::cref(step));
+    else
+      step();
     w.vacant.insert(w.vacant.end(), w.leaving.begin(), w.leaving.end());
     if (!w.leaving.empty()) std::sort(w.vacant.begin(), w.vacant.end(), std::greater<>());
     w.leaving.clear();

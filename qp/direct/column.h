@@ -17,8 +17,6 @@
 
 namespace islet::qp {
 
-inline constexpr double kColumnTolerance = 1e-10;  // of v_ref, and of angles
-
 class Column {
  public:
   // Impulses, one per contact of a problem without compliance; false if the bodies are no column, or have walls at both ends.

@@ -14,8 +14,6 @@
 
 namespace islet::qp {
 
-inline constexpr double kDirectTolerance = 1e-11;  // relative: what answers without iterations may miss a condition by
-
 class OneContact {
  public:
   OneContact() = default;

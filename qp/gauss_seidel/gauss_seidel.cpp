@@ -67,10 +67,12 @@ void GaussSeidel::MakeRoom(Field<Number>* field) const {
 void GaussSeidel::Prepare(const Problem& problem) {
   order_.Build(problem);
   roots_.resize(problem.bodies.size());
-  for (size_t i = 0; i < roots_.size(); ++i) {
-    roots_[i].mass_root = 1 / std::sqrt(problem.bodies[i].mass);
-    roots_[i].inertia_root = Root(problem.bodies[i].inverse_inertia);
-  }
+  parallel::ForkRanges(problem.num_bodies(), [&](int first, int last) {
+    for (int i = first; i < last; ++i) {
+      roots_[i].mass_root = 1 / std::sqrt(problem.bodies[i].mass);
+      roots_[i].inertia_root = Root(problem.bodies[i].inverse_inertia);
+    }
+  });
   compliant_ = std::any_of(problem.contacts.begin(), problem.contacts.end(),
                            [](const ContactTerm& c) { return c.compliance > 0; });
   normal_ = !compliant_ && std::none_of(problem.contacts.begin(), problem.contacts.end(),
@@ -79,13 +81,20 @@ void GaussSeidel::Prepare(const Problem& problem) {
   sums_.resize(order_.sections().size());
   axes_.resize(problem.contacts.size());
   MakeRoom(&plain_);
-  for (size_t s = 0; s < order_.sections().size(); ++s) {
-    const SweepOrder::Section& section = order_.sections()[s];
-    parallel::ForkRanges(section.num_batches, [&](int first, int last) {
-      for (int b = first; b < last; ++b)
-        PrepareBatch(problem, section.first_batch + b, static_cast<int>(roots_.size() + s));
-    });
-  }
+  ForkBatches([&](int first, int last) {
+    size_t section = 0;
+    for (int b = first; b < last; ++b) {
+      const auto ends = [&] { return order_.sections()[section].first_batch + order_.sections()[section].num_batches; };
+      while (b >= ends()) ++section;
+      PrepareBatch(problem, b, static_cast<int>(roots_.size() + section));
+    }
+  });
+}
+
+// run(first, last) for ranges of all batches.
+template <typename Run>
+void GaussSeidel::ForkBatches(const Run& run) const {
+  parallel::ForkRanges(order_.num_batches(), run, parallel::kAtOnce / kBatchLanes);
 }
 
 // still: the place of an immovable body.
@@ -208,7 +217,7 @@ void GaussSeidel::PrepareNormal(const Problem& problem, int number, int lane, Sw
 // The batches of double precision, rounded.
 void GaussSeidel::PrepareSingle() {
   MakeRoom(&single_);
-  for (size_t b = 0; b < plain_.batches.size(); ++b) {
+  const auto round = [&](int b) {
     const SweepBatch<double>& from = plain_.batches[b];
     SweepBatch<float>& to = single_.batches[b];
     std::copy_n(&from.rows[0][0][0][0], sizeof from.rows / sizeof(double), &to.rows[0][0][0][0]);
@@ -221,7 +230,10 @@ void GaussSeidel::PrepareSingle() {
     std::copy_n(from.compliance, kBatchLanes, to.compliance);
     std::copy_n(&from.body[0][0], 2 * kBatchLanes, &to.body[0][0]);
     to.used = from.used;
-  }
+  };
+  ForkBatches([&](int first, int last) {
+    for (int b = first; b < last; ++b) round(b);
+  });
   single_prepared_ = true;
 }
 
@@ -258,8 +270,8 @@ SweepSums GaussSeidel::SweepOnce(bool ahead, Number momentum, Field<Number>* fie
 template <typename Number>
 void GaussSeidel::Load(const Problem& problem, const std::vector<Vector3>& impulses,
                        const std::vector<double>& velocities, Field<Number>* field) const {
-  const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
-  parallel::ForkRanges(batches, [&](int from, int to) {
+  const int bodies = static_cast<int>(roots_.size());
+  ForkBatches([&](int from, int to) {
     for (int b = from; b < to; ++b) LoadBatch(impulses, b, &field->states[b]);
   });
   std::fill(field->velocities.begin() + bodies, field->velocities.end(), SweepVelocity<Number>{});
@@ -299,7 +311,7 @@ void GaussSeidel::LoadBatch(const std::vector<Vector3>& impulses, int number, Sw
 template <typename Number>
 void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impulses,
                          std::vector<double>* velocities) const {
-  const int batches = order_.num_batches(), bodies = static_cast<int>(roots_.size());
+  const int bodies = static_cast<int>(roots_.size());
   parallel::ForkRanges(bodies, [&](int from, int to) {
     for (int i = from; i < to; ++i) {
       double* v = velocities->data() + 6 * i;
@@ -308,7 +320,7 @@ void GaussSeidel::Unload(const Field<Number>& field, std::vector<Vector3>* impul
       Block(v + 3).noalias() = roots_[i].inertia_root * Vector3(y[3], y[4], y[5]);
     }
   });
-  parallel::ForkRanges(batches, [&](int from, int to) {
+  ForkBatches([&](int from, int to) {
     for (int b = from; b < to; ++b) UnloadBatch(field.states[b], b, impulses);
   });
 }

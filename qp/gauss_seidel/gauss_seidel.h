@@ -65,6 +65,8 @@ class GaussSeidel {
   void PrepareContact(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
   void PrepareNormal(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
   void PrepareSingle();
+  template <typename Run>
+  void ForkBatches(const Run& run) const;
   template <typename Number>
   void MakeRoom(Field<Number>* field) const;
   template <typename Number>

@@ -5,6 +5,7 @@
 
 #include "parallel/fork.h"
 #include "qp/body_algebra.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
@@ -23,8 +24,8 @@ constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
 constexpr int kPatience = 15;          // iterations without progress
 // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
-// this much of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
-constexpr double kMapAim = 1e-11, kMapPerGap = 0.1;
+// kSolved of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
+constexpr double kMapPerGap = 0.1;
 constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
@@ -143,7 +144,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   Residuals best{INFINITY, INFINITY, INFINITY};
   bool solved = false;
   int stalled = 0;
-  double look_below = HasNaturalMap() ? kMapAim / kMapPerGap : 0;  // merit
+  double look_below = HasNaturalMap() ? kSolved / kMapPerGap : 0;  // merit
   const double tolerance = settings.gap_tolerance(),
                aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
   const double least_sigma = aim < tolerance ? kLeastSigma : 0;
@@ -172,10 +173,10 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       break;
     }
     bool there = solved && (aim >= tolerance || merit <= aim);
-    if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kMapAim) {
+    if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kSolved) {
       const double map = NaturalMap();
-      there = map <= kMapAim;
-      look_below = merit * kMapAim / map;
+      there = map <= kSolved;
+      look_below = merit * kSolved / map;
     }
     if (there || solution->iterations >= settings.max_iterations || stalled >= kPatience) break;
     if (!UpdateScalings()) break;

@@ -5,13 +5,13 @@
 #include <utility>
 
 #include "qp/body_algebra.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
 
 constexpr int kRounds = 6;     // of refinement, each leaves a hair of what can be given; and of steps within the cones
 constexpr double kBack = 0.9;  // of the way to where one would be left
-constexpr double kHair = 1e-11;  // of what contacts give a body: mass that keeps the factor regular
 
 // The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
 Matrix3 WeightOf(const Vector3& impulse, double friction) {
@@ -51,7 +51,7 @@ void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
     weights_[c] = WeightOf(impulses[c] / unit, contact.friction);
     for (const auto& [body, jacobian] :
          {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})
-      if (body >= 0) problem.bodies[body].mass += kHair * (jacobian->transpose() * weights_[c] * *jacobian).trace();
+      if (body >= 0) problem.bodies[body].mass += kSolved * (jacobian->transpose() * weights_[c] * *jacobian).trace();
   }
   for (BodyTerm& body : problem.bodies) {
     if (!(body.mass > 0)) body.mass = 1;  // nothing presses it

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "qp/smallness.h"
+
 namespace islet::qp {
 namespace {
 
 constexpr double kPace = 5;                  // by which springs become stiffer, or softer
 constexpr int kEasy = 4;                     // Newton steps of a proximal step that may become stiffer
-constexpr double kVelocityRounding = 4e-16;  // of the speed: error of a contact's velocity
 constexpr int kPatience = 20;      // steps without a better answer: on the way to it the map may rise for a while
-constexpr int kShortPatience = 5;  // steps without half of the map, where it is small enough
 
 double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
 
@@ -38,7 +38,7 @@ Matrix3 SpringSlope(const Vector3& pull, double friction) {
 
 double ProximalPace::Stiffness(double residual, double speed) {
   stiffness_ = std::min(stiffness_, limit_);
-  if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kVelocityRounding * speed)));
+  if (speed > 0) stiffness_ = std::max(kLeast, std::min(stiffness_, residual / (kUlp * speed)));
   return stiffness_;
 }
 
@@ -59,7 +59,7 @@ bool ProximalPace::Takes(double map, bool solved, int newton_steps, bool refines
 }
 
 bool ProximalPace::GoesOn(bool refines) const {
-  return stiffness_ > kLeast && stalled_ < (refines ? kShortPatience : kPatience);
+  return stiffness_ > kLeast && stalled_ < (refines ? kPatience / 4 : kPatience);
 }
 
 }  // namespace islet::qp

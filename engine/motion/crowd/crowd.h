@@ -19,6 +19,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/contact_pairs.h"
 #include "engine/freezing/certified_freezing.h"
 #include "engine/impact/sequential.h"
 #include "engine/ledger.h"
@@ -105,6 +106,13 @@ class Crowd {
     std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
     std::vector<double> share, square;  // of these: what is left of their blows; [J] what all of a blow has alone
     std::vector<std::uint8_t> gaining;  // per body of the island
+    Meeting meeting;
+    std::vector<Contact> probe;
+  };
+  struct Carrier {  // a contact of the next pass, with its first guess
+    Contact contact;
+    Held held;
+    Vector3 impulse_W, centre;
   };
 
   enum class Outcome { kDone, kMissed, kRideLost, kHitFrozen };
@@ -185,9 +193,10 @@ class Crowd {
   Place PlaceAtEnd(size_t c) const;
   bool IsFoundAgain(size_t c) const;
   void NextTargets();
-  void Keep(size_t c);
-  void Aim(size_t end);
-  bool Guard(size_t e, size_t e_end);
+  void PoseAnew(const PairPlaces& pair, Worker* worker, std::vector<Carrier>* next);
+  void Keep(size_t c, std::vector<Carrier>* next) const;
+  void Aim(size_t end, std::vector<Carrier>* next) const;
+  bool Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* next) const;
   double GapAlong(const Contact& contact, const Held& held) const;
   double TargetOf(const Contact& contact, double gap, double allowed) const;
   const Contact* AtStart(const Contact& end) const;
@@ -249,12 +258,14 @@ class Crowd {
   double off_ = 0;                             // [s^2] OffAhead of a first pass, OffChord of later ones
   std::vector<Vector3> travel_;                // [m] that the next piece may take it
   std::vector<std::uint8_t> disturbed_;        // per body: it is solved again
-  std::vector<Contact> held_, next_;
-  std::vector<Held> held_of_, next_of_;
-  std::vector<Vector3> impulse_W_, next_impulse_W_;  // [N s] per held contact
-  std::vector<Vector3> acted_at_;                    // [m]
-  std::vector<Vector3> centre_,
-      next_centre_;                 // [m] of the bodies that its point moves along with, where that was found
+  std::vector<Contact> held_;
+  std::vector<Held> held_of_;
+  std::vector<Vector3> impulse_W_;  // [N s] per held contact
+  std::vector<Vector3> acted_at_;   // [m]
+  std::vector<Vector3> centre_;     // [m] of the bodies that its point moves along with, where that was found
+  std::vector<PairPlaces> pairs_;   // of what is held, and of what is near
+  std::vector<std::uint8_t> opens_;          // per pair: it ends open, though it pressed
+  std::vector<std::vector<Carrier>> next_;   // of so many pairs each
   std::vector<int> follows_;        // per held contact: place in near_, or -1
   std::vector<double> before_;      // [m] <= 0 per near contact: overlap of its pair where the piece began
   std::vector<Vector3> turned_W_;   // [N s] per near contact: what it carried, as it lies at the end
@@ -290,10 +301,8 @@ class Crowd {
   std::vector<ResponseOutcome> outcomes_, struck_;  // per island
   std::vector<int> bounces_of_;
   std::vector<std::vector<ProblemRecord>> records_;  // for the observer
-  Meeting meeting_;
   Ride ride_;
   std::vector<Vector3> ridden_W_;  // [N s] per near contact: what it was given to follow its wall
-  std::vector<Contact> probe_;
 };
 
 template <typename F>

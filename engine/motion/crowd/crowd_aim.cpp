@@ -33,15 +33,17 @@ void Crowd::FollowHeld() {
   follows_.assign(held_.size(), -1);
   carried_W_.assign(near_->size(), Vector3::Zero());
   before_.assign(near_->size(), 0.0);
-  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
-    if (e == e_end) return;
-    for (size_t c = h; c < h_end; ++c) {
-      const std::span<const Contact> of_pair = std::span(*near_).subspan(e, e_end - e);
+  ListPairs(held_, *near_, &pairs_);
+  pool_->ForEachOf(pairs_.size(), [&](size_t p) {
+    const PairPlaces& pair = pairs_[p];
+    if (pair.y == pair.y_end) return;
+    for (size_t c = pair.x; c < pair.x_end; ++c) {
+      const std::span<const Contact> of_pair = std::span(*near_).subspan(pair.y, pair.y_end - pair.y);
       const double far = kSamePlace * Size(held_[c]);
       const Place place = PlaceAtEnd(c);
       const int found = FindAgain(of_pair, held_[c].feature, place.point_W, far + place.reach, far);
       if (found < 0) continue;
-      follows_[c] = static_cast<int>(e) + found;
+      follows_[c] = static_cast<int>(pair.y) + found;
       carried_W_[follows_[c]] += impulse_W_[c];
     }
   });
@@ -73,17 +75,14 @@ double Crowd::TargetOf(const Contact& contact, double gap, double allowed) const
 }
 
 // A contact that is not found again, or was not disturbed, as it is.
-void Crowd::Keep(size_t c) {
+void Crowd::Keep(size_t c, std::vector<Carrier>* next) const {
   Held old = held_of_[c];
   Contact contact = held_[c];
   contact.point_W = acted_at_[c];
   const int a = contact.body_a, b = contact.body_b;
   if (disturbed_[a] || disturbed_[b])
     old.target = std::min(TargetOf(contact, GapAlong(contact, old), old.allowed), 0.0);  // what is past pushes nobody
-  next_.push_back(contact);
-  next_of_.push_back(old);
-  next_impulse_W_.push_back(impulse_W_[c]);
-  next_centre_.push_back(Centre(contact));
+  next->push_back({contact, old, impulse_W_[c], Centre(contact)});
 }
 
 // The contact where the step began, if it was there.
@@ -101,7 +100,7 @@ const Contact* Crowd::AtStart(const Contact& end) const {
 }
 
 // A contact at the end, at the lever of halfway: on the chord of each body's point.
-void Crowd::Aim(size_t e) {
+void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
   Contact contact = (*near_)[e];
   const double size = Size(contact);
   if (contact.gap > kReach * size && carried_W_[e].isZero(0)) return;
@@ -147,14 +146,11 @@ void Crowd::Aim(size_t e) {
   held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
   held.belt_W = contact.surface_W;
   contact.surface_W += WallSlip(contact, bodies_, off_, ways_);
-  next_.push_back(contact);
-  next_of_.push_back(held);
-  next_impulse_W_.push_back(WithinCone(contact, carried_W_[e]));
-  next_centre_.push_back(Centre(contact));
+  next->push_back({contact, held, WithinCone(contact, carried_W_[e]), Centre(contact)});
 }
 
 // A pair that ends in an overlap from which the nearest way out is not the way in: it carries where it met.
-bool Crowd::Guard(size_t e, size_t e_end) {
+bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* next) const {
   const Contact& pair = (*near_)[e];
   const int a = pair.body_a, b = pair.body_b;
   const double size = Size(pair);
@@ -167,17 +163,17 @@ bool Crowd::Guard(size_t e, size_t e_end) {
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
-  const double t = meeting_.First(
+  const double t = worker->meeting.First(
       {&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   // What closing walls squeeze may have no way out: it is sent back no faster than it came. Who would gain by it is not sent back.
   const double most = driven_ ? kFastest * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
                               : (gained_[a] || gained_[b] ? 0 : INFINITY);
-  probe_.clear();
+  worker->probe.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
-                &probe_);
-  for (Contact c : probe_) {
+                &worker->probe);
+  for (Contact c : worker->probe) {
     c.body_a = a;
     c.body_b = b;
     c.friction = pair.friction;
@@ -197,34 +193,45 @@ bool Crowd::Guard(size_t e, size_t e_end) {
     Face(held, middle_[a].position_W, middle_[b].position_W, &c);
     held.allowed = before_[e];
     held.target = std::min(TargetOf(c, GapAlong(c, held), held.allowed), most);
-    next_.push_back(c);
-    next_of_.push_back(held);
-    next_impulse_W_.push_back(Vector3::Zero());
-    next_centre_.push_back(Centre(c));
+    next->push_back({c, held, Vector3::Zero(), Centre(c)});
   }
-  return !probe_.empty();
+  return !worker->probe.empty();
 }
 
-// The contacts of the next pass: what is disturbed is posed anew, as it ends now.
+// Of one pair: what is disturbed is posed anew, as it ends now.
+void Crowd::PoseAnew(const PairPlaces& pair, Worker* worker, std::vector<Carrier>* next) {
+  const Contact& first = pair.x < pair.x_end ? held_[pair.x] : (*near_)[pair.y];
+  const bool disturbed = disturbed_[first.body_a] || disturbed_[first.body_b];
+  for (size_t c = pair.x; c < pair.x_end; ++c) {
+    held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
+    if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed && held_of_[c].opened < kOpenings)) Keep(c, next);
+  }
+  if (!disturbed || pair.y == pair.y_end || Guard(pair.y, pair.y_end, worker, next)) return;
+  for (size_t e = pair.y; e < pair.y_end; ++e) Aim(e, next);
+}
+
+// The contacts of the next pass.
 void Crowd::NextTargets() {
-  next_.clear();
-  next_of_.clear();
-  next_impulse_W_.clear();
-  next_centre_.clear();
-  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
-    const Contact& pair = h < h_end ? held_[h] : (*near_)[e];
-    const bool disturbed = disturbed_[pair.body_a] || disturbed_[pair.body_b];
-    for (size_t c = h; c < h_end; ++c) {
-      held_of_[c].pressed = held_of_[c].pressed || !impulse_W_[c].isZero(0);
-      if (!disturbed || (!IsFoundAgain(c) && held_of_[c].pressed && held_of_[c].opened < kOpenings)) Keep(c);
+  constexpr size_t at_once = parallel::kAtOnce;
+  const size_t tasks = (pairs_.size() + at_once - 1) / at_once;
+  if (next_.size() < tasks) next_.resize(tasks);
+  const auto pose = [&](int task, int worker) {
+    next_[task].clear();
+    for (size_t p = task * at_once; p < std::min(pairs_.size(), (task + 1) * at_once); ++p)
+      PoseAnew(pairs_[p], &workers_[worker], &next_[task]);
+  };
+  pool_->ForPieces(static_cast<int>(tasks), std::cref(pose));
+  held_.clear();
+  held_of_.clear();
+  impulse_W_.clear();
+  centre_.clear();
+  for (const std::vector<Carrier>& part : std::span(next_).first(tasks))
+    for (const Carrier& carrier : part) {
+      held_.push_back(carrier.contact);
+      held_of_.push_back(carrier.held);
+      impulse_W_.push_back(carrier.impulse_W);
+      centre_.push_back(carrier.centre);
     }
-    if (!disturbed || e == e_end || Guard(e, e_end)) return;
-    for (size_t k = e; k < e_end; ++k) Aim(k);
-  });
-  std::swap(held_, next_);
-  std::swap(held_of_, next_of_);
-  std::swap(impulse_W_, next_impulse_W_);
-  std::swap(centre_, next_centre_);
 }
 
 }  // namespace islet::motion

@@ -27,15 +27,19 @@ void Crowd::Fly() {
     }
   off_ = OffChord(dt_);
   acted_at_.resize(held_.size());
-  for (size_t c = 0; c < held_.size(); ++c) {
+  pool_->ForEachOf(held_.size(), [&](size_t c) {
     const int a = held_[c].body_a, b = held_[c].body_b;
     acted_at_[c] = held_[c].point_W + (Centre(held_[c]) - centre_[c]);
-    if (impulse_W_[c].isZero(0)) continue;
+    if (impulse_W_[c].isZero(0)) return;
     Contact acts = held_[c];
     acts.point_W = acted_at_[c];
     FaceAxes(middle_[a].position_W, AxisOf(a, held_of_[c].faces_a), middle_[b].position_W,
              AxisOf(b, held_of_[c].faces_b), &acts);
     acted_at_[c] = acts.point_W;
+  });
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (impulse_W_[c].isZero(0)) continue;
+    const int a = held_[c].body_a, b = held_[c].body_b;
     if (!cut_[a]) mean_spin_W_[a] -= (acted_at_[c] - middle_[a].position_W).cross(impulse_W_[c]);
     if (!cut_[b]) mean_spin_W_[b] += (acted_at_[c] - middle_[b].position_W).cross(impulse_W_[c]);
   }

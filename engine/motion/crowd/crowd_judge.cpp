@@ -102,18 +102,23 @@ bool Crowd::LeversMiss() {
 // Returns whether there is any. (By the convex models what rubs parts.)
 bool Crowd::LetGo() {
   if (settings_.model != Model::kCoulomb) return false;
+  opens_.resize(pairs_.size());
+  pool_->ForEachOf(pairs_.size(), [&](size_t p) {
+    const PairPlaces& pair = pairs_[p];
+    opens_[p] = 0;
+    if (pair.x == pair.x_end) return;
+    const Contact& held = held_[pair.x];
+    const double gap = LeastGap(std::span(*near_).subspan(pair.y, pair.y_end - pair.y));
+    opens_[p] = gap > std::max(0.0, GapAtStart(held)) + settings_.overlap_tolerance * Size(held);
+  });
   bool any = false;
-  ForEachPair(held_, *near_, [&](size_t h, size_t h_end, size_t e, size_t e_end) {
-    if (h == h_end) return;
-    const double gap = LeastGap(std::span(*near_).subspan(e, e_end - e));
-    if (gap <= std::max(0.0, GapAtStart(held_[h])) + settings_.overlap_tolerance * Size(held_[h])) return;
-    for (size_t c = h; c < h_end; ++c) {
+  for (size_t p = 0; p < pairs_.size(); ++p)
+    for (size_t c = pairs_[p].x; c < pairs_[p].x_end && opens_[p]; ++c) {
       if (impulse_W_[c].isZero(0)) continue;
       ++held_of_[c].opened;
       any = true;
       Disturb(held_[c]);
     }
-  });
   return any;
 }
 

@@ -72,8 +72,8 @@ bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0) || !ridden
 // miss twice the tolerance: by the piece before, and by an open one.)
 void Crowd::TurnCarried() {
   turned_W_.assign(near_->size(), Vector3::Zero());
-  for (size_t c = 0; c < held_.size(); ++c) {
-    if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
+  const auto turn = [&](size_t c) {
+    if (follows_[c] < 0 || impulse_W_[c].isZero(0)) return;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
     // What answers to something heavy that lands is taken back with it, as it was.
@@ -81,7 +81,10 @@ void Crowd::TurnCarried() {
     const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
     const double still = std::max(threshold_, 10 * std::max(errors_[end.body_a], errors_[end.body_b]));
     turned_W_[follows_[c]] += was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, still) : impulse_W_[c];
-  }
+  };
+  pool_->ForEachOf(pairs_.size(), [&](size_t p) {
+    for (size_t c = pairs_[p].x; c < pairs_[p].x_end; ++c) turn(c);
+  });
 }
 
 // What is carried by contacts that are not found again falls to others of their pairs.

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "qp/smallness.h"
+
 namespace islet::motion {
 namespace {
 
-constexpr double kGain = 1e-11;              // of the energy at hand: a piece that gains more is done again, shorter
-constexpr double kPositionRounding = 1e-15;  // of a position
-constexpr double kLeft = 0.02;               // of the tolerance: velocities that solves leave, in what they may gain
+constexpr double kLeft = 0.02;  // of the tolerance: velocities that solves leave, in what they may gain
 
 Vector3 AngularMomentum(const Body& body, const Quaternion& rotation, const Vector3& w) {
   return rotation * Vector3(body.inertia_B * (rotation.conjugate() * w));
@@ -39,7 +39,7 @@ void Stepper::KeepAccounts(double h) {
                         0.5 * h * b.torque_W.dot(spun_[i] + spun_after_[i]);
     accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
-    accounts_[i].allowed = kGain * accounts_[i].at_hand + kPositionRounding * b.mass * pull_ * s.pose.position_W.norm();
+    accounts_[i].allowed = kSolved * accounts_[i].at_hand + kUlp * b.mass * pull_ * s.pose.position_W.norm();
   }
   const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
     if (impulse.isZero(0)) return;
@@ -51,7 +51,7 @@ void Stepper::KeepAccounts(double h) {
       const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
       const double work = impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
       accounts_[mover].gain += (i == b ? 1 : -1) * work;
-      accounts_[mover].allowed += 10 * kPositionRounding * std::abs(work);
+      accounts_[mover].allowed += 10 * kUlp * std::abs(work);
     }
     accounts_[mover].gain += impulse.dot(SurfaceSlip(contact));  // what drives a belt works on what it carries
     edges_.emplace_back(a, b);
