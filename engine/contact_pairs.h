@@ -39,7 +39,9 @@ struct PairPlaces {
 
 inline void ListPairs(std::span<const Contact> x, std::span<const Contact> y, std::vector<PairPlaces>* pairs) {
   pairs->clear();
-  ForEachPair(x, y, [pairs](size_t i, size_t i_end, size_t k, size_t k_end) { pairs->push_back({i, i_end, k, k_end}); });
+  ForEachPair(x, y, [pairs](size_t i, size_t i_end, size_t k, size_t k_end) {
+    pairs->push_back({i, i_end, k, k_end});
+  });
 }
 
 }  // namespace islet

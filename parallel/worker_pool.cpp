@@ -145,7 +145,8 @@ const char* TbbVersion() { return TBB_runtime_version(); }
 int WorkerPool::num_workers() const { return impl_->num_workers; }
 
 void WorkerPool::Together(const std::function<void()>& work) {
-  if (impl_->num_workers == 1 || ForkTeam::Of(impl_.get())) return work();  // nothing to share: no TBB, not even the user's arena
+  if (impl_->num_workers == 1 || ForkTeam::Of(impl_.get()))
+    return work();  // nothing to share: no TBB, not even the user's arena
   Run run(impl_->num_workers, impl_.get(), work);
   if (impl_->enter) {
     impl_->enter([&run] { run.WorkInArena(); });

@@ -3,10 +3,11 @@
 
 namespace islet {
 
-inline constexpr double kUlp = 1e-15;        // rounding of a number or two
-inline constexpr double kRounding = 1e-14;   // rounding of some dozen operations
-inline constexpr double kExact = 1e-12;      // the same after a solve: what differs by less is equal
-inline constexpr double kSolved = 1e-11;     // what a formula or a refined solve may miss, and a mass that only keeps a factor regular
+inline constexpr double kUlp = 1e-15;       // rounding of a number or two
+inline constexpr double kRounding = 1e-14;  // rounding of some dozen operations
+inline constexpr double kExact = 1e-12;     // the same after a solve: what differs by less is equal
+inline constexpr double kSolved =
+    1e-11;  // what a formula or a refined solve may miss, and a mass that only keeps a factor regular
 inline constexpr double kNegligible = 1e-9;  // lost beside any tolerance that a user may ask for
 inline constexpr double kSamePoint =
     1e-6;  // of a size, or of unit length: points that are closer are one, and a user's rounding is forgiven

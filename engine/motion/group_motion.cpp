@@ -65,7 +65,8 @@ void GroupMemory::Disturb() {
     if (m == kFresh) m = kAwake;
 }
 
-GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool) : settings_(settings), pool_(pool), groups_(pool) {
+GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool)
+    : settings_(settings), pool_(pool), groups_(pool) {
   workers_.resize(pool->num_workers());
 }
 

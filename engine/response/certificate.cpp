@@ -133,8 +133,7 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
     Vector3 u_hat = u;
     u_hat[0] += mu * u.tail<2>().norm() - contact.target;
     part->gap += std::abs(j.dot(w));
-    part->worst.cone =
-        std::max(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
+    part->worst.cone = std::max(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
     part->worst.dual = std::max(part->worst.dual, -DualSlack(w, mu, cone) / v_ref);
     const double model_map = (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
     const double coulomb_map = (j - ProjectOnCone(j - rho * u_hat, mu, qp::Cone::kCircular)).norm() / rho;

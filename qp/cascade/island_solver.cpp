@@ -107,7 +107,7 @@ bool IslandSolver::SolveOneContact(const Task& task, Solution* solution) {
 
 bool IslandSolver::IsColumn(const Task& task) {
   if (AnyCompliance(task.problem) || !IsConvex(task)) return false;
-  const double slide = std::min(kSolved, 0.1 * kExactShare * task.settings.tolerance) * task.scale();
+  const double slide = std::min(10 * kSolved, 0.1 * kExactShare * task.settings.tolerance) * task.scale();
   CopyFreeVelocities(task.problem, &candidate_.velocities);
   if (!column_.Solve(task.problem, slide, candidate_.velocities, &candidate_.impulses)) return false;
   VelocitiesAfter(task.problem, candidate_.impulses, &candidate_.velocities);

@@ -10,7 +10,10 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
+
+#include "parallel/fork.h"
 
 namespace islet::parallel {
 namespace {
@@ -105,6 +108,63 @@ TEST_P(WorkerPoolOf, RethrowsTheFirstExceptionByIndexAfterAllTasks) {
   std::atomic<int> runs = 0;
   pool.ForEach(10, [&](int, int) { ++runs; });
   EXPECT_EQ(runs, 10);  // and the pool works on
+}
+
+TEST_P(WorkerPoolOf, PiecesRunOnceAndRethrowTheFirstException) {
+  WorkerPool pool(GetParam());
+  std::vector<std::atomic<int>> runs(100);
+  const auto run = [&](int piece, int worker) {
+    EXPECT_TRUE(0 <= worker && worker < GetParam());
+    ++runs[static_cast<std::size_t>(piece)];
+    if (piece % 10 == 3) throw std::runtime_error(std::to_string(piece));
+  };
+  try {
+    pool.ForPieces(100, run);
+    FAIL() << "no exception";
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "3");
+  }
+  for (const auto& count : runs) EXPECT_EQ(count, 1);
+}
+
+// Loops one after the other, for which workers are called once.
+TEST_P(WorkerPoolOf, WorkTogetherRunsInTheCallingThread) {
+  WorkerPool pool(GetParam());
+  const std::thread::id caller = std::this_thread::get_id();
+  std::vector<std::atomic<int>> runs(300);
+  const auto count = [&](std::size_t index) { ++runs[index]; };
+  pool.Together([&] {
+    EXPECT_EQ(std::this_thread::get_id(), caller);
+    for (int round = 0; round < 100; ++round) {
+      pool.ForEach(300, [&](int index, int) { count(static_cast<std::size_t>(index)); });
+      pool.ForPieces(300, [&](int index, int) { count(static_cast<std::size_t>(index)); });
+      pool.ForEachOf(300, count);
+    }
+    pool.Together([&] { EXPECT_EQ(std::this_thread::get_id(), caller); });
+  });
+  for (const auto& times : runs) EXPECT_EQ(times, 300);
+  EXPECT_THROW(pool.Together([] { throw std::runtime_error("work"); }), std::runtime_error);
+  pool.ForEachOf(300, count);  // and the pool works on
+  EXPECT_EQ(runs[299], 301);
+}
+
+// While a task waits for its pieces its thread helps with those of others, but starts no other task: they share a worker's scratch.
+TEST_P(WorkerPoolOf, TasksThatForkAreNotInterrupted) {
+  WorkerPool pool(GetParam());
+  std::atomic<int> violations = 0, pieces = 0;
+  pool.Together([&] {
+    pool.ForEach(200, [&](int, int) {
+      thread_local bool inside = false;
+      if (std::exchange(inside, true)) ++violations;
+      Fork(7, [&](int) {
+        ++pieces;
+        std::this_thread::yield();
+      });
+      inside = false;
+    });
+  });
+  EXPECT_EQ(violations, 0);
+  EXPECT_EQ(pieces, 1400);
 }
 
 TEST(WorkerPool, OneWorkerRunsInTheCallingThreadInOrder) {

@@ -260,16 +260,16 @@ class Crowd {
   std::vector<std::uint8_t> disturbed_;        // per body: it is solved again
   std::vector<Contact> held_;
   std::vector<Held> held_of_;
-  std::vector<Vector3> impulse_W_;  // [N s] per held contact
-  std::vector<Vector3> acted_at_;   // [m]
-  std::vector<Vector3> centre_;     // [m] of the bodies that its point moves along with, where that was found
-  std::vector<PairPlaces> pairs_;   // of what is held, and of what is near
-  std::vector<std::uint8_t> opens_;          // per pair: it ends open, though it pressed
-  std::vector<std::vector<Carrier>> next_;   // of so many pairs each
-  std::vector<int> follows_;        // per held contact: place in near_, or -1
-  std::vector<double> before_;      // [m] <= 0 per near contact: overlap of its pair where the piece began
-  std::vector<Vector3> turned_W_;   // [N s] per near contact: what it carried, as it lies at the end
-  std::vector<Vector3> carried_W_;  // [N s] per near contact; at the end: what of that its cone allows there
+  std::vector<Vector3> impulse_W_;          // [N s] per held contact
+  std::vector<Vector3> acted_at_;           // [m]
+  std::vector<Vector3> centre_;             // [m] of the bodies that its point moves along with, where that was found
+  std::vector<PairPlaces> pairs_;           // of what is held, and of what is near
+  std::vector<std::uint8_t> opens_;         // per pair: it ends open, though it pressed
+  std::vector<std::vector<Carrier>> next_;  // of so many pairs each
+  std::vector<int> follows_;                // per held contact: place in near_, or -1
+  std::vector<double> before_;              // [m] <= 0 per near contact: overlap of its pair where the piece began
+  std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
+  std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem

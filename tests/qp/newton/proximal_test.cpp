@@ -1,8 +1,10 @@
 #include "qp/newton/proximal.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include "qp/smallness.h"
 
 namespace islet::testing {
 namespace {
@@ -64,11 +66,11 @@ TEST(Proximal, SpringsHaveBounds) {
   EXPECT_EQ(failures, 7);  // 4e-4
 }
 
-// A spring that makes of a velocity's rounding, 4e-16 of it, more than what may be left over is too stiff.
+// A spring that makes of a velocity's rounding, 1e-15 of it, more than what may be left over is too stiff.
 TEST(Proximal, RoundingBoundsTheSprings) {
   qp::ProximalPace pace({1, 1});
-  EXPECT_DOUBLE_EQ(pace.Stiffness(8e-16, 1), 2);
-  EXPECT_DOUBLE_EQ(pace.Stiffness(8e-16, 1e-3), 2);  // no stiffer at once
+  EXPECT_DOUBLE_EQ(pace.Stiffness(2 * kUlp, 1), 2);
+  EXPECT_DOUBLE_EQ(pace.Stiffness(2 * kUlp, 1e-3), 2);  // no stiffer at once
 }
 
 TEST(Proximal, GivesUpWhatGainsNothing) {
