@@ -160,7 +160,8 @@ void GroupMotion::FillJob(double dt, int g, std::span<const Body> bodies, std::s
   job->done = job->rests;
   int spent = 0;
   for (const int i : job->members) spent = std::max(spent, spent_[i]);
-  job->group.most_work = races_ == Races::kRefused ? static_cast<int>(kMostWork * dt / whole_dt_) : kMostWork - spent;
+  const int most = MostWork(static_cast<int>(job->members.size()));
+  job->group.most_work = races_ == Races::kRefused ? static_cast<int>(most * dt / whole_dt_) : most - spent;
 }
 
 void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,

@@ -1,6 +1,8 @@
 // What several files of this room share.
 #pragma once
 
+#include <algorithm>
+
 namespace islet::motion {
 
 inline constexpr int kPasses = 8;        // of the carrying problem in a piece
@@ -9,6 +11,7 @@ inline constexpr double kFastest = 20;   // times |g| dt: what a way out of an o
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
 
-inline constexpr int kMostWork = 100000;  // of a step of a group: a tenth to half a second
+// Of a step of a group of so many bodies that move: a tenth to half a second for 20 and more. What few bodies do in that time is a jam.
+inline int MostWork(int bodies) { return 4000 * std::min(5 + bodies, 25); }
 
 }  // namespace islet::motion
