@@ -22,13 +22,13 @@ void Pause() {
 
 int ForkWidth() { return current_team ? current_team->width_ : 1; }
 
-void Fork(int num_pieces, PieceRef piece) {
+void Fork(int num_pieces, PieceRef piece, From from) {
   ForkTeam* team = current_team;
   if (!team || num_pieces <= 1) {
     for (int i = 0; i < num_pieces; ++i) piece(i);
     return;
   }
-  ForkTeam::Job job{piece, num_pieces, num_pieces};
+  ForkTeam::Job job{piece, num_pieces, from};
   team->Run(&job);
 }
 
@@ -46,7 +46,7 @@ ForkTeam* ForkTeam::Of(const void* pool) { return current_team && current_team->
 int ForkTeam::Worker() { return current_worker; }
 
 void ForkTeam::ForEach(int count, PieceRef task) {
-  Job job{task, count, count};
+  Job job{task, count};
   {
     const std::lock_guard lock(mutex_);
     tasks_.store(&job, std::memory_order_relaxed);
@@ -104,7 +104,7 @@ bool ForkTeam::HelpOnce(bool tasks_too) {
     const std::lock_guard lock(mutex_);
     job = latest_.load(std::memory_order_relaxed);
     if (job) {
-      piece = --job->last;
+      piece = job->from == From::kFirst ? job->next++ : --job->last;
       if (job->next == job->last) latest_.store(job->before, std::memory_order_relaxed);
     }
   }

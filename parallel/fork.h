@@ -33,8 +33,15 @@ class PieceRef {
 // How many threads may work on the calling task, >= 1.
 int ForkWidth();
 
-// piece(i) for i = 0 .. num_pieces-1, started in this order; returns when all are done. Pieces must not throw.
-void Fork(int num_pieces, PieceRef piece);
+// Which piece is next.
+enum class From {
+  kFirst,     // in their order
+  kBothEnds,  // the caller begins at the first and who helps at the last: of loops that follow each other a thread mostly gets the
+              // same numbers, whose data it has at hand
+};
+
+// piece(i) for i = 0 .. num_pieces-1; returns when all are done. Pieces must not throw.
+void Fork(int num_pieces, PieceRef piece, From from = From::kFirst);
 
 // Both, then returns.
 template <typename First, typename Second>
@@ -42,11 +49,11 @@ void ForkTwo(const First& first, const Second& second) {
   Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
 }
 
-// run(first, last) for consecutive ranges of `at_once` numbers that cover 0 .. count-1.
+// run(first, last) for ranges of `at_once` numbers that cover 0 .. count-1.
 template <typename Run>
 void ForkRanges(int count, const Run& run, int at_once = kAtOnce) {
-  Fork((count + at_once - 1) / at_once,
-       [&](int piece) { run(piece * at_once, std::min(count, (piece + 1) * at_once)); });
+  const auto range = [&](int piece) { run(piece * at_once, std::min(count, (piece + 1) * at_once)); };
+  Fork((count + at_once - 1) / at_once, range, From::kBothEnds);
 }
 
 // The workers of one call of WorkerPool. Used by WorkerPool alone.
@@ -81,11 +88,12 @@ class ForkTeam {
 
  private:
   friend int ForkWidth();
-  friend void Fork(int, PieceRef);
+  friend void Fork(int, PieceRef, From);
   struct Job {
     PieceRef piece;
-    int count, last;  // how many there are; up to where they are left
-    int next = 0;     // from where on; both guarded by the mutex
+    int count;
+    From from = From::kFirst;
+    int next = 0, last = count;  // what is left; guarded by the mutex
     std::atomic<int> done{0};
     Job* before = nullptr;  // list of the jobs with pieces left, latest first; guarded by the mutex
   };

@@ -174,7 +174,7 @@ void WorkerPool::RunAll(int count, bool in_order, const Task& task) {
     const ForkTeam::Member alone(nullptr, 0);
     for (int index = 0; index < count; ++index) guarded(index);
   } else {
-    const auto all = [&] { in_order ? ForkTeam::Of(impl_.get())->ForEach(count, guarded) : Fork(count, guarded); };
+    const auto all = [&] { in_order ? ForkTeam::Of(impl_.get())->ForEach(count, guarded) : Fork(count, guarded, From::kBothEnds); };
     Together(std::cref(all));
   }
   first_exception.Rethrow();
