@@ -15,6 +15,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/partitioner.h>
 #include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/task_group.h>
 #include <oneapi/tbb/version.h>
 
 #include "parallel/fork.h"
@@ -56,18 +57,20 @@ class Run {
   // itself must not, while it waits, start the loop of another of our workers on top of its own.
   void WorkInArena() {
     const std::thread::id first = std::this_thread::get_id();
-    tbb::this_task_arena::isolate([this, first] {
+    tbb::task_group_context context(tbb::task_group_context::isolated);  // who cancels work of his own does not mean ours
+    tbb::this_task_arena::isolate([this, first, &context] {
       tbb::parallel_for(
           0, num_workers_, 1,
           [this, first](int) {
             tbb::this_task_arena::isolate([this, first] { std::this_thread::get_id() == first ? Work() : Help(); });
           },
-          tbb::simple_partitioner());
+          tbb::simple_partitioner(), context);
     });
   }
 
   void Finish() const {
     static_cast<void>(ended_.load(std::memory_order_acquire));
+    if (!begun_) throw std::logic_error("WorkerPool: enter did not run the work that it was given");
     if (exception_) std::rethrow_exception(exception_);
   }
 
@@ -162,13 +165,17 @@ void WorkerPool::ForPieces(int num_pieces, const Task& run) { RunAll(num_pieces,
 
 void WorkerPool::RunAll(int count, bool in_order, const Task& task) {
   if (count <= 0) return;
+  thread_local const Impl* in_task = nullptr;
+  if (in_task == impl_.get()) throw std::logic_error("WorkerPool: a task calls the pool that runs it");
   FirstException first_exception;
   const auto guarded = [&](int index) {
+    const Impl* const outer = std::exchange(in_task, impl_.get());
     try {
       task(index, ForkTeam::Worker());
     } catch (...) {
       first_exception.Catch(index);
     }
+    in_task = outer;
   };
   if (impl_->num_workers == 1) {
     const ForkTeam::Member alone(nullptr, 0);

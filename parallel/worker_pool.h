@@ -3,7 +3,7 @@
 // Tasks are started in the order given, one at a time per worker, so a list sorted largest first is run largest first.
 // Which worker takes which task depends on timing: a task may use its worker's scratch memory but nothing that it
 // computes may depend on the worker's number.
-//   threads: one caller at a time; a task must not call ForEach of the same pool
+//   threads: one caller at a time; a task that calls the pool that runs it gets std::logic_error
 #pragma once
 
 #include <algorithm>

@@ -86,7 +86,12 @@ void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, const P
     const int count = std::min(parallel::kAtOnce, num_pairs - begin);
     CollideChunk(bodies, include_frozen, rule, std::span(*pairs).subspan(begin, count), chunk);
   };
-  pool_->ForPieces(chunks, std::cref(collide));
+  try {
+    pool_->ForPieces(chunks, std::cref(collide));
+  } catch (...) {  // a callback's: nothing is known of any pair
+    for (CandidatePair& pair : *pairs) pair.kept = false;
+    throw;
+  }
   start_.assign(chunks + 1, 0);
   for (int chunk = 0; chunk < chunks; ++chunk) start_[chunk + 1] = start_[chunk] + now_[chunk].size();
   contacts->resize(start_[chunks]);

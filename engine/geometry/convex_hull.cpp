@@ -160,54 +160,36 @@ class Wrapping {
     return true;
   }
 
-  // Corners of the convex outline of points of one plane, counter-clockwise about the normal (Andrew's chain).
+  // Corners of the convex outline of points of one plane, counter-clockwise about the normal: from one to the next as if wrapped. Points
+  // within the tolerance of a side are none.
   std::vector<int> Outline(const std::vector<int>& members, const Vector3& normal) const {
-    const Vector3 u = normal.unitOrthogonal(), v = normal.cross(u);
-    const Vector3 origin = points_[members[0]];
-    struct Flat {
-      double x, y;
-      int index;
-    };
-    std::vector<Flat> flat;
-    for (int p : members) flat.push_back({u.dot(points_[p] - origin), v.dot(points_[p] - origin), p});
-    std::sort(flat.begin(), flat.end(), [&](const Flat& a, const Flat& b) {
-      return a.x != b.x ? a.x < b.x : (a.y != b.y ? a.y < b.y : a.index < b.index);
+    const Vector3 across = normal.unitOrthogonal();
+    const int extreme = *std::min_element(members.begin(), members.end(), [&](int p, int q) {
+      return across.dot(points_[p] - points_[members[0]]) < across.dot(points_[q] - points_[members[0]]);
     });
-    auto left_of = [&](const Flat& a, const Flat& b, const Flat& c) {  // [m] of b to the outside of a-c
-      const double dx = c.x - a.x, dy = c.y - a.y;
-      return (dx * (a.y - b.y) - dy * (a.x - b.x)) / std::max(std::hypot(dx, dy), 1e-300);
-    };
-    std::vector<Flat> chain;
-    for (int pass = 0; pass < 2; ++pass) {
-      const size_t base = chain.size();
-      for (const Flat& point : flat) {
-        while (chain.size() >= base + 2 && left_of(chain[chain.size() - 2], chain.back(), point) <= tolerance_) {
-          chain.pop_back();
-        }
-        chain.push_back(point);
-      }
-      chain.pop_back();
-      std::reverse(flat.begin(), flat.end());
+    std::vector<int> loop;
+    for (int at = NextOf(extreme, members, normal); loop.empty() || at != loop[0];
+         at = NextOf(at, members, normal)) {  // the extreme one may lie within a side
+      loop.push_back(at);
+      if (loop.size() > members.size()) return {};
     }
-    return DropStraightCorners(chain, left_of);
+    return loop;
   }
 
-  // The ends of the two chains were never tested against their neighbours: on a side along v they may lie on it.
-  template <typename Chain, typename Distance>
-  std::vector<int> DropStraightCorners(Chain chain, const Distance& left_of) const {
-    for (size_t k = 0; k < chain.size() && chain.size() > 3;) {
-      const auto& before = chain[(k + chain.size() - 1) % chain.size()];
-      const auto& after = chain[(k + 1) % chain.size()];
-      if (left_of(before, chain[k], after) <= tolerance_) {
-        chain.erase(chain.begin() + static_cast<std::ptrdiff_t>(k));
-        k = k > 0 ? k - 1 : 0;
-      } else {
-        ++k;
+  // The corner after this one: no point lies to the right of the way there, and none on it is farther away. Looked for twice: who lies
+  // straight behind the first that is tried is neither to its right nor to its left.
+  int NextOf(int from, const std::vector<int>& members, const Vector3& normal) const {
+    int next = -1;
+    Vector3 way = Vector3::Zero();
+    for (int look = 0; look < 2; ++look)
+      for (const int p : members) {
+        const Vector3 d = points_[p] - points_[from];
+        if (p == from) continue;
+        const double left = normal.dot(way.cross(d)), slack = tolerance_ * way.norm();
+        const bool farther = left <= slack && way.dot(d) > 0 && d.squaredNorm() > way.squaredNorm();
+        if (next < 0 || left < -slack || farther) next = p, way = d;
       }
-    }
-    std::vector<int> loop;
-    for (const auto& corner : chain) loop.push_back(corner.index);
-    return loop;
+    return next;
   }
 
   Vector3 NewellNormal(const std::vector<int>& loop) const {

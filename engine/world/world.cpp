@@ -332,6 +332,7 @@ void World::Restore(const WorldSnapshot& snapshot) {
   impl_->Idle("Restore");
   SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
+  impl_->lost = false;
   impl_->rest.reset();
   const auto is_frozen = [](const Body& body) { return body.frozen; };
   if (impl_->settings.freezing == Freezing::kOff && std::any_of(impl_->bodies.begin(), impl_->bodies.end(), is_frozen))

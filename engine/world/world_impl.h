@@ -69,6 +69,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::atomic<bool> stepping = false;
+  bool lost = false;  // a step ended half done, and there is no state to go back to
   WorldState start, part_start;  // of a step whose callbacks may throw; of a part of it that may be taken back
   std::vector<std::pair<int, int>> sensed, passed;  // passed: on the way, in this step's parts so far
   std::vector<int> sensor_inside;                   // of one sensor

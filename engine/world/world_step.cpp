@@ -341,6 +341,7 @@ StepReport World::Step(double dt) {
   RequireStep(dt);
   Impl& w = *impl_;
   const Impl::Busy busy(&w, "Step");
+  if (w.lost) throw std::logic_error("World: a step ran out of memory half done; Restore a snapshot to go on");
   if (w.rest && w.rest_dt == dt) {
     w.time += dt;
     w.RepeatEvents();
@@ -366,7 +367,8 @@ StepReport World::Step(double dt) {
     return report;
   } catch (...) {
     if (may_throw) static_cast<WorldState&>(w) = w.start;
-    w.Changed();
+    w.lost = !may_throw;
+    w.rest.reset();
     throw;
   }
 }

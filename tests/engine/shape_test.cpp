@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <set>
 #include <stdexcept>
@@ -142,6 +143,34 @@ TEST(ConvexHull, DropsInnerRepeatedAndCoplanarPoints) {
     EXPECT_EQ(hull.polytope().vertices.size(), 8u);
     EXPECT_EQ(hull.polytope().faces.size(), 6u);
     EXPECT_NEAR(hull.Volume(), 8, 1e-12);
+  }
+}
+
+// Points of meshes lie on faces and edges, and what turned them has left rounding in them.
+TEST(ConvexHull, OfPointsOnABoxIsTheBoxHoweverItIsTurned) {
+  const Vector3 half(0.3, 0.2, 0.1);
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (const int count : {3, 4, 5}) {
+    std::vector<Vector3> grid;
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j < count; ++j)
+        for (int k = 0; k < count; ++k) {
+          const Vector3 at = 2.0 / (count - 1) * Vector3(i, j, k) - Vector3::Ones();
+          if (at.cwiseAbs().maxCoeff() == 1) grid.push_back(at.cwiseProduct(half));
+        }
+    for (const double degrees : {0, 30, 45, 90, 180})
+      for (const Vector3& axis : {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1), Vector3(1, 1, 1)})
+        for (const double noise : {0.0, 1e-16, 1e-13}) {
+          const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180, axis.normalized());
+          std::vector<Vector3> points;
+          for (const Vector3& p : grid)
+            points.push_back(turn * p + noise * Vector3(normal(random), normal(random), normal(random)));
+          const Shape hull = Shape::ConvexHull(points);
+          EXPECT_EQ(hull.polytope().faces.size(), 6u) << count << ' ' << degrees << ' ' << noise;
+          EXPECT_EQ(hull.polytope().vertices.size(), 8u) << count << ' ' << degrees << ' ' << noise;
+          EXPECT_NEAR(hull.Volume(), 8 * half.prod(), 1e-13);
+        }
   }
 }
 

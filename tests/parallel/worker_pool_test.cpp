@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <atomic>
@@ -165,6 +166,35 @@ TEST_P(WorkerPoolOf, TasksThatForkAreNotInterrupted) {
   });
   EXPECT_EQ(violations, 0);
   EXPECT_EQ(pieces, 1400);
+}
+
+TEST_P(WorkerPoolOf, ATaskThatCallsItsPoolIsTold) {
+  WorkerPool pool(GetParam()), other(GetParam());
+  std::atomic<int> runs = 0;
+  EXPECT_THROW(pool.ForEach(20, [&](int, int) { pool.ForEach(2, [](int, int) {}); }), std::logic_error);
+  EXPECT_THROW(pool.ForPieces(20, [&](int, int) { pool.ForEachOf(1000, [](std::size_t) {}); }), std::logic_error);
+  pool.ForEach(1, [&](int, int) { other.ForEach(20, [&](int, int) { ++runs; }); });
+  EXPECT_EQ(runs, 20);
+}
+
+// Whoever cancels a loop of his own, in which he steps a world, does not mean the world's.
+TEST_P(WorkerPoolOf, WorksInACancelledLoopOfTheUser) {
+  WorkerPool pool(GetParam(), [](const std::function<void()>& work) { work(); });
+  tbb::task_group_context context;
+  std::atomic<int> runs = 0;
+  tbb::parallel_for(
+      0, 1,
+      [&](int) {
+        context.cancel_group_execution();
+        pool.ForEach(100, [&](int, int) { ++runs; });
+      },
+      context);
+  EXPECT_EQ(runs, 100);
+}
+
+TEST(WorkerPool, WhatDoesNotEnterIsTold) {
+  WorkerPool pool(2, [](const std::function<void()>&) {});
+  EXPECT_THROW(pool.ForEach(3, [](int, int) {}), std::logic_error);
 }
 
 TEST(WorkerPool, OneWorkerRunsInTheCallingThreadInOrder) {
