@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/geometry/edge_contact.h"
 #include "engine/geometry/face_contact.h"
 #include "engine/geometry/separating_axis.h"
 
@@ -229,6 +230,7 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
       return;
     }
   }
+  if (AppendTouchingEdges(a, pose_a, b, pose_b, face.normal, face.separation, pair.size, contacts)) return;
   AppendFaces(pair, face, contacts);
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/geometry/edge_contact.h"
 #include "engine/geometry/face_contact.h"
 #include "engine/geometry/separating_axis.h"
 
@@ -241,6 +242,7 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
       return;
     }
   }
+  if (AppendTouchingEdges(a, pose_a, b, pose_b, face.normal, face.separation, size, contacts)) return;
   ClipInput input = FacesOf(&scratch, face, reach, size);
   input.origin_W = pose_a.position_W;
   AppendFaceContacts(a, pose_a, b, pose_b, travel_ba_W, {face.score, face.separation, face.normal}, input, contacts);

@@ -1,0 +1,127 @@
+#include "engine/geometry/edge_contact.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "engine/contact.h"
+
+namespace islet {
+namespace {
+
+constexpr double kTouch = 1e-5;  // of a size: twice what gaps may miss
+constexpr double kAngle = 1e-2;  // [rad] between faces; those nearer than that are alike
+constexpr std::uint32_t kTouchingEdges = 7u << 29;
+
+// A polytope as the other one sees it: positions from the centre of body a, in W.
+struct Side {
+  Side(const Shape& shape, const Matrix3& rotation_, const Vector3& centre_)
+      : polytope(shape.polytope()), rotation(rotation_), centre(centre_) {}
+  Vector3 Vertex(int v) const { return centre + rotation * polytope.vertices[v]; }
+  double Farthest(const Vector3& direction) const {
+    double most = -INFINITY;
+    const Vector3 d = rotation.transpose() * direction;
+    for (const Vector3& v : polytope.vertices) most = std::max(most, d.dot(v));
+    return direction.dot(centre) + most;
+  }
+  // The vertices that lie farthest: from where to where along the edge, and one of them.
+  struct Support {
+    double from = INFINITY, to = -INFINITY;
+    Vector3 on_edge = Vector3::Zero();
+  };
+  Support SupportOf(const Vector3& direction, const Vector3& along, double slack) const {
+    const double least = Farthest(direction) - slack;
+    Support support;
+    for (int v = 0; v < static_cast<int>(polytope.vertices.size()); ++v) {
+      const Vector3 at = Vertex(v);
+      if (direction.dot(at) < least) continue;
+      support.from = std::min(support.from, along.dot(at));
+      support.to = std::max(support.to, along.dot(at));
+      support.on_edge = at - along.dot(at) * along;
+    }
+    return support;
+  }
+
+  const Polytope& polytope;
+  const Matrix3& rotation;
+  const Vector3 centre;
+};
+
+// The normals of faces along which the bodies are as far apart as along the best one.
+class Fan {
+ public:
+  explicit Fan(const Vector3& best) : best_(best) {}
+
+  void Add(const Vector3& normal, bool of_a) {
+    const Vector3 across = best_.cross(normal);
+    if (across.norm() < kAngle) return;
+    if (!open_) along_ = across.normalized();
+    open_ = true;
+    flat_ = flat_ && std::abs(along_.dot(normal)) < kAngle;
+    const double angle = std::atan2(across.dot(along_), best_.dot(normal));
+    least_ = std::min(least_, angle);
+    most_ = std::max(most_, angle);
+    for (double& of_other : angles_[!of_a]) flat_ = flat_ && std::abs(angle - of_other) > kAngle;  // a face of both
+    std::rotate(angles_[of_a].begin(), angles_[of_a].end() - 1, angles_[of_a].end());
+    angles_[of_a][0] = angle;
+  }
+  // There are several, and all are square to one line.
+  bool IsOfEdges() const { return open_ && flat_; }
+  const Vector3& along() const { return along_; }
+  Vector3 Middle() const {
+    const double angle = 0.5 * (least_ + most_);
+    return std::cos(angle) * best_ + std::sin(angle) * along_.cross(best_);
+  }
+
+ private:
+  Vector3 best_, along_ = Vector3::Zero();
+  double least_ = 0, most_ = 0;  // [rad] about the line
+  bool open_ = false, flat_ = true;
+  std::array<std::array<double, 2>, 2> angles_{
+      {{INFINITY, INFINITY}, {INFINITY, INFINITY}}};  // of either body: two meet at an edge
+};
+
+// Whether the polytope has a face with this outward normal.
+bool HasFace(const Side& side, const Vector3& outward) {
+  const Vector3 outward_B = side.rotation.transpose() * outward;
+  return std::any_of(side.polytope.face_normals.begin(), side.polytope.face_normals.end(),
+                     [&](const Vector3& n) { return n.cross(outward_B).norm() < kAngle && n.dot(outward_B) > 0; });
+}
+
+}  // namespace
+
+bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                         const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
+  const double slack = kTouch * size;
+  if (std::abs(separation) > slack) return false;
+  const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
+                         {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
+  if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;
+  Fan fan(normal_W);
+  for (int s = 0; s < 2; ++s)
+    for (const Vector3& normal_B : sides[s].polytope.face_normals) {
+      const Vector3 outward = sides[s].rotation * normal_B;
+      if (-sides[1 - s].Farthest(-outward) - sides[s].Farthest(outward) < separation - slack) continue;
+      fan.Add(s == 0 ? outward : Vector3(-outward), s == 0);
+    }
+  if (!fan.IsOfEdges()) return false;
+  const Vector3 normal = fan.Middle();
+  const Side::Support on_a = sides[0].SupportOf(normal, fan.along(), slack),
+                      on_b = sides[1].SupportOf(-normal, fan.along(), slack);
+  const double from = std::max(on_a.from, on_b.from), to = std::min(on_a.to, on_b.to);
+  if (to - from < slack) return false;
+  Eigen::Index largest;
+  const Vector3 along_A = pose_a.rotation_WB.transpose() * fan.along();
+  along_A.cwiseAbs().maxCoeff(&largest);
+  for (const double end : {from, to}) {
+    Contact contact;
+    contact.point_W = pose_a.position_W + 0.5 * (on_a.on_edge + on_b.on_edge) + end * fan.along();
+    contact.normal_W = normal;
+    contact.gap = normal.dot(on_b.on_edge - on_a.on_edge);
+    contact.feature = kTouchingEdges | static_cast<std::uint32_t>((end == to) == (along_A[largest] > 0));
+    contacts->push_back(contact);
+  }
+  return true;
+}
+
+}  // namespace islet
