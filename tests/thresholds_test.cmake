@@ -8,7 +8,7 @@ set(MOST 176)
 set(FACTS
   kLanes kTile kParts kSpill kGroups kVector kRowLanes kBatchLanes  # widths of vectors, and what follows from them
   kKinds kSpare kFaces kMaxRows kNumProblemRungs kNumRungs kProblemRungNames kCorners kSigns kMotionBytes  # sizes and lists
-  kNobody kClosestFeature kAutoBounceLimit kAwake kBefore kFar kVersion  # marks
+  kNobody kClosestFeature kTouchingEdges kAutoBounceLimit kAwake kBefore kFar kVersion  # marks
   kOuter kShare kShares)  # coefficients of integrators
 
 set(sum 0)

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <new>
 #include <stdexcept>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "engine/slice.h"
 #include "engine/stopwatch.h"
 #include "engine/world/world_impl.h"
+#include "qp/smallness.h"
 
 namespace islet {
 
@@ -88,8 +90,7 @@ bool World::Impl::StaysInReach() const {
 
 // A little more than the touch gap: people place bodies at round distances, and rounding must not decide.
 bool World::Impl::Touches(const Contact& c) const {
-  constexpr double kMore = 1 + 1e-6;
-  return c.gap <= kMore * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+  return c.gap <= (1 + kSamePoint) * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
 }
 
 void World::Impl::SelectTouching() {
@@ -365,9 +366,13 @@ StepReport World::Step(double dt) {
     if (!w.leaving.empty()) std::sort(w.vacant.begin(), w.vacant.end(), std::greater<>());
     w.leaving.clear();
     return report;
+  } catch (const std::bad_alloc&) {
+    if (may_throw) static_cast<WorldState&>(w) = w.start;
+    w.rest.reset();
+    w.lost = !may_throw;
+    throw;
   } catch (...) {
     if (may_throw) static_cast<WorldState&>(w) = w.start;
-    w.lost = !may_throw;
     w.rest.reset();
     throw;
   }

@@ -38,7 +38,7 @@ struct Group {
   std::vector<Contact> remembered;  // of the step before, with the forces [N] that held: where solves start
   std::vector<Vector3> remembered_force_W;
   // Of a step: looks at pairs, contacts solved, which are much dearer, pairs passed over, which are cheap. With more it is given up.
-  int most_work = 0;
+  int most_work = MostWork(20);
 };
 
 struct GroupOutcome {

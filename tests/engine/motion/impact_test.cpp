@@ -1,6 +1,7 @@
 // Impacts at their moments, rebounds within a step, bounces at once, in whole steps.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -40,6 +41,75 @@ TEST(Impact, BouncesHappenAtTheirTimesWhateverTheStep) {
       last = speed;
     }
   }
+}
+
+// Of two mirror images that meet by an edge each moves as it would at a smooth wall, whatever their friction. No face of either is between
+// them, and none may decide.
+TEST(Impact, MirrorImagesMeetAsAtASmoothWall) {
+  const Vector3 half(0.1, 0.15, 0.2);
+  std::vector<Vector3> corners;
+  for (int c = 0; c < 8; ++c)
+    corners.push_back(half.cwiseProduct(Vector3(c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1)));
+  for (const Shape& shape : {Shape::Box(half), Shape::ConvexHull(corners)})
+    for (const double e : {0.0, 0.3, 1.0})
+      for (const double tilt : {0.2, 0.6}) {
+        const double reach = half.x() * std::cos(tilt) + half.z() * std::sin(tilt);
+        const auto at = [&](double side, double friction) {
+          BodyDefinition box{.shape = shape};
+          box.position_W = {side * (reach + 0.3), 0, 0};
+          box.rotation_WB = Quaternion(Eigen::AngleAxisd(side * tilt, Vector3::UnitY()));
+          box.linear_velocity_W = {-2 * side, 0, 0};
+          box.mass = 1;
+          box.friction = friction;
+          box.restitution = e;
+          return box;
+        };
+        Settings settings = Awake();
+        settings.gravity = Vector3::Zero();
+        for (const double dt : {1.0 / 30, 1.0 / 240}) {
+          World wall(settings), pair(settings);
+          BodyDefinition smooth{.shape = Shape::HalfSpace()};
+          smooth.kind = BodyKind::kFixed;
+          smooth.rotation_WB = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitY()));
+          smooth.friction = 0;
+          smooth.restitution = e;
+          wall.Add(smooth);
+          wall.Add(at(1, 0));
+          pair.Add(at(1, 0.5));
+          pair.Add(at(-1, 0.5));
+          for (int i = 0; i < 0.25 / dt; ++i) testing::Step(&wall, dt), testing::Step(&pair, dt);
+          const Body &alone = wall.body(1), &right = pair.body(0), &left = pair.body(1);
+          EXPECT_LT((right.linear_velocity_W - alone.linear_velocity_W).norm(), 1e-6) << e << ' ' << tilt << ' ' << dt;
+          EXPECT_NEAR(right.angular_velocity_W.y(), alone.angular_velocity_W.y(), 1e-5);
+          EXPECT_NEAR(left.angular_velocity_W.y(), -right.angular_velocity_W.y(), 1e-9);
+          EXPECT_NEAR(left.linear_velocity_W.x(), -right.linear_velocity_W.x(), 1e-9);
+        }
+      }
+}
+
+// Two planks that lean against each other by an edge hold each other up without any friction there.
+TEST(Impact, PlanksLeanOnEachOtherBySmoothEdges) {
+  for (const double lean : {0.2, 0.5})
+    for (const double dt : {1.0 / 60, 1.0 / 240}) {
+      World world(Awake());
+      world.Add(Floor(2));
+      const Vector3 half(0.03, 0.2, 0.5);
+      for (const double side : {1.0, -1.0}) {
+        BodyDefinition plank{.shape = Shape::Box(half)};
+        plank.rotation_WB = Quaternion(Eigen::AngleAxisd(-side * lean, Vector3::UnitY()));
+        plank.position_W = {side * (half.z() * std::sin(lean) + half.x() * std::cos(lean)), 0,
+                            half.z() * std::cos(lean) + half.x() * std::sin(lean)};
+        plank.mass = 1;
+        plank.friction = 2;
+        world.Add(plank);
+      }
+      world.SetMaterialCallback([](const Contact& c, const Body&, const Body&) -> Material {
+        return {c.body_a == 0 ? 2.0 : 0.0, 0};
+      });
+      const Vector3 start = world.body(1).position_W;
+      for (int i = 0; i < 1 / dt; ++i) testing::Step(&world, dt);
+      EXPECT_LT((world.body(1).position_W - start).norm(), 1e-9) << lean << ' ' << dt;
+    }
 }
 
 TEST(Impact, ZenosBallComesToRestOnTime) {
