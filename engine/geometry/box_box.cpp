@@ -223,6 +223,8 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   if (out_of_reach < 0) out_of_reach = BestEdge(pair, face.score, &edge);
   *separating = static_cast<std::int8_t>(out_of_reach);
   if (out_of_reach >= 0) return;
+  const Axis& best = edge.index >= 0 ? edge : face;
+  if (AppendTouchingCorners(a, pose_a, b, pose_b, best.normal, best.separation, pair.size, contacts)) return;
   if (edge.index >= 0) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {

@@ -88,6 +88,30 @@ bool HasFace(const Side& side, const Vector3& outward) {
                      [&](const Vector3& n) { return n.cross(outward_B).norm() < kAngle && n.dot(outward_B) > 0; });
 }
 
+// The corners of both that lie on each other, if there is one pair of them. normal: along which nothing of either lies beyond.
+bool FindCorners(const Side& a, const Side& b, const Vector3& normal, double slack, int* corner_a, int* corner_b) {
+  int pairs = 0;
+  const double top = a.Farthest(normal) - slack, bottom = slack - b.Farthest(-normal);
+  for (int i = 0; i < static_cast<int>(a.polytope.vertices.size()); ++i) {
+    const Vector3 on_a = a.Vertex(i);
+    if (normal.dot(on_a) < top) continue;
+    for (int k = 0; k < static_cast<int>(b.polytope.vertices.size()); ++k) {
+      const Vector3 on_b = b.Vertex(k);
+      if (normal.dot(on_b) > bottom || (on_a - on_b).squaredNorm() > slack * slack) continue;
+      ++pairs;
+      *corner_a = i, *corner_b = k;
+    }
+  }
+  return pairs == 1;
+}
+
+// f(direction along an edge of this corner).
+template <typename F>
+void ForEachEdge(const Side& side, int corner, const F& f) {
+  for (const auto& [from, to] : side.polytope.edges)
+    if (from == corner || to == corner) f(Vector3(side.Vertex(to) - side.Vertex(from)));
+}
+
 }  // namespace
 
 bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
@@ -121,6 +145,40 @@ bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b
     contact.feature = kTouchingEdges | static_cast<std::uint32_t>((end == to) == (along_A[largest] > 0));
     contacts->push_back(contact);
   }
+  return true;
+}
+
+bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                           const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
+  const double slack = kTouch * size;
+  if (std::abs(separation) > slack) return false;
+  const Side side_a(a, pose_a.rotation_WB, Vector3::Zero()),
+      side_b(b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W);
+  int corner_a = 0, corner_b = 0;
+  if (HasFace(side_a, normal_W) && HasFace(side_b, -normal_W)) return false;
+  if (!FindCorners(side_a, side_b, normal_W, slack, &corner_a, &corner_b)) return false;
+  Vector3 sum = Vector3::Zero();
+  const auto add = [&](const Vector3& normal) {
+    if (-side_b.Farthest(-normal) - side_a.Farthest(normal) >= separation - slack) sum += normal;
+  };
+  for (const Vector3& normal : side_a.polytope.face_normals) add(side_a.rotation * normal);
+  for (const Vector3& normal : side_b.polytope.face_normals) add(-(side_b.rotation * normal));
+  ForEachEdge(side_a, corner_a, [&](const Vector3& u) {
+    ForEachEdge(side_b, corner_b, [&](const Vector3& v) {
+      const Vector3 cross = u.cross(v);
+      if (cross.norm() < kAngle * u.norm() * v.norm()) return;
+      add(cross.normalized());
+      add(-cross.normalized());
+    });
+  });
+  if (sum.norm() < kAngle) return false;
+  const Vector3 on_a = side_a.Vertex(corner_a), on_b = side_b.Vertex(corner_b);
+  Contact contact;
+  contact.normal_W = sum.normalized();
+  contact.point_W = pose_a.position_W + 0.5 * (on_a + on_b);
+  contact.gap = contact.normal_W.dot(on_b - on_a);
+  contact.feature = kTouchingEdges | 2;
+  contacts->push_back(contact);
   return true;
 }
 

@@ -1,5 +1,5 @@
-// Two edges that lie on each other, of faces that do not: such bodies part along any direction between the normals of these faces. None of
-// the faces is at fault, so what presses acts halfway between: what is symmetric stays so.
+// Two edges, or two corners, that lie on each other, of faces that do not: such bodies part along any direction between the normals of these
+// faces. None of the faces is at fault, so what presses acts halfway between: what is symmetric stays so.
 //
 //   threads: pure
 #pragma once
@@ -14,5 +14,9 @@ namespace islet {
 // they do not touch, or by faces or corners.
 bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                          const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts);
+
+// The same for two corners: halfway between all axes along which the bodies are as far apart. normal_W: one of them.
+bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                           const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts);
 
 }  // namespace islet

@@ -235,7 +235,10 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   Axis face, edges;
   if (!BestFace(scratch.a, scratch.b, reach, size, travel_ba_W, &face)) return;
   if (!BestEdges(&scratch, reach, size, travel_ba_W, face, &edges)) return;
-  if (edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size))) {
+  const bool of_edges = edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size));
+  const Axis& best = of_edges ? edges : face;
+  if (AppendTouchingCorners(a, pose_a, b, pose_b, best.normal, best.separation, size, contacts)) return;
+  if (of_edges) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {
       AppendNearestPoints(a, pose_a, b, pose_b, edges.normal, edges.separation, reach, contacts);

@@ -87,6 +87,36 @@ TEST(Impact, MirrorImagesMeetAsAtASmoothWall) {
       }
 }
 
+// The same by a corner, whose faces look anywhere: mirror images stay so.
+TEST(Impact, MirrorImagesMeetByCorners) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  for (int k = 0; k < 20; ++k) {
+    const Quaternion turned = Quaternion(normal(random), normal(random), normal(random), normal(random)).normalized();
+    for (const double dt : {1.0 / 30, 1.0 / 240}) {
+      Settings settings = Awake();
+      settings.gravity = Vector3::Zero();
+      World world(settings);
+      for (const double side : {1.0, -1.0}) {
+        BodyDefinition box{.shape = Shape::Box({0.1, 0.15, 0.2})};
+        box.position_W = {side * 0.5, 0, 0};
+        box.rotation_WB = {turned.w(), turned.x(), side * turned.y(), side * turned.z()};
+        box.linear_velocity_W = {-2 * side, 0.1, 0.2};
+        box.mass = 1;
+        box.friction = 0.5;
+        box.restitution = 0.3;
+        world.Add(box);
+      }
+      for (int i = 0; i < 0.3 / dt; ++i) testing::Step(&world, dt);
+      const Vector3 right = world.body(0).linear_velocity_W, left = world.body(1).linear_velocity_W;
+      EXPECT_GT(right.x(), -1.9);  // they met
+      EXPECT_LT((right - Vector3(-left.x(), left.y(), left.z())).norm(), 1e-6) << k << ' ' << dt;
+      const Vector3 w = world.body(0).angular_velocity_W, of_left = world.body(1).angular_velocity_W;
+      EXPECT_LT((w - Vector3(of_left.x(), -of_left.y(), -of_left.z())).norm(), 1e-5) << k << ' ' << dt;
+    }
+  }
+}
+
 // Two planks that lean against each other by an edge hold each other up without any friction there.
 TEST(Impact, PlanksLeanOnEachOtherBySmoothEdges) {
   for (const double lean : {0.2, 0.5})
