@@ -158,6 +158,7 @@ bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape&
   if (HasFace(side_a, normal_W) && HasFace(side_b, -normal_W)) return false;
   if (!FindCorners(side_a, side_b, normal_W, slack, &corner_a, &corner_b)) return false;
   Vector3 sum = Vector3::Zero();
+  bool along_edges = false;  // they lie beside each other: both of their ends count
   const auto add = [&](const Vector3& normal) {
     if (-side_b.Farthest(-normal) - side_a.Farthest(normal) >= separation - slack) sum += normal;
   };
@@ -166,12 +167,12 @@ bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape&
   ForEachEdge(side_a, corner_a, [&](const Vector3& u) {
     ForEachEdge(side_b, corner_b, [&](const Vector3& v) {
       const Vector3 cross = u.cross(v);
-      if (cross.norm() < kAngle * u.norm() * v.norm()) return;
+      along_edges = along_edges || cross.norm() < 10 * slack * std::max(u.norm(), v.norm());
       add(cross.normalized());
       add(-cross.normalized());
     });
   });
-  if (sum.norm() < kAngle) return false;
+  if (along_edges || sum.norm() < kAngle) return false;
   const Vector3 on_a = side_a.Vertex(corner_a), on_b = side_b.Vertex(corner_b);
   Contact contact;
   contact.normal_W = sum.normalized();
