@@ -11,7 +11,7 @@ inline constexpr double kFastest = 20;   // times |g| dt: what a way out of an o
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
 
-// Of a step of a group of so many bodies that move: a tenth to half a second for eight and more. One that needs as much alone is jammed.
-inline int MostWork(int bodies) { return 10000 * std::min(2 + bodies, 10); }
+// Of a step of a group of so many bodies that move: a tenth to half a second for three and more. One that needs as much alone is jammed.
+inline int MostWork(int bodies) { return std::min(100000, 35000 * bodies); }
 
 }  // namespace islet::motion
