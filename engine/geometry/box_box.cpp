@@ -224,7 +224,7 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   *separating = static_cast<std::int8_t>(out_of_reach);
   if (out_of_reach >= 0) return;
   const Axis& best = edge.index >= 0 ? edge : face;
-  if (AppendTouchingCorners(a, pose_a, b, pose_b, best.normal, best.separation, pair.size, contacts)) return;
+  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, pair.size, contacts)) return;
   if (edge.index >= 0) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {
@@ -232,7 +232,6 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
       return;
     }
   }
-  if (AppendTouchingEdges(a, pose_a, b, pose_b, face.normal, face.separation, pair.size, contacts)) return;
   AppendFaces(pair, face, contacts);
 }
 

@@ -112,15 +112,9 @@ void ForEachEdge(const Side& side, int corner, const F& f) {
     if (from == corner || to == corner) f(Vector3(side.Vertex(to) - side.Vertex(from)));
 }
 
-}  // namespace
-
-bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                         const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
-  const double slack = kTouch * size;
-  if (std::abs(separation) > slack) return false;
-  const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
-                         {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
-  if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;
+// The ends of what two edges share, with one normal.
+bool AppendEdges(const Side (&sides)[2], const Placement& pose_a, const Vector3& normal_W, double separation,
+                 double slack, std::vector<Contact>* contacts) {
   Fan fan(normal_W);
   for (int s = 0; s < 2; ++s)
     for (const Vector3& normal_B : sides[s].polytope.face_normals) {
@@ -148,14 +142,10 @@ bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b
   return true;
 }
 
-bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                           const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
-  const double slack = kTouch * size;
-  if (std::abs(separation) > slack) return false;
-  const Side side_a(a, pose_a.rotation_WB, Vector3::Zero()),
-      side_b(b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W);
+// One point, with the middle of all axes along which the bodies are as far apart.
+bool AppendCorners(const Side& side_a, const Side& side_b, const Placement& pose_a, const Vector3& normal_W,
+                   double separation, double slack, std::vector<Contact>* contacts) {
   int corner_a = 0, corner_b = 0;
-  if (HasFace(side_a, normal_W) && HasFace(side_b, -normal_W)) return false;
   if (!FindCorners(side_a, side_b, normal_W, slack, &corner_a, &corner_b)) return false;
   Vector3 sum = Vector3::Zero();
   bool along_edges = false;  // they lie beside each other: both of their ends count
@@ -181,6 +171,19 @@ bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape&
   contact.feature = kTouchingEdges | 2;
   contacts->push_back(contact);
   return true;
+}
+
+}  // namespace
+
+bool AppendTouchingFeatures(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                            const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
+  const double slack = kTouch * size;
+  if (std::abs(separation) > slack) return false;
+  const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
+                         {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
+  if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;
+  return AppendCorners(sides[0], sides[1], pose_a, normal_W, separation, slack, contacts) ||
+         AppendEdges(sides, pose_a, normal_W, separation, slack, contacts);
 }
 
 }  // namespace islet

@@ -10,13 +10,9 @@
 
 namespace islet {
 
-// The ends of what the edges share, with one normal. normal_W, separation: of the face that keeps the bodies farthest apart. False where
-// they do not touch, or by faces or corners.
-bool AppendTouchingEdges(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                         const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts);
-
-// The same for two corners: halfway between all axes along which the bodies are as far apart. normal_W: one of them.
-bool AppendTouchingCorners(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                           const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts);
+// Appends one point of two corners, or the ends of what two edges share, with one normal. normal_W, separation: of the axis that keeps the
+// bodies farthest apart. False where they do not touch, or by faces.
+bool AppendTouchingFeatures(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
+                            const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts);
 
 }  // namespace islet

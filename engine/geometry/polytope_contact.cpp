@@ -237,7 +237,7 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   if (!BestEdges(&scratch, reach, size, travel_ba_W, face, &edges)) return;
   const bool of_edges = edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size));
   const Axis& best = of_edges ? edges : face;
-  if (AppendTouchingCorners(a, pose_a, b, pose_b, best.normal, best.separation, size, contacts)) return;
+  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, size, contacts)) return;
   if (of_edges) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
     if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {
@@ -245,7 +245,6 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
       return;
     }
   }
-  if (AppendTouchingEdges(a, pose_a, b, pose_b, face.normal, face.separation, size, contacts)) return;
   ClipInput input = FacesOf(&scratch, face, reach, size);
   input.origin_W = pose_a.position_W;
   AppendFaceContacts(a, pose_a, b, pose_b, travel_ba_W, {face.score, face.separation, face.normal}, input, contacts);
