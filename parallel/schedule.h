@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cassert>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,13 @@ namespace islet::parallel {
 
 // Of things that take 0.1 to 1 us each: enough to pay for a hand-over, and few enough to share what an island has.
 inline constexpr int kAtOnce = 128;
+
+// A loop over 0 .. count-1 is cut into NumRanges(count) ranges of kAtOnce numbers.
+struct Range {
+  std::size_t number;       // of this range
+  std::size_t first, last;  // what it covers: first .. last-1
+};
+constexpr std::size_t NumRanges(std::size_t count) { return (count + kAtOnce - 1) / kAtOnce; }
 
 // Indices of the costs, largest cost first; of equal costs, smaller index first.
 [[nodiscard]] std::vector<int> LargestFirst(std::span<const double> costs);

@@ -44,20 +44,25 @@ class WorkerPool {
   // Fork in it begins at once, where each by itself would have to wake them. Rethrows what work throws.
   void Together(const std::function<void()>& work);
 
-  // f(i) for i = 0 .. count-1, kAtOnce of them in one piece; what fits into one runs in the calling thread.
+  // run(range, worker) for the ranges of a loop over 0 .. count-1, as pieces.
   template <typename F>
-  void ForEachOf(std::size_t count, const F& f) {
-    constexpr std::size_t size = kAtOnce;
-    if (count <= size) {
-      for (std::size_t i = 0; i < count; ++i) f(i);
-      return;
-    }
-    const auto work = [&](int piece, int) {
-      const std::size_t begin = static_cast<std::size_t>(piece) * size, end = std::min(count, begin + size);
-      for (std::size_t i = begin; i < end; ++i) f(i);
+  void ForRanges(std::size_t count, const F& run) {
+    const auto work = [&](int piece, int worker) {
+      const std::size_t first = static_cast<std::size_t>(piece) * kAtOnce;
+      run(Range{static_cast<std::size_t>(piece), first, std::min(count, first + kAtOnce)}, worker);
     };
     // By reference: a function object that holds more than two words allocates.
-    ForPieces(static_cast<int>((count + size - 1) / size), std::cref(work));
+    ForPieces(static_cast<int>(NumRanges(count)), std::cref(work));
+  }
+
+  // f(i) for i = 0 .. count-1. What fits into one range runs in the calling thread.
+  template <typename F>
+  void ForEachOf(std::size_t count, const F& f) {
+    const auto run = [&](const Range& range, int) {
+      for (std::size_t i = range.first; i < range.last; ++i) f(i);
+    };
+    if (count <= kAtOnce) return run({0, 0, count}, 0);
+    ForRanges(count, run);
   }
 
   // f(task, worker) for each of these costs, largest first, those below batch_cost in batches. schedule: scratch.

@@ -70,7 +70,7 @@ struct Detector::Impl {
   std::vector<char> leaves_room;  // per body: its candidates must be found again
   std::vector<int> searching;     // those bodies
   std::vector<CandidatePair> pairs, kept, sorted;
-  std::vector<std::vector<CandidatePair>> found_by_task;
+  std::vector<std::vector<CandidatePair>> found_by_range;
   std::vector<int> start;  // per body a
 
   bool LeavesRoom(int body) const;
@@ -169,18 +169,14 @@ void Detector::Impl::Query(int body, std::vector<const Node*>* stack, std::vecto
 void Detector::Impl::FindCandidates() {
   if (searching.empty()) return;
   UpdateTree();
-  const int count = static_cast<int>(searching.size());
-  const int tasks = (count + parallel::kAtOnce - 1) / parallel::kAtOnce;
-  if (static_cast<int>(found_by_task.size()) < tasks) found_by_task.resize(tasks);
-  const auto work = [&](int task, int) {
+  const size_t ranges = parallel::NumRanges(searching.size());
+  if (found_by_range.size() < ranges) found_by_range.resize(ranges);
+  pool->ForRanges(searching.size(), [&](const parallel::Range& range, int) {
     static thread_local std::vector<const Node*> stack;
-    found_by_task[task].clear();
-    const int end = std::min(count, (task + 1) * parallel::kAtOnce);
-    for (int k = task * parallel::kAtOnce; k < end; ++k) {
-      if (leaves[searching[k]]) Query(searching[k], &stack, &found_by_task[task]);
-    }
-  };
-  pool->ForPieces(tasks, std::cref(work));
+    found_by_range[range.number].clear();
+    for (size_t k = range.first; k < range.last; ++k)
+      if (leaves[searching[k]]) Query(searching[k], &stack, &found_by_range[range.number]);
+  });
   SortFound();
   MergeFound();
 }
@@ -188,15 +184,14 @@ void Detector::Impl::FindCandidates() {
 // By a with one counting pass, then by b inside each short run.
 void Detector::Impl::SortFound() {
   const int n = bodies.size();
-  const int tasks = (static_cast<int>(searching.size()) + parallel::kAtOnce - 1) / parallel::kAtOnce;
-  const std::span<const std::vector<CandidatePair>> found(found_by_task.data(), tasks);
+  const auto parts = std::span(found_by_range).first(parallel::NumRanges(searching.size()));
   start.assign(n + 1, 0);
-  for (const auto& part : found) {
+  for (const auto& part : parts) {
     for (const CandidatePair& pair : part) ++start[pair.a + 1];
   }
   for (int i = 0; i < n; ++i) start[i + 1] += start[i];
   sorted.resize(start[n]);
-  for (const auto& part : found) {
+  for (const auto& part : parts) {
     for (const CandidatePair& pair : part) sorted[start[pair.a]++] = pair;
   }
   int begin = 0;

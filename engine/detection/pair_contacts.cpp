@@ -75,30 +75,26 @@ void PairContacts::CollideChunk(const BodyWatch& bodies, bool include_frozen, co
 
 void PairContacts::Collide(const BodyWatch& bodies, bool include_frozen, const PairRule* rule,
                            std::vector<CandidatePair>* pairs, std::vector<Contact>* contacts) {
-  const int num_pairs = static_cast<int>(pairs->size());
-  const int chunks = (num_pairs + parallel::kAtOnce - 1) / parallel::kAtOnce;
+  const size_t chunks = parallel::NumRanges(pairs->size());
   std::swap(now_, before_);
-  if (static_cast<int>(now_.size()) < chunks) now_.resize(chunks);
+  if (now_.size() < chunks) now_.resize(chunks);
   kept_.resize(chunks);
-  // By reference: a function object that holds more than two words allocates.
-  const auto collide = [&](int chunk, int) {
-    const int begin = chunk * parallel::kAtOnce;
-    const int count = std::min(parallel::kAtOnce, num_pairs - begin);
-    CollideChunk(bodies, include_frozen, rule, std::span(*pairs).subspan(begin, count), chunk);
-  };
   try {
-    pool_->ForPieces(chunks, std::cref(collide));
+    pool_->ForRanges(pairs->size(), [&](const parallel::Range& range, int) {
+      const std::span<CandidatePair> chunk = std::span(*pairs).subspan(range.first, range.last - range.first);
+      CollideChunk(bodies, include_frozen, rule, chunk, static_cast<int>(range.number));
+    });
   } catch (...) {  // a callback's: nothing is known of any pair
     for (CandidatePair& pair : *pairs) pair.kept = false;
     throw;
   }
   start_.assign(chunks + 1, 0);
-  for (int chunk = 0; chunk < chunks; ++chunk) start_[chunk + 1] = start_[chunk] + now_[chunk].size();
+  for (size_t chunk = 0; chunk < chunks; ++chunk) start_[chunk + 1] = start_[chunk] + now_[chunk].size();
   contacts->resize(start_[chunks]);
-  const auto copy = [&](int chunk, int) {
-    std::copy(now_[chunk].begin(), now_[chunk].end(), contacts->begin() + static_cast<std::ptrdiff_t>(start_[chunk]));
-  };
-  pool_->ForPieces(chunks, std::cref(copy));
+  pool_->ForRanges(pairs->size(), [&](const parallel::Range& range, int) {
+    const std::vector<Contact>& chunk = now_[range.number];
+    std::copy(chunk.begin(), chunk.end(), contacts->begin() + static_cast<std::ptrdiff_t>(start_[range.number]));
+  });
 }
 
 KeptContacts PairContacts::kept() const {

@@ -97,14 +97,13 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   });
   sorted_.clear();
   for (const int i : order_) sorted_.push_back(rooms_[i]);
-  constexpr size_t at_once = parallel::kAtOnce;
-  const size_t tasks = (sorted_.size() + at_once - 1) / at_once;
-  if (sweeps_.size() < tasks) sweeps_.resize(tasks);
-  const auto sweep = [&](int task, int) {
-    auto& [meets, pairs] = sweeps_[task];
+  const size_t ranges = asks ? 1 : parallel::NumRanges(sorted_.size());
+  if (sweeps_.size() < ranges) sweeps_.resize(ranges);
+  const auto sweep = [&](const parallel::Range& range, int) {
+    auto& [meets, pairs] = sweeps_[range.number];
     meets.resize(sorted_.size());
     pairs.clear();
-    for (size_t i = task * at_once; i < std::min(sorted_.size(), (task + 1) * at_once); ++i) {
+    for (size_t i = range.first; i < range.last; ++i) {
       size_t met = 0;
       for (size_t k = i + 1; k < sorted_.size() && sorted_[k].lower[axis] <= sorted_[i].upper[axis]; ++k) {
         meets[met] = static_cast<int>(k);
@@ -114,10 +113,10 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     }
   };
   if (asks)  // a callback is asked by one thread
-    for (size_t task = 0; task < tasks; ++task) sweep(static_cast<int>(task), 0);
+    sweep({0, 0, sorted_.size()}, 0);
   else
-    pool_->ForPieces(static_cast<int>(tasks), std::cref(sweep));
-  for (const Sweep& part : std::span(sweeps_).first(tasks))
+    pool_->ForRanges(sorted_.size(), sweep);
+  for (const Sweep& part : std::span(sweeps_).first(ranges))
     pairs_.insert(pairs_.end(), part.pairs.begin(), part.pairs.end());
   SortPairs(n);
   parted_.clear();

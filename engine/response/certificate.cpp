@@ -144,7 +144,7 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
   };
   const size_t count = problem.contacts.size();
   thread_local std::vector<Part> parts;
-  parts.assign((count + parallel::kAtOnce - 1) / parallel::kAtOnce, {});
+  parts.assign(parallel::NumRanges(count), {});
   parallel::ForkRanges(static_cast<int>(count), [to = parts.data(), &add](int first, int last) {
     for (int c = first; c < last; ++c) add(c, to + first / parallel::kAtOnce);
   });

@@ -212,20 +212,18 @@ void Crowd::PoseAnew(const PairPlaces& pair, Worker* worker, std::vector<Carrier
 
 // The contacts of the next pass.
 void Crowd::NextTargets() {
-  constexpr size_t at_once = parallel::kAtOnce;
-  const size_t tasks = (pairs_.size() + at_once - 1) / at_once;
-  if (next_.size() < tasks) next_.resize(tasks);
-  const auto pose = [&](int task, int worker) {
-    next_[task].clear();
-    for (size_t p = task * at_once; p < std::min(pairs_.size(), (task + 1) * at_once); ++p)
-      PoseAnew(pairs_[p], &workers_[worker], &next_[task]);
-  };
-  pool_->ForPieces(static_cast<int>(tasks), std::cref(pose));
+  const size_t ranges = parallel::NumRanges(pairs_.size());
+  if (next_.size() < ranges) next_.resize(ranges);
+  pool_->ForRanges(pairs_.size(), [&](const parallel::Range& range, int worker) {
+    std::vector<Carrier>* next = &next_[range.number];
+    next->clear();
+    for (size_t p = range.first; p < range.last; ++p) PoseAnew(pairs_[p], &workers_[worker], next);
+  });
   held_.clear();
   held_of_.clear();
   impulse_W_.clear();
   centre_.clear();
-  for (const std::vector<Carrier>& part : std::span(next_).first(tasks))
+  for (const std::vector<Carrier>& part : std::span(next_).first(ranges))
     for (const Carrier& carrier : part) {
       held_.push_back(carrier.contact);
       held_of_.push_back(carrier.held);
