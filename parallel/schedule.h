@@ -18,11 +18,12 @@ namespace islet::parallel {
 // Of things that take 0.1 to 1 us each: enough to pay for a hand-over, and few enough to share what an island has.
 inline constexpr int kAtOnce = 128;
 
-// A loop over 0 .. count-1 is cut into NumRanges(count) ranges of kAtOnce numbers.
+// A piece of a loop over 0 .. count-1: kAtOnce of its numbers.
 struct Range {
   std::size_t number;       // of this range
   std::size_t first, last;  // what it covers: first .. last-1
 };
+// How many ranges such a loop has.
 constexpr std::size_t NumRanges(std::size_t count) { return (count + kAtOnce - 1) / kAtOnce; }
 
 // Indices of the costs, largest cost first; of equal costs, smaller index first.

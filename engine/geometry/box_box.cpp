@@ -227,7 +227,7 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, pair.size, contacts)) return;
   if (edge.index >= 0) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
-    if (OnlyEdgesSeparate(face.separation, edge.separation, pair.size)) {
+    if (OnlyEdgesSeparate(face.separation, edge.separation)) {
       AppendNearestPoints(a, pose_a, b, pose_b, edge.normal, edge.separation, reach, contacts);
       return;
     }

@@ -9,8 +9,6 @@
 namespace islet {
 namespace {
 
-constexpr double kTouch = 1e-5;  // of a size: twice what gaps may miss
-constexpr double kAngle = 1e-2;  // [rad] between faces; those nearer than that are alike
 constexpr std::uint32_t kTouchingEdges = 7u << 29;
 
 // A polytope as the other one sees it: positions from the centre of body a, in W.
@@ -88,28 +86,49 @@ bool HasFace(const Side& side, const Vector3& outward) {
                      [&](const Vector3& n) { return n.cross(outward_B).norm() < kAngle && n.dot(outward_B) > 0; });
 }
 
-// The corners of both that lie on each other, if there is one pair of them. normal: along which nothing of either lies beyond.
-bool FindCorners(const Side& a, const Side& b, const Vector3& normal, double slack, int* corner_a, int* corner_b) {
-  int pairs = 0;
-  const double top = a.Farthest(normal) - slack, bottom = slack - b.Farthest(-normal);
-  for (int i = 0; i < static_cast<int>(a.polytope.vertices.size()); ++i) {
-    const Vector3 on_a = a.Vertex(i);
-    if (normal.dot(on_a) < top) continue;
-    for (int k = 0; k < static_cast<int>(b.polytope.vertices.size()); ++k) {
-      const Vector3 on_b = b.Vertex(k);
-      if (normal.dot(on_b) > bottom || (on_a - on_b).squaredNorm() > slack * slack) continue;
-      ++pairs;
-      *corner_a = i, *corner_b = k;
-    }
-  }
-  return pairs == 1;
+// Where a corner of one lies on a corner or an edge of the other.
+struct Touch {
+  Vector3 on_a, on_b;
+  std::vector<Vector3> ways_a, ways_b;  // along the edges through that point
+};
+
+// The point of an edge that is nearest.
+Vector3 NearestOnEdge(const Side& side, const std::array<int, 2>& edge, const Vector3& to) {
+  const Vector3 from = side.Vertex(edge[0]), way = side.Vertex(edge[1]) - from;
+  return from + std::clamp(way.dot(to - from) / way.squaredNorm(), 0.0, 1.0) * way;
 }
 
-// f(direction along an edge of this corner).
-template <typename F>
-void ForEachEdge(const Side& side, int corner, const F& f) {
-  for (const auto& [from, to] : side.polytope.edges)
-    if (from == corner || to == corner) f(Vector3(side.Vertex(to) - side.Vertex(from)));
+void FindWays(const Side& side, const Vector3& point, double slack, std::vector<Vector3>* ways) {
+  ways->clear();
+  for (const auto& edge : side.polytope.edges)
+    if ((NearestOnEdge(side, edge, point) - point).squaredNorm() <= slack * slack)
+      ways->push_back(side.Vertex(edge[1]) - side.Vertex(edge[0]));
+}
+
+// If there is one such place. normal: along which nothing of either lies beyond.
+bool FindTouch(const Side& a, const Side& b, const Vector3& normal, double slack, Touch* touch) {
+  bool found = false, several = false;
+  const auto look = [&](const Side& corners, const Side& edges, const Vector3& out, bool of_a) {
+    const double top = corners.Farthest(out) - slack, bottom = slack - edges.Farthest(-out);
+    for (int v = 0; v < static_cast<int>(corners.polytope.vertices.size()); ++v) {
+      const Vector3 corner = corners.Vertex(v);
+      if (out.dot(corner) < top) continue;
+      for (const auto& edge : edges.polytope.edges) {
+        if (std::min(out.dot(edges.Vertex(edge[0])), out.dot(edges.Vertex(edge[1]))) > bottom) continue;
+        const Vector3 nearest = NearestOnEdge(edges, edge, corner);
+        if ((nearest - corner).squaredNorm() > slack * slack) continue;
+        several = several || (found && (corner - touch->on_a).norm() > 4 * slack);
+        if (!found) touch->on_a = of_a ? corner : nearest, touch->on_b = of_a ? nearest : corner;
+        found = true;
+      }
+    }
+  };
+  look(a, b, normal, true);
+  look(b, a, -normal, false);
+  if (!found || several) return false;
+  FindWays(a, touch->on_a, slack, &touch->ways_a);
+  FindWays(b, touch->on_b, slack, &touch->ways_b);
+  return true;
 }
 
 // The ends of what two edges share, with one normal.
@@ -143,31 +162,32 @@ bool AppendEdges(const Side (&sides)[2], const Placement& pose_a, const Vector3&
 }
 
 // One point, with the middle of all axes along which the bodies are as far apart.
-bool AppendCorners(const Side& side_a, const Side& side_b, const Placement& pose_a, const Vector3& normal_W,
-                   double separation, double slack, std::vector<Contact>* contacts) {
-  int corner_a = 0, corner_b = 0;
-  if (!FindCorners(side_a, side_b, normal_W, slack, &corner_a, &corner_b)) return false;
+bool AppendPoint(const Side& side_a, const Side& side_b, const Placement& pose_a, const Vector3& normal_W,
+                 double separation, double slack, std::vector<Contact>* contacts) {
+  static thread_local Touch touch;
+  if (!FindTouch(side_a, side_b, normal_W, slack, &touch)) return false;
   Vector3 sum = Vector3::Zero();
   bool along_edges = false;  // they lie beside each other: both of their ends count
+  bool several = false;
   const auto add = [&](const Vector3& normal) {
-    if (-side_b.Farthest(-normal) - side_a.Farthest(normal) >= separation - slack) sum += normal;
+    if (-side_b.Farthest(-normal) - side_a.Farthest(normal) < separation - slack) return;
+    sum += normal;
+    several = several || normal_W.cross(normal).norm() > kAngle;
   };
   for (const Vector3& normal : side_a.polytope.face_normals) add(side_a.rotation * normal);
   for (const Vector3& normal : side_b.polytope.face_normals) add(-(side_b.rotation * normal));
-  ForEachEdge(side_a, corner_a, [&](const Vector3& u) {
-    ForEachEdge(side_b, corner_b, [&](const Vector3& v) {
+  for (const Vector3& u : touch.ways_a)
+    for (const Vector3& v : touch.ways_b) {
       const Vector3 cross = u.cross(v);
       along_edges = along_edges || cross.norm() < 10 * slack * std::max(u.norm(), v.norm());
       add(cross.normalized());
       add(-cross.normalized());
-    });
-  });
-  if (along_edges || sum.norm() < kAngle) return false;
-  const Vector3 on_a = side_a.Vertex(corner_a), on_b = side_b.Vertex(corner_b);
+    }
+  if (along_edges || !several || sum.norm() < kAngle) return false;
   Contact contact;
   contact.normal_W = sum.normalized();
-  contact.point_W = pose_a.position_W + 0.5 * (on_a + on_b);
-  contact.gap = contact.normal_W.dot(on_b - on_a);
+  contact.point_W = pose_a.position_W + 0.5 * (touch.on_a + touch.on_b);
+  contact.gap = contact.normal_W.dot(touch.on_b - touch.on_a);
   contact.feature = kTouchingEdges | 2;
   contacts->push_back(contact);
   return true;
@@ -182,7 +202,7 @@ bool AppendTouchingFeatures(const Shape& a, const Placement& pose_a, const Shape
   const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
                          {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
   if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;
-  return AppendCorners(sides[0], sides[1], pose_a, normal_W, separation, slack, contacts) ||
+  return AppendPoint(sides[0], sides[1], pose_a, normal_W, separation, slack, contacts) ||
          AppendEdges(sides, pose_a, normal_W, separation, slack, contacts);
 }
 

@@ -32,8 +32,8 @@ void AppendNearestPoints(const Shape& a, const Placement& pose_a, const Shape& b
                          const Vector3& normal_W, double separation, double reach, std::vector<Contact>* contacts);
 
 // Do only edges keep the bodies apart?
-inline bool OnlyEdgesSeparate(double face_separation, double edge_separation, double size) {
-  return face_separation <= 0 && edge_separation > 0 && edge_separation - face_separation > TouchSlack(size);
+inline bool OnlyEdgesSeparate(double face_separation, double edge_separation) {
+  return face_separation <= 0 && edge_separation > 0;
 }
 
 }  // namespace islet

@@ -240,7 +240,7 @@ void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, c
   if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, size, contacts)) return;
   if (of_edges) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
-    if (OnlyEdgesSeparate(face.separation, edges.separation, size)) {
+    if (OnlyEdgesSeparate(face.separation, edges.separation)) {
       AppendNearestPoints(a, pose_a, b, pose_b, edges.normal, edges.separation, reach, contacts);
       return;
     }

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "engine/geometry/curve_distance.h"
+#include "engine/geometry/edge_contact.h"
 #include "qp/elementary.h"
 #include "qp/smallness.h"
 
@@ -111,17 +112,26 @@ class Search {
 
   // Beyond `reach` [m] it stops at the first direction that says so; `between` is one: from centre to centre.
   Nearest Find(double reach, const Vector3& between) {
-    for (const Vector3& n : a_.faces) TryFace(a_, n, true);
-    for (const Vector3& n : b_.faces) TryFace(b_, n, false);
-    if (best_.gap > reach || settled_) return best_;
-    if (between.squaredNorm() > 0)
-      if (const double gap = GapAlong(between.normalized()); gap > reach) return {.gap = gap};
-    TryAll();
-    if (best_.gap == -INFINITY) TryDirection(a_.rotation.col(0), false);  // a ball in the middle of a capsule
+    FindBest(reach, between);
+    if (a_.circles.size() > 0 && b_.circles.size() > 0 && std::abs(best_.gap) <= kTouch * size_) TakeMiddleOfRims();
     return best_;
   }
 
  private:
+  void FindBest(double reach, const Vector3& between) {
+    for (const Vector3& n : a_.faces) TryFace(a_, n, true);
+    for (const Vector3& n : b_.faces) TryFace(b_, n, false);
+    if (best_.gap > reach || settled_) return;
+    if (between.squaredNorm() > 0) {
+      if (const double gap = GapAlong(between.normalized()); gap > reach) {
+        best_ = {.gap = gap};
+        return;
+      }
+    }
+    TryAll();
+    if (best_.gap == -INFINITY) TryDirection(a_.rotation.col(0), false);  // a ball in the middle of a capsule
+  }
+
   // What cost least comes first: once found, the nearest points of bodies that are apart need no other.
   void TryAll() {
     for (const Vector3& p : a_.points) {
@@ -195,6 +205,29 @@ class Search {
                  (!line_a || IsBetweenEnds(*line_a, p)) && (!line_b || IsBetweenEnds(*line_b, q)));
       }
     }
+  }
+
+  // Where two rims touch side by side, all directions between the ends and walls that meet there separate as well: halfway between. Ends
+  // that lie on each other decide for themselves.
+  void TakeMiddleOfRims() {
+    const Vector3 touch = 0.5 * (best_.on_a + best_.on_b);
+    if (a_.axis().cross(b_.axis()).norm() < kAngle) return;
+    Vector3 sum = Vector3::Zero();
+    bool several = false;
+    const auto add = [&](const Vector3& n) {
+      if (GapAlong(n) < best_.gap - kTouch * size_) return;
+      sum += n;
+      several = several || best_.normal.cross(n).norm() > kAngle;
+    };
+    for (const Solid* of : {&a_, &b_}) {
+      const double sign = of == &a_ ? 1 : -1;
+      for (const Vector3& end : of->faces) add(sign * end);
+      const Vector3 r = touch - of->circles[0].centre;
+      add(sign * (r - of->axis().dot(r) * of->axis()).normalized());
+    }
+    if (!several) return;
+    const Vector3 n = sum.normalized(), on_a = a_.Farthest(n), on_b = b_.Farthest(-n);
+    best_ = {n, on_a, on_b, n.dot(on_b - on_a)};
   }
 
   void TryPoints(const Vector3& p, const Vector3& q, double radius_a, double radius_b) {
@@ -407,7 +440,8 @@ class Manifold {
     const double cross = Cross(u, v);
     if (std::abs(cross) <= kNegligible * u.norm() * v.norm()) return;
     const double s = Cross(d, v) / cross, t = Cross(d, u) / cross;
-    if (s < 0 || s > 1 || t < 0 || t > 1) return;
+    const double slack = kNegligible * size_, slack_s = slack / u.norm(), slack_t = slack / v.norm();
+    if (s < -slack_s || s > 1 + slack_s || t < -slack_t || t > 1 + slack_t) return;
     AddColumn(name, p.from + s * p.way, of_a, of_b);
   }
 

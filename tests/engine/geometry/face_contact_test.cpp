@@ -105,5 +105,30 @@ TEST(AppendNearestPoints, BoxesThatAreApartNeverOverlap) {
   EXPECT_GT(apart, 50000);
 }
 
+// The end of a ridge over the middle of another, all but parallel: neither a face nor a pair of edges tells how far they are apart.
+TEST(AppendNearestPoints, RidgesThatAllButTouchDoNotOverlap) {
+  std::vector<Vector3> roof;
+  for (const double x : {-0.15, 0.15}) {
+    for (const double y : {-0.1, 0.1}) roof.emplace_back(x, y, 0);
+    roof.emplace_back(x, 0, 0.1);
+  }
+  const Shape shape = Shape::ConvexHull(roof);
+  const auto& corners = shape.polytope().vertices;
+  const auto highest = [](const Vector3& u, const Vector3& v) { return u.z() < v.z(); };
+  const double ridge = std::max_element(corners.begin(), corners.end(), highest)->z();
+  for (const double tilt : {0.02, 0.0372, 0.1})
+    for (const double gap : {1e-6, 1e-5, 1e-4, 1e-3}) {
+      const Quaternion turned(Eigen::AngleAxisd(std::numbers::pi - tilt, Vector3::UnitY()));
+      double lowest = 0;
+      for (const Vector3& corner : corners) lowest = std::min(lowest, (turned * corner).z());
+      std::vector<Contact> contacts;
+      CollideShapes(shape, At(Vector3::Zero(), Quaternion::Identity()), shape,
+                    At({0.05, 0, ridge + gap - lowest}, turned), 0.01, &contacts);
+      ASSERT_EQ(contacts.size(), 1u) << tilt << ' ' << gap;
+      EXPECT_NEAR(contacts[0].gap, gap, 1e-3 * gap) << tilt << ' ' << gap;
+      EXPECT_GT(contacts[0].normal_W.z(), 0.999) << tilt << ' ' << gap;
+    }
+}
+
 }  // namespace
 }  // namespace islet

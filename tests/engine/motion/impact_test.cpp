@@ -87,18 +87,19 @@ TEST(Impact, MirrorImagesMeetAsAtASmoothWall) {
       }
 }
 
-// The same by a corner, whose faces look anywhere: mirror images stay so.
-TEST(Impact, MirrorImagesMeetByCorners) {
+// The same by a corner or a rim, whose sides look anywhere: mirror images stay so.
+TEST(Impact, MirrorImagesMeetByCornersAndRims) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  for (int k = 0; k < 20; ++k) {
+  for (int k = 0; k < 40; ++k) {
+    const Shape shape = k % 2 ? Shape::Cylinder(0.12, 0.15) : Shape::Box({0.1, 0.15, 0.2});
     const Quaternion turned = Quaternion(normal(random), normal(random), normal(random), normal(random)).normalized();
     for (const double dt : {1.0 / 30, 1.0 / 240}) {
       Settings settings = Awake();
       settings.gravity = Vector3::Zero();
       World world(settings);
       for (const double side : {1.0, -1.0}) {
-        BodyDefinition box{.shape = Shape::Box({0.1, 0.15, 0.2})};
+        BodyDefinition box{.shape = shape};
         box.position_W = {side * 0.5, 0, 0};
         box.rotation_WB = {turned.w(), turned.x(), side * turned.y(), side * turned.z()};
         box.linear_velocity_W = {-2 * side, 0.1, 0.2};
@@ -110,10 +111,60 @@ TEST(Impact, MirrorImagesMeetByCorners) {
       for (int i = 0; i < 0.3 / dt; ++i) testing::Step(&world, dt);
       const Vector3 right = world.body(0).linear_velocity_W, left = world.body(1).linear_velocity_W;
       EXPECT_GT(right.x(), -1.9);  // they met
-      EXPECT_LT((right - Vector3(-left.x(), left.y(), left.z())).norm(), 1e-6) << k << ' ' << dt;
+      EXPECT_LT((right - Vector3(-left.x(), left.y(), left.z())).norm(), 1e-5) << k << ' ' << dt;
       const Vector3 w = world.body(0).angular_velocity_W, of_left = world.body(1).angular_velocity_W;
-      EXPECT_LT((w - Vector3(of_left.x(), -of_left.y(), -of_left.z())).norm(), 1e-5) << k << ' ' << dt;
+      EXPECT_LT((w - Vector3(of_left.x(), -of_left.y(), -of_left.z())).norm(), 1e-4) << k << ' ' << dt;
     }
+  }
+}
+
+// A long side that comes down flat on a lying cylinder or capsule meets it at both ends at once, by a face or by an edge, and does not yaw.
+TEST(Impact, FlatLandingsOnLyingBodiesAreSymmetric) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int k = 0; k < 40; ++k) {
+    World world(Awake());
+    BodyDefinition lying{.shape = k % 2 ? Shape::Cylinder(0.15, 0.15) : Shape::Capsule(0.15, 0.15)};
+    lying.rotation_WB = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
+    lying.kind = k % 4 < 2 ? BodyKind::kFixed : BodyKind::kDynamic;
+    lying.friction = k % 8 < 4 ? 0.5 : 0.2;
+    lying.restitution = 0.3;
+    BodyDefinition box{.shape = Shape::Box({0.1 + 0.05 * any(random), 0.1 + 0.04 * any(random), 0.1})};
+    box.rotation_WB = Quaternion(Eigen::AngleAxisd(any(random), Vector3::UnitY()));
+    box.position_W = {0.1 * any(random), 0, 0.6};
+    box.linear_velocity_W = {0.3 * any(random), 0, -2};
+    box.angular_velocity_W = {0, 3 * any(random), 0};
+    box.friction = lying.friction;
+    box.restitution = lying.restitution;
+    world.Add(lying);
+    world.Add(box);
+    for (int i = 0; i < 15; ++i) testing::Step(&world, 1.0 / 60);
+    const Vector3& w = world.body(1).angular_velocity_W;
+    EXPECT_LT(std::hypot(w.x(), w.z()), 1e-4) << k;
+    EXPECT_GT(world.body(1).linear_velocity_W.z(), -4.4) << k;  // they met
+  }
+}
+
+// The end of a ridge that falls on the middle of another ridge, all in one plane, stays in it.
+TEST(Impact, CornersOnEdgesKeepTheirPlane) {
+  std::vector<Vector3> roof;
+  for (const double x : {-0.15, 0.15}) {
+    for (const double y : {-0.1, 0.1}) roof.emplace_back(x, y, 0);
+    roof.emplace_back(x, 0, 0.1);
+  }
+  for (const double tilt : {1.8, 2.2, 2.6}) {
+    World world(Awake());
+    BodyDefinition lower{.shape = Shape::ConvexHull(roof)}, upper{.shape = lower.shape};
+    lower.kind = BodyKind::kFixed;
+    lower.friction = upper.friction = 0.5;
+    upper.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitY()));
+    upper.position_W = {0.02, 0, 0.4};
+    upper.mass = 1;
+    world.Add(lower);
+    world.Add(upper);
+    for (int i = 0; i < 20; ++i) testing::Step(&world, 1.0 / 60);
+    EXPECT_LT(std::abs(world.body(1).position_W.y()), 1e-6) << tilt;
+    EXPECT_GT(world.body(1).linear_velocity_W.z(), -2.5) << tilt;  // they met
   }
 }
 
