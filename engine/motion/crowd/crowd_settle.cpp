@@ -109,7 +109,7 @@ void Crowd::Settle(StepReport* report) {
     const Contact& contact = end[e];
     const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
     const bool pressed = Pressed(e);
-    if (contact.gap > (pressed ? kReach * size : tolerance)) continue;
+    if (!pressed && contact.gap > tolerance) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
     if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
     problem_.push_back(contact);
