@@ -158,6 +158,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
     if (!ride_.impulse_W(c).isZero(0)) impulses_.push_back({start_[c], ride_.impulse_W(c), t, 0});
   Inherit();
   carried_at_.assign(near_->size(), -1);
+  acted_as_.assign(held_.size(), -1);
   work_.assign(near_->size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
@@ -168,6 +169,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
     Contact contact = held_[c];
     contact.point_W = acted_at_[c];
     contact.surface_W = held_of_[c].belt_W;
+    acted_as_[c] = static_cast<int>(impulses_.size());
     impulses_.push_back({contact, impulse_W_[c], t, h});
   }
   Settle(report);
@@ -178,6 +180,9 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
     const Vector3 change = ChangeAt(c);
     if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
   }
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (IsGivenBack(c)) impulses_.push_back({WhereTaken(c), -impulse_W_[c], t + h, 0, acted_as_[c]});
+  near_->resize(found_);
   return Outcome::kDone;
 }
 
@@ -204,15 +209,21 @@ bool Crowd::HitsFrozen() {
 
 // What held as the piece ended, also between bodies that stood still all the while.
 void Crowd::Remember(double h, CrowdMemory* memory) {
-  memory->contacts = *near_;
+  memory->contacts.assign(near_->begin(), near_->begin() + static_cast<std::ptrdiff_t>(found_));
   memory->lost = lost_;
-  memory->forces_W.assign(near_->size(), Vector3::Zero());
-  blow_W_.assign(near_->size(), Vector3::Zero());
+  memory->forces_W.assign(found_, Vector3::Zero());
+  blow_W_.assign(found_, Vector3::Zero());
   for (size_t c = 0; c < problem_.size(); ++c) {
-    memory->forces_W[closed_[c]] = 1 / h * (frames_[c] * local_[c] + beyond_W_[c]);
-    blow_W_[closed_[c]] = frames_[c] * (blows_[c] + collisions_[c]);
+    auto e = static_cast<size_t>(closed_[c]);
+    if (e >= found_) {  // the nearest of its pair holds instead
+      const auto [first, last] =
+          std::equal_range(memory->contacts.begin(), memory->contacts.end(), problem_[c], EarlierPair);
+      e = first - memory->contacts.begin() + FindHeir({first, last}, problem_[c].normal_W, problem_[c].point_W);
+    }
+    memory->forces_W[e] += 1 / h * (frames_[c] * local_[c] + beyond_W_[c]);
+    blow_W_[e] += frames_[c] * (blows_[c] + collisions_[c]);
   }
-  ForEachPair(start_, *near_, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
+  ForEachPair(start_, memory->contacts, [&](size_t s, size_t s_end, size_t e, size_t e_end) {
     if (s == s_end || e == e_end || !cut_[start_[s].body_a] || !cut_[start_[s].body_b]) return;
     for (size_t k = e; k < e_end; ++k)
       for (size_t c = s; c < s_end; ++c)

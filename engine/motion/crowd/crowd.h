@@ -100,9 +100,10 @@ class Crowd {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> before, held;    // of an island's bodies: before anything is solved, and before blows
-    std::vector<Vector3> guess;         // of its contacts
-    std::vector<int> parents;           // of its bodies: of those that impulses join
+    std::vector<Twist> before, held;  // of an island's bodies: before anything is solved, and before blows
+    std::vector<Vector3> guess,
+        given;                 // [N s] of its contacts: first guesses; what they carried, while it is given back
+    std::vector<int> parents;  // of its bodies: of those that impulses join
     std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
     std::vector<double> share, square;  // of these: what is left of their blows; [J] what all of a blow has alone
     std::vector<std::uint8_t> gaining;  // per body of the island
@@ -208,6 +209,9 @@ class Crowd {
   void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);
+  Contact WhereTaken(size_t c) const;
+  bool IsGivenBack(size_t c) const;
+  bool GiveBack(int island, Worker* worker);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
@@ -272,7 +276,11 @@ class Crowd {
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.
+  size_t found_ = 0;             // near contacts that are there; behind them those where pairs that ended open pressed
+  std::vector<int> problem_at_;  // per near contact: its place in the problem, or -1
+  std::vector<std::uint8_t> given_back_;     // per contact of the problem: what it carried, where its bodies took it
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem
+  std::vector<int> acted_as_;                // per held contact: place in impulses_, or -1
   std::vector<int> carried_at_;              // per near contact: place in impulses_ of what it carried, or -1
   std::vector<Vector3> beyond_W_;            // [N s] per contact of the problem: what it carried beyond its cone
   std::vector<std::uint8_t> hits_;           // per contact of the problem: a blow

@@ -87,16 +87,42 @@ void Crowd::TurnCarried() {
   });
 }
 
-// What is carried by contacts that are not found again falls to others of their pairs.
+// What pressed and is not found again falls to the nearest contact of its pair. Where that one is open, too, it may be anywhere: such a pair
+// takes part where its bodies took the impulse, behind the contacts that are there.
 void Crowd::Inherit() {
+  found_ = near_->size();
   for (size_t c = 0; c < held_.size(); ++c) {
     if (follows_[c] >= 0 || impulse_W_[c].isZero(0)) continue;
-    const auto [first, last] = std::equal_range(near_->begin(), near_->end(), held_[c], EarlierPair);
-    const int heir = FindHeir({first, last}, held_[c].normal_W, PlaceAtEnd(c).point_W);
-    if (heir < 0) continue;
-    follows_[c] = static_cast<int>(first - near_->begin()) + heir;
+    const auto end = near_->begin() + static_cast<std::ptrdiff_t>(found_);
+    const auto [first, last] = std::equal_range(near_->begin(), end, held_[c], EarlierPair);
+    const Vector3 place_W = PlaceAtEnd(c).point_W;
+    const int nearest = FindHeir({first, last}, held_[c].normal_W, place_W);
+    if (nearest < 0) continue;
+    follows_[c] = static_cast<int>(first - near_->begin()) + nearest;
+    if (LeastGap({first, last}) > settings_.overlap_tolerance * Size(held_[c])) {
+      Contact contact = first[nearest];
+      contact.point_W = place_W;
+      follows_[c] = static_cast<int>(near_->size());
+      near_->push_back(contact);
+      carried_W_.emplace_back(Vector3::Zero());
+      ridden_W_.emplace_back(Vector3::Zero());
+    }
     carried_W_[follows_[c]] += impulse_W_[c];
   }
+}
+
+// A held contact at the end where its arms are those of halfway: what acts there takes it back and leaves no spin.
+Contact Crowd::WhereTaken(size_t c) const {
+  Contact contact = held_[c];
+  const auto moved = [&](int i) -> Vector3 { return bodies_[i].position_W - middle_[i].position_W; };
+  contact.point_W = acted_at_[c] + Shared(contact, moved(contact.body_a), moved(contact.body_b));
+  contact.surface_W = held_of_[c].belt_W;
+  return contact;
+}
+
+bool Crowd::IsGivenBack(size_t c) const {
+  const int at = follows_[c] < 0 || impulse_W_[c].isZero(0) ? -1 : problem_at_[follows_[c]];
+  return at >= 0 && given_back_[at];
 }
 
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
@@ -132,6 +158,9 @@ void Crowd::Settle(StepReport* report) {
     const Vector3 back = carried + ridden_W_[closed_[c]];
     if (!back.isZero(0)) ApplyImpulse(contact, -back, posed_);
   }
+  problem_at_.assign(near_->size(), -1);
+  for (size_t c = 0; c < problem_.size(); ++c) problem_at_[closed_[c]] = static_cast<int>(c);
+  given_back_.assign(problem_.size(), 0);
   blows_.assign(problem_.size(), Vector3::Zero());
   collisions_.assign(problem_.size(), Vector3::Zero());
   struck_.assign(partition_.num_islands(), {});
@@ -155,6 +184,35 @@ void Crowd::Settle(StepReport* report) {
   }
   for (size_t i = 0; i < bodies_.size(); ++i)
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
+}
+
+// All that an island carried is given back where it was taken, and the end alone solved. Returns whether nobody gains by that.
+bool Crowd::GiveBack(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+  worker->given.clear();
+  for (const int c : contacts) {
+    worker->given.push_back(carried_W_[closed_[c]]);
+    worker->given.push_back(beyond_W_[c]);
+    carried_W_[closed_[c]].setZero();
+    beyond_W_[c].setZero();
+    local_[c].setZero();
+    blows_[c].setZero();
+    collisions_[c].setZero();
+    given_back_[c] = 1;
+    if (!ridden_W_[closed_[c]].isZero(0)) ApplyImpulse(problem_[c], -ridden_W_[closed_[c]], posed_);
+  }
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (IsGivenBack(c) && std::binary_search(contacts.begin(), contacts.end(), problem_at_[follows_[c]]))
+      ApplyImpulse(WhereTaken(c), -impulse_W_[c], posed_);
+  Strike(island, worker);
+  if (!MarkGains(island, worker)) return true;
+  for (size_t k = 0; k < contacts.size(); ++k) {
+    carried_W_[closed_[contacts[k]]] = worker->given[2 * k];
+    beyond_W_[contacts[k]] = worker->given[2 * k + 1];
+    given_back_[contacts[k]] = 0;
+  }
+  return false;
 }
 
 // What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain energy by them is held with
@@ -184,6 +242,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     outcomes_[island].restitution_lowered = attempt > 1;
     if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
     if (!rebounds) {
+      if (GiveBack(island, worker)) break;
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
       for (size_t k = 0; k < contacts.size(); ++k)

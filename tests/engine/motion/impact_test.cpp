@@ -168,6 +168,31 @@ TEST(Impact, CornersOnEdgesKeepTheirPlane) {
   }
 }
 
+// A rod leans with its foot on a belt that starts: friction wedges it (Painleve), so that no finite force lets its foot slip. It stops the slip
+// at once, like a blow without restitution, whatever the step.
+TEST(Impact, WedgedFootStopsItsSlip) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000})
+    for (const double speed : {3.0, -1.0}) {
+      const double angle = 0.7, radius = 0.005, half = 0.5;
+      World world(Awake());
+      BodyDefinition floor = Floor(2.5);
+      world.Add(floor);
+      BodyDefinition rod{.shape = Shape::Capsule(radius, half)};
+      rod.position_W = {0, 0, radius + half * std::sin(angle)};
+      rod.rotation_WB =
+          Quaternion(Eigen::AngleAxisd((speed > 0 ? 1 : -1) * (std::numbers::pi / 2 - angle), Vector3::UnitY()));
+      rod.mass = 1;
+      rod.friction = 2.5;
+      world.Add(rod);
+      world.SetSurfaceVelocity(0, {speed, 0, 0});
+      testing::Step(&world, dt);
+      const Body& body = world.body(1);
+      const Vector3 foot = body.rotation_WB * Vector3(0, 0, -half) - Vector3(0, 0, radius);
+      const double slip = body.linear_velocity_W.x() + body.angular_velocity_W.cross(foot).x() - speed;
+      EXPECT_LT(std::abs(slip), 4 * dt * std::abs(speed)) << dt << ' ' << speed;
+    }
+}
+
 // Two planks that lean against each other by an edge hold each other up without any friction there.
 TEST(Impact, PlanksLeanOnEachOtherBySmoothEdges) {
   for (const double lean : {0.2, 0.5})
