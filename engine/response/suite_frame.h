@@ -56,4 +56,20 @@ inline double FastestPoint(const Twist& twist, double radius) {
   return twist.linear_W.norm() + radius * twist.angular_W.norm();
 }
 
+// [m/s] the same of all bodies that contacts move, and of walls in the middle of these: what moves is as fast seen from there.
+inline double FastestPoint(std::span<const Body> bodies) {
+  double fastest = 0;
+  int movers = 0;
+  Vector3 sum = Vector3::Zero();
+  for (const Body& b : bodies) {
+    if (!b.Moves()) continue;
+    fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
+    sum += b.position_W;
+    ++movers;
+  }
+  for (const Body& b : bodies)
+    if (b.kind == BodyKind::kKinematic && movers > 0) fastest = std::max(fastest, b.VelocityAt(sum / movers).norm());
+  return fastest;
+}
+
 }  // namespace islet

@@ -37,16 +37,14 @@ void Crowd::Load(double dt) {
   travel_.resize(n);
   posed_.assign(bodies_.begin(), bodies_.end());
   cut_.resize(n);
-  double fastest = 0;
   pull_ = 0;
   driven_ = false;
   for (size_t i = 0; i < n; ++i) {
     cut_[i] = !bodies_[i].Moves();
     driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
     if (!cut_[i]) pull_ = std::max(pull_, (settings_.gravity + bodies_[i].force_W / bodies_[i].mass).norm());
-    if (!cut_[i]) fastest = std::max(fastest, FastestPoint(TwistOf(bodies_[i]), bodies_[i].radius));
   }
-  floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * fastest, 1e-12});
+  floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * FastestPoint(bodies_), 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
   least_energy_ = 0.5 * std::max(floor_ * floor_, settings_.gravity.squaredNorm() * dt * whole_dt_);
   pool_->ForEachOf(n, [&](size_t i) {

@@ -147,7 +147,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   mix_ = &mix;
   group_ = group;
   out_ = outcome;
-  double fastest = 0;
   int movers = 0;  // bodies that contacts can move
   pull_ = settings.gravity.norm();
   pulls_W_.assign(1, settings.gravity);
@@ -155,14 +154,13 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   for (const Body& b : group->bodies) {
     if (!b.Moves()) continue;
     ++movers;
-    fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
     pulls_W_.push_back(settings.gravity + b.force_W / b.mass);
     const double twist = b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm();
     twist_ = std::max(twist_, twist);
     pull_ = std::max(pull_, pulls_W_.back().norm() + twist);
   }
-  floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
+  floor_ = std::max({pull_ * dt, 1e-3 * FastestPoint(group->bodies), 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
   const double brief = std::min(0.5, kBrief * std::max(1, movers));  // of the step
   brief_ = brief * dt;

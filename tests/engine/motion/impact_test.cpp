@@ -193,6 +193,28 @@ TEST(Impact, WedgedFootStopsItsSlip) {
     }
 }
 
+// A slab that rises under a tilted plate at rest, without weight, takes it along as it would be taken if it fell on the slab.
+TEST(Impact, RisingSlabTakesAWeightlessPlateAlong) {
+  for (int k = 1; k <= 40; ++k) {
+    const double tilt = 0.005 * k;
+    Settings settings = Awake();
+    settings.gravity = Vector3::Zero();
+    World world(settings);
+    BodyDefinition slab{.shape = Shape::Box({3, 3, 0.5})}, plate{.shape = Shape::Box({0.3, 0.3, 0.02})};
+    slab.kind = BodyKind::kKinematic;
+    slab.position_W.z() = -0.5;
+    slab.linear_velocity_W.z() = 2;
+    slab.friction = plate.friction = 0;
+    plate.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitX()));
+    plate.position_W.z() = 0.3 * std::sin(tilt) + 0.02 * std::cos(tilt);
+    plate.mass = 1;
+    world.Add(slab);
+    world.Add(plate);
+    for (int i = 0; i < 8; ++i) EXPECT_LT(testing::Step(&world, 1.0 / 30).penetration_max, 1e-5) << tilt << ' ' << i;
+    EXPECT_GT(world.body(1).linear_velocity_W.z(), 1.9) << tilt;
+  }
+}
+
 // Two planks that lean against each other by an edge hold each other up without any friction there.
 TEST(Impact, PlanksLeanOnEachOtherBySmoothEdges) {
   for (const double lean : {0.2, 0.5})
