@@ -38,7 +38,7 @@ void RequirePositive(const std::string& body, const std::string& field, double v
 // Also refuses moments that no mass distribution has: each at most the sum of the other two.
 void RequireInertia(const std::string& body, const Matrix3& inertia) {
   const Eigen::SelfAdjointEigenSolver<Matrix3> solver(inertia);
-  const Vector3 moments = solver.eigenvalues();
+  const Vector3& moments = solver.eigenvalues();
   if (!inertia.allFinite() || !inertia.isApprox(inertia.transpose(), 1e-9))
     Reject(body, "inertia", "is not symmetric and finite");
   if (!(moments[0] > 0)) Reject(body, "inertia", "is not positive definite (smallest moment " + Text(moments[0]) + ")");

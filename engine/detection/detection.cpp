@@ -118,6 +118,7 @@ void Detector::Impl::UpdateTree() {
     const bool in_tree = !bodies[i].half_space && !bodies[i].removed;
     if (in_tree) rooms[i] = keep ? RoomOf(bodies[i]) : bodies[i].box;
     if (in_tree && !leaves[i]) {
+      // NOLINTNEXTLINE(performance-no-int-to-ptr): FCL's trees hold a pointer, here a number
       leaves[i] = tree.insert(ToFcl(rooms[i]), reinterpret_cast<void*>(static_cast<std::intptr_t>(i)));
       other_bodies = true;
     } else if (!in_tree && leaves[i]) {

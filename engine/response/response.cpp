@@ -92,13 +92,10 @@ bool IslandResponder::LowerRestitution(int attempt) {
   if (worst == 0) return false;
   for (size_t c = 0; c < problem_.contacts.size(); ++c) {
     double& target = problem_.contacts[c].target;
-    if (attempt >= kLoweringAttempts) {
+    if (attempt >= kLoweringAttempts || (blame && target * solution_.impulses[c][0] >= kBlameShare * worst))
       target = 0;
-    } else if (!blame) {
+    else if (!blame)
       target /= 2;
-    } else if (target * solution_.impulses[c][0] >= kBlameShare * worst) {
-      target = 0;
-    }
   }
   return true;
 }
