@@ -109,7 +109,8 @@ Quaternion BeforeNormalizing(const Quaternion& q) {
   Quaternion candidate = q;
   for (int i = 1; i <= 10'000; ++i) {
     if (candidate.normalized().coeffs() == q.coeffs()) return candidate;
-    candidate.coeffs() = q.coeffs() * (1 + (i % 2 == 0 ? 1 : -1) * (i + 1) / 2 * 0x1p-52);
+    const int roundings = (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2);
+    candidate.coeffs() = q.coeffs() * (1 + roundings * 0x1p-52);
   }
   throw std::logic_error("no rotation was found that becomes (" + Number(q.w()) + ", " + Number(q.x()) + ", " +
                          Number(q.y()) + ", " + Number(q.z()) + ")");

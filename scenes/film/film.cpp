@@ -106,7 +106,7 @@ FilmHead HeadOf(const World& world, double dt, std::string scene, std::string co
   head.dt = dt;
   head.tolerance = world.settings().tolerance;
   head.gravity_W = world.settings().gravity;
-  head.bounds = bounds;
+  head.bounds = std::move(bounds);
   std::unordered_map<const Shape::Data*, int> known;
   for (size_t i = 0; i < world.bodies().size(); ++i) {
     const Shape& shape = world.shape(static_cast<int>(i));
