@@ -299,6 +299,8 @@ void World::Impl::ForgetAll() {
   groups = {};
   crowd_memory = {};
   crowd.clear();
+  failed = false;
+  for (Body& b : bodies) b.frozen = false;
   Changed();
 }
 

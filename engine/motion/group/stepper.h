@@ -175,7 +175,7 @@ class Stepper {
   bool IsThere(size_t at_end) const;
   bool Hits(size_t at_end) const;
   bool HitsEarlier() const;
-  bool HasMet(int pair) const;
+  bool HasMet(int pair);
 
   // stepper_events.cpp: what ended within a piece.
   double SlipEnds(double h) const;
@@ -251,6 +251,7 @@ class Stepper {
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_impulses_, bounces_, carried_W_;
   std::vector<double> least_rebounds_;  // [m/s] of the contacts of a blow
+  std::vector<std::uint8_t> strikes_;   // per contact of a blow: it hits
   std::vector<double> targets_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;

@@ -151,7 +151,8 @@ bool Stepper::Hits(size_t at_end) const {
   if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end)))
     return false;
   const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
-  const Vector3 on_the_way = MeanVelocity(c.body_a, c.point_W) - MeanVelocity(c.body_b, c.point_W);
+  const auto mean = [&](int i) { return MeanVelocity(i, CarriedWith(i, c.point_W, Moment::kEnd, Moment::kMiddle)); };
+  const Vector3 on_the_way = mean(c.body_a) - mean(c.body_b);
   return std::min(c.normal_W.dot(now), c.normal_W.dot(on_the_way)) > CutSpeed(c);
 }
 
@@ -163,21 +164,28 @@ bool Stepper::HitsEarlier() const {
 }
 
 // Whether the pair is where it met, and nothing of it that hits is still on its way there.
-bool Stepper::HasMet(int pair) const {
+bool Stepper::HasMet(int pair) {
+  const auto [a, b] = group_->pairs[pair];
+  const double size = Size(group_->pairs[pair]);
+  probe_.clear();  // as far as it may be on its way: what rests beside it is there
+  CollideShapes(*group_->shapes[a], end_state_[a].pose.placement(), *group_->shapes[b], end_state_[b].pose.placement(),
+                size, &probe_);
   bool met = false;
-  for (size_t e = 0; e < end_.size(); ++e) {
-    if (end_pair_[e] != pair) continue;
-    if (!IsThere(e) && Hits(e)) return false;
-    met = met || IsThere(e);
+  for (Contact& c : probe_) {
+    const bool there = c.gap <= kTogether * size;
+    Mix(group_->pairs[pair], &c);
+    const double approach = c.normal_W.dot(end_state_[a].VelocityAt(c.point_W) - end_state_[b].VelocityAt(c.point_W));
+    if (!there && approach > CutSpeed(c)) return false;
+    met = met || there;
   }
   return met;
 }
 
-// Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
+// Blows at the end pose, in the islands that have any: the queue, then the collision problem.         [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
   problem_.clear();
   problem_of_.clear();
-  bool strikes = false;
+  strikes_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
@@ -185,9 +193,10 @@ void Stepper::Strike() {
     if (hits && !IsThere(e)) continue;
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    strikes = strikes || hits;
+    strikes_.push_back(hits);
   }
-  if (!strikes) return;
+  const auto strikes = [&](int c) { return strikes_[c] != 0; };
+  if (std::none_of(strikes_.begin(), strikes_.end(), [](std::uint8_t hits) { return hits != 0; })) return;
   PartProblem();
   least_rebounds_.clear();
   for (const Contact& c : problem_) least_rebounds_.push_back(LeastRebound(c));
@@ -195,7 +204,7 @@ void Stepper::Strike() {
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
-    if (view.contacts.empty()) continue;
+    if (std::none_of(view.contacts.begin(), view.contacts.end(), strikes)) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces +=
         sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,

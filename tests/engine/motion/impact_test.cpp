@@ -193,6 +193,80 @@ TEST(Impact, WedgedFootStopsItsSlip) {
     }
 }
 
+// Two planks that tip towards each other meet by an edge, a hair apart or not, and stand: tan(lean) / 2 of friction is enough.
+TEST(Impact, PlanksThatTipTowardsEachOtherStand) {
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240})
+    for (const double gap : {1e-6, 1e-5, 1e-3, 0.02}) {
+      const double lean = 0.5;
+      const Vector3 half(0.02, 0.04, 0.5);
+      World world(Awake());
+      world.Add(Floor(0.5));
+      for (const double side : {1.0, -1.0}) {
+        BodyDefinition plank{.shape = Shape::Box(half)};
+        plank.rotation_WB = Quaternion(Eigen::AngleAxisd(-side * lean, Vector3::UnitY()));
+        plank.position_W = {side * (half.z() * std::sin(lean) + half.x() * std::cos(lean) + 0.5 * gap), 0,
+                            half.z() * std::cos(lean) + half.x() * std::sin(lean) + 1e-4};
+        plank.mass = 1;
+        plank.friction = 0.5;
+        world.Add(plank);
+      }
+      for (int i = 0; i < 1 / dt; ++i) testing::Step(&world, dt);
+      const Body &right = world.body(1), &left = world.body(2);
+      EXPECT_NEAR(right.position_W.x(), -left.position_W.x(), 1e-9) << gap << ' ' << dt;
+      EXPECT_NEAR(right.position_W.z(), left.position_W.z(), 1e-9) << gap << ' ' << dt;
+      EXPECT_GT(right.position_W.z(), 0.4) << gap << ' ' << dt;
+      EXPECT_LT(right.linear_velocity_W.norm(), 1e-6) << gap << ' ' << dt;
+    }
+}
+
+// An elastic plate that falls flat from one edge keeps its energy, whatever the moment of the step in which it lands.
+TEST(Impact, ElasticPlateSlapsFlat) {
+  const double hx = 0.3, hz = 0.03, spin = 5;
+  for (int k = 0; k < 60; ++k) {
+    const double tilt = 0.165 + 0.0003 * k;
+    World world(Awake());
+    world.Add(Floor(0, 1));
+    BodyDefinition plate{.shape = Shape::Box({hx, 0.4, hz})};
+    plate.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitY()));
+    plate.position_W.z() = hx * std::sin(tilt) + hz * std::cos(tilt);
+    plate.angular_velocity_W.y() = -spin;
+    plate.linear_velocity_W.z() = -spin * (hx * std::cos(tilt) - hz * std::sin(tilt));
+    plate.mass = 1;
+    plate.friction = 0;
+    plate.restitution = 1;
+    world.Add(plate);
+    const double start = Energy(world.bodies());
+    for (int i = 0; i < 2; ++i) testing::Step(&world, 1.0 / 30);
+    EXPECT_GT(Energy(world.bodies()), 0.9 * start) << tilt;
+  }
+}
+
+// A tall box rocks from one edge over to the other as far whatever its speed along a smooth floor is.
+TEST(Impact, RockingDoesNotDependOnASpeedAlong) {
+  for (const double dt : {1.0 / 30, 1.0 / 60})
+    for (int k = 0; k < 40; ++k) {
+      const double tilt = 0.02 + 0.001 * k;
+      double farthest[3] = {0, 0, 0};
+      for (int u = 0; u < 3; ++u) {
+        World world(Awake());
+        world.Add(Floor(0, 0));
+        BodyDefinition box{.shape = Shape::Box({0.05, 0.1, 0.4})};
+        box.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitY()));
+        box.position_W.z() = 0.4 * std::cos(tilt) + 0.05 * std::sin(tilt);
+        box.linear_velocity_W.x() = 20.0 * (u - 1);
+        box.mass = 1;
+        box.friction = 0;
+        world.Add(box);
+        for (int i = 0; i < 0.5 / dt; ++i) {
+          testing::Step(&world, dt);
+          farthest[u] = std::min(farthest[u], 2 * std::asin(world.body(1).rotation_WB.y()));
+        }
+      }
+      EXPECT_LT(farthest[1], -0.7 * tilt) << tilt << ' ' << dt;
+      for (const double with_speed : farthest) EXPECT_NEAR(with_speed, farthest[1], 1e-4) << tilt << ' ' << dt;
+    }
+}
+
 // A slab that rises under a tilted plate at rest, without weight, takes it along as it would be taken if it fell on the slab.
 TEST(Impact, RisingSlabTakesAWeightlessPlateAlong) {
   for (int k = 1; k <= 40; ++k) {
