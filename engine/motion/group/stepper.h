@@ -251,7 +251,6 @@ class Stepper {
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_impulses_, bounces_, carried_W_;
   std::vector<double> least_rebounds_;  // [m/s] of the contacts of a blow
-  std::vector<std::uint8_t> strikes_;   // per contact of a blow: it hits
   std::vector<double> targets_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;

@@ -181,11 +181,11 @@ bool Stepper::HasMet(int pair) {
   return met;
 }
 
-// Blows at the end pose, in the islands that have any: the queue, then the collision problem.         [SM04 Fig. 1, 1 and 2]
+// Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
   problem_.clear();
   problem_of_.clear();
-  strikes_.clear();
+  bool strikes = false;
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
@@ -193,10 +193,9 @@ void Stepper::Strike() {
     if (hits && !IsThere(e)) continue;
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    strikes_.push_back(hits);
+    strikes = strikes || hits;
   }
-  const auto strikes = [&](int c) { return strikes_[c] != 0; };
-  if (std::none_of(strikes_.begin(), strikes_.end(), [](std::uint8_t hits) { return hits != 0; })) return;
+  if (!strikes) return;
   PartProblem();
   least_rebounds_.clear();
   for (const Contact& c : problem_) least_rebounds_.push_back(LeastRebound(c));
@@ -204,7 +203,7 @@ void Stepper::Strike() {
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
-    if (std::none_of(view.contacts.begin(), view.contacts.end(), strikes)) continue;
+    if (view.contacts.empty()) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces +=
         sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
