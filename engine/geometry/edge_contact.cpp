@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "engine/contact.h"
-#include "engine/geometry/separating_axis.h"
 
 namespace islet {
 namespace {
@@ -198,8 +197,8 @@ bool AppendPoint(const Side& side_a, const Side& side_b, const Placement& pose_a
 
 bool AppendTouchingFeatures(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                             const Vector3& normal_W, double separation, double size, std::vector<Contact>* contacts) {
-  if (separation < -kTouch * size || separation > TouchSlack(size)) return false;
-  const double slack = std::max(kTouch * size, 2 * separation);  // apart, sides that separate differ by up to that
+  if (std::abs(separation) > kTouch * size) return false;
+  const double slack = kTouch * size;
   const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
                          {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
   if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;

@@ -193,32 +193,6 @@ TEST(Impact, WedgedFootStopsItsSlip) {
     }
 }
 
-// Two planks that tip towards each other meet by an edge, a hair apart or not, and stand: tan(lean) / 2 of friction is enough.
-TEST(Impact, PlanksThatTipTowardsEachOtherStand) {
-  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240})
-    for (const double gap : {1e-6, 1e-5, 1e-3, 0.02}) {
-      const double lean = 0.5;
-      const Vector3 half(0.02, 0.04, 0.5);
-      World world(Awake());
-      world.Add(Floor(0.5));
-      for (const double side : {1.0, -1.0}) {
-        BodyDefinition plank{.shape = Shape::Box(half)};
-        plank.rotation_WB = Quaternion(Eigen::AngleAxisd(-side * lean, Vector3::UnitY()));
-        plank.position_W = {side * (half.z() * std::sin(lean) + half.x() * std::cos(lean) + 0.5 * gap), 0,
-                            half.z() * std::cos(lean) + half.x() * std::sin(lean) + 1e-4};
-        plank.mass = 1;
-        plank.friction = 0.5;
-        world.Add(plank);
-      }
-      for (int i = 0; i < 1 / dt; ++i) testing::Step(&world, dt);
-      const Body &right = world.body(1), &left = world.body(2);
-      EXPECT_NEAR(right.position_W.x(), -left.position_W.x(), 1e-9) << gap << ' ' << dt;
-      EXPECT_NEAR(right.position_W.z(), left.position_W.z(), 1e-9) << gap << ' ' << dt;
-      EXPECT_GT(right.position_W.z(), 0.4) << gap << ' ' << dt;
-      EXPECT_LT(right.linear_velocity_W.norm(), 1e-6) << gap << ' ' << dt;
-    }
-}
-
 // An elastic plate that falls flat from one edge keeps its energy, whatever the moment of the step in which it lands.
 TEST(Impact, ElasticPlateSlapsFlat) {
   const double hx = 0.3, hz = 0.03, spin = 5;
