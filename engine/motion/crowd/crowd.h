@@ -101,8 +101,9 @@ class Crowd {
     SequentialResolver sequential;
     std::vector<int> contacts;
     std::vector<Twist> before, held;  // of an island's bodies: before anything is solved, and before blows
-    std::vector<Vector3> guess,
-        given;                 // [N s] of its contacts: first guesses; what they carried, while it is given back
+    std::vector<Vector3> guess;       // [N s] of its contacts, first
+    std::vector<Vector3>
+        given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
     std::vector<int> parents;  // of its bodies: of those that impulses join
     std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
     std::vector<double> share, square;  // of these: what is left of their blows; [J] what all of a blow has alone
