@@ -57,10 +57,13 @@ inline double SlightApproach(const Contact& contact, const Vector3& gravity_W, d
   return contact.restitution > 0 ? std::min(fall, rebound / contact.restitution) : fall;
 }
 
-// The order in which contacts are kept is by pair, then by feature. Here by pair alone.
-inline bool EarlierPair(const Contact& x, const Contact& y) {
+// The order in which contacts are kept is by pair, then by feature. Here by pair alone, of contacts and of events.
+inline constexpr auto EarlierPair = [](const auto& x, const auto& y) {
   return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-}
+};
+inline constexpr auto SamePair = [](const auto& x, const auto& y) {
+  return x.body_a == y.body_a && x.body_b == y.body_b;
+};
 // The whole of that order.
 inline bool Earlier(const Contact& x, const Contact& y) {
   return std::tie(x.body_a, x.body_b, x.feature) < std::tie(y.body_a, y.body_b, y.feature);

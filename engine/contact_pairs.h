@@ -10,8 +10,6 @@
 
 namespace islet {
 
-inline bool SamePair(const Contact& x, const Contact& y) { return x.body_a == y.body_a && x.body_b == y.body_b; }
-
 // [m] of the contacts of a pair; infinite if there are none.
 inline double LeastGap(std::span<const Contact> of_pair) {
   double gap = INFINITY;

@@ -97,7 +97,6 @@ void ContactSuite::Move(std::span<Body> bodies) const {
 
 // What steps 1 to 3 leave where nothing moves.
 void ContactSuite::Impl::StandStill() {
-  frame.after_bounces.assign(frame.bodies.size(), {});
   errors.assign(frame.bodies.size(), 0.0);
   frame.before_gravity.assign(frame.bodies.size(), {});
 }
@@ -204,9 +203,9 @@ void ContactSuite::Impl::SettleCaughtBodies() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
   catches.resize(contacts.size());
   pool->ForEachOf(contacts.size(), [&](size_t c) { catches[c] = Catches(c); });
-  settled.assign(frame.bodies.size(), kInMotion);
   settles.assign(contacts.size(), 0);
   held_along.resize(frame.bodies.size());
+  for (Held& along : held_along) along.rank = 0;
   for (size_t c = 0; c < contacts.size(); ++c)
     if (catches[c]) Settle(c);
   SettleRiders();
@@ -243,8 +242,6 @@ void ContactSuite::Impl::HoldAlong(const Contact& contact, int number) {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   const Body& body = frame.bodies[number];
   Held& along = held_along[number];
-  if (settled[number] == kInMotion) along.rank = 0;
-  settled[number] = kSettled;
   const double root = std::sqrt(body.mass);
   const Matrix3 inertia = body.InertiaW();
   const Eigen::LLT<Matrix3> factor(inertia);
@@ -270,7 +267,7 @@ void ContactSuite::Impl::HoldAlong(const Contact& contact, int number) {
 // towers are numbered upwards or downwards.
 void ContactSuite::Impl::SettleRiders() {
   const std::span<const Contact> contacts = frame.contacts.contacts;
-  const auto rides = [&](int rider, int on) { return settled[on] == kSettled && frame.bodies[rider].Moves(); };
+  const auto rides = [&](int rider, int on) { return held_along[on].rank > 0 && frame.bodies[rider].Moves(); };
   bool more = true;
   const auto visit = [&](size_t c) {
     const Contact& contact = contacts[c];

@@ -79,7 +79,7 @@ class ContactSuite {
   // Of the last Project, per body: [m] by which to move it, and the vector [rad] by which to turn it about its centre, W.
   std::span<const Twist> displacements() const;
 
-  // What it remembers from frame to frame; to be given to a suite with the same bodies. See World::Save().
+  // What it remembers from frame to frame; to be given to a suite with the same bodies.
   const SuiteMemory& memory() const;
   void SetMemory(const SuiteMemory& memory);  // goes on from there
   // A copy to keep, for who resolves the same step more than once: suite.SetMemory(*copy).

@@ -11,8 +11,6 @@
 //   units: SI; relative numbers are over what is at hand, see LedgerEntry    threads: bodies are shared by the pool
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <span>
 #include <vector>
 

@@ -18,12 +18,6 @@ constexpr double kTinyTurn = 1e-6;    // [rad] below it two terms of the series 
 constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
 constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
 
-Matrix3 CrossMatrix(const Vector3& r) {
-  Matrix3 m;
-  m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
-  return m;
-}
-
 bool IsIsotropic(const Matrix3& inertia) {
   const double mean = inertia.trace() / 3;
   return (inertia - mean * Matrix3::Identity()).cwiseAbs().maxCoeff() < 1e-14 * mean;

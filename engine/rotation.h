@@ -10,6 +10,13 @@
 
 namespace islet {
 
+// m x = r cross x.
+inline Matrix3 CrossMatrix(const Vector3& r) {
+  Matrix3 m;
+  m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
+  return m;
+}
+
 // [rad] world rotation vector of the step from rotation_WB with angular velocity angular_velocity_W.
 Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
                      double dt);

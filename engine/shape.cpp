@@ -158,7 +158,7 @@ Shape Shape::Cylinder(double radius, double half_length) {
   RequirePositive("Cylinder radius", radius);
   RequirePositive("Cylinder half_length", half_length);
   auto data = RoundData(ShapeKind::kCylinder, radius, half_length);
-  data->radius = std::hypot(radius, half_length);
+  data->radius = std::sqrt(radius * radius + half_length * half_length);
   data->half_extents = {radius, radius, half_length};
   data->size = 2 * std::min(radius, half_length);
   const double r2 = radius * radius, h2 = half_length * half_length;

@@ -24,8 +24,6 @@ using SliceObserver = std::function<void(const Slice& slice)>;
 
 inline std::atomic<const SliceObserver*> slice_observer = nullptr;  // null: nobody is told
 
-inline bool SlicesObserved() { return slice_observer.load(std::memory_order_acquire) != nullptr; }
-
 inline void TellSlice(const Slice& slice) {
   if (const SliceObserver* const observer = slice_observer.load(std::memory_order_acquire)) (*observer)(slice);
 }

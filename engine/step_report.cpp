@@ -49,6 +49,12 @@ bool Ledger::Clean() const {
          angular_momentum_unexplained.value <= kMostMomentum && sides_changed == 0;
 }
 
+void StepReport::Add(const IslandReport& island) {
+  islands.push_back(island);
+  active_contacts += island.contacts;
+  largest_island_contacts = std::max(largest_island_contacts, island.contacts);
+}
+
 void QpSummary::Include(const QpSummary& other) {
   solved += other.solved;
   failed += other.failed;

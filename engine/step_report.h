@@ -106,7 +106,7 @@ struct IslandReport {
   int collision_iterations = 0;                 // factorisations of step 2
   int static_iterations = 0;                    // of step 3
   double map = 0;           // natural map of the model, rms, over v_ref: the worse of the two problems
-  Certificate certificate;  // the worse of the two problems, number by number
+  Certificate certificate{};  // the worse of the two problems, number by number
 };
 
 struct StepReport {
@@ -137,6 +137,7 @@ struct StepReport {
   int pieces = 0;             // into which the steps of small groups were cut, together
   double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
   int overlapping = 0;        // pairs of bodies that are inside of each other at the end, by a fiftieth of a size
+  void Add(const IslandReport& island);
   // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
   // end of the step is the later one's.
   void Append(StepReport later);

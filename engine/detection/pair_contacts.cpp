@@ -1,7 +1,6 @@
 #include "engine/detection/pair_contacts.h"
 
 #include <algorithm>
-#include <functional>
 
 #include "parallel/worker_pool.h"
 
@@ -25,12 +24,10 @@ bool Near(const WatchedBody& a, const WatchedBody& b, double reach) {
 
 void CollidePair(const BodyWatch& bodies, CandidatePair* pair, std::vector<Contact>* contacts) {
   const WatchedBody &a = bodies[pair->a], &b = bodies[pair->b];
-  const Vector3 travel_ba = b.travel - a.travel;
-  const double reach = a.margin + b.margin + travel_ba.norm();
+  const double reach = a.margin + b.margin + (b.travel - a.travel).norm();
   if (!Near(a, b, reach)) return;
   const size_t first = contacts->size();
-  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, Vector3::Zero(),
-                &pair->axis);
+  CollideShapes(bodies.shape(pair->a), a.pose, bodies.shape(pair->b), b.pose, reach, contacts, &pair->axis);
   if (contacts->size() == first) return;
   for (size_t c = first; c < contacts->size(); ++c) {
     Contact& contact = (*contacts)[c];

@@ -12,14 +12,13 @@ namespace {
 
 struct Axis {
   AxisScore score;
-  double separation = 0;             // [m]
   int index = -1;                    // faces: 0..2 of a, 3..5 of b; edges: 3 i + j
   Vector3 normal = Vector3::Zero();  // unit, from a to b, W
 };
 
 // Everything the fifteen tests share. t, R: b's centre and axes seen from a.
 struct Pair {
-  Pair(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach_, const Vector3& travel)
+  Pair(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach_)
       : shape_a(a),
         shape_b(b),
         pose_a(pa),
@@ -32,7 +31,6 @@ struct Pair {
         R(A.transpose() * B),
         absolute_R(R.cwiseAbs()),
         t(A.transpose() * between),
-        travel_W(travel),
         size(std::min(a.size(), b.size())),
         reach(reach_) {}
   const Shape &shape_a, &shape_b;
@@ -42,7 +40,6 @@ struct Pair {
   const Vector3 between;  // [m] from a to b, W
   const Matrix3 R, absolute_R;
   const Vector3 t;
-  const Vector3& travel_W;
   const double size, reach;
 };
 
@@ -96,22 +93,17 @@ int BestFace(const Pair& pair, Axis* best) {
     const int k = (first + i) % 6;
     const Separation separation = AlongFace(pair, k);
     if (separation.value > pair.reach) return k;
-    const AxisScore most = AxisScore::Of(separation.value, 0, pair.size);  // the travel takes some of it away
-    if (best->index >= 0 && !most.BetterThan(best->score, FaceSlack(pair.size))) continue;
-    const double sign = separation.distance < 0 ? -1 : 1;
-    const auto column = k < 3 ? pair.A.col(k) : pair.B.col(k - 3);
-    const AxisScore score = AxisScore::Of(separation.value, sign * column.dot(pair.travel_W), pair.size);
-    if (best->index < 0 || score.BetterThan(best->score, FaceSlack(pair.size))) {
-      *best = {score, separation.value, k, sign * column};
-    }
+    const AxisScore score = AxisScore::Of(separation.value, pair.size);
+    if (best->index >= 0 && !score.BetterThan(best->score, FaceSlack(pair.size))) continue;
+    *best = {score, k, (separation.distance < 0 ? -1 : 1) * (k < 3 ? pair.A.col(k) : pair.B.col(k - 3))};
   }
   return -1;
 }
 
 // The same for the nine edge pairs; best stays empty if none is better than the best face.
 int BestEdge(const Pair& pair, const AxisScore& face, Axis* best) {
-  const double least = face.separates ? std::max(face.value + EdgeSlack(pair.size), -TouchSlack(pair.size))
-                                      : std::min(face.value + EdgeSlack(pair.size), -TouchSlack(pair.size));
+  const double least = face.separates ? std::max(face.separation + EdgeSlack(pair.size), -TouchSlack(pair.size))
+                                      : std::min(face.separation + EdgeSlack(pair.size), -TouchSlack(pair.size));
   for (int i = 0; i < 3; ++i) {
     const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     for (int j = 0; j < 3; ++j) {
@@ -120,13 +112,11 @@ int BestEdge(const Pair& pair, const AxisScore& face, Axis* best) {
       if (edges.Exceeds(pair.reach)) return 6 + 3 * i + j;
       if (!edges.Exceeds(least)) continue;
       const double length = std::sqrt(edges.length_square);
-      const double separation = edges.value / length;
-      const double scale = (edges.distance < 0 ? -1 : 1) / length;
-      const Vector3 normal = scale * (pair.R(i1, j) * pair.A.col(i2) - pair.R(i2, j) * pair.A.col(i1));
-      const AxisScore score = AxisScore::Of(separation, normal.dot(pair.travel_W), pair.size);
+      const AxisScore score = AxisScore::Of(edges.value / length, pair.size);
       if (score.BetterThan(best->index < 0 ? face : best->score,
                            best->index < 0 ? EdgeSlack(pair.size) : FaceSlack(pair.size))) {
-        *best = {score, separation, 3 * i + j, normal};
+        const double scale = (edges.distance < 0 ? -1 : 1) / length;
+        *best = {score, 3 * i + j, scale * (pair.R(i1, j) * pair.A.col(i2) - pair.R(i2, j) * pair.A.col(i1))};
       }
     }
   }
@@ -161,12 +151,10 @@ bool AppendEdgeContact(const Pair& pair, const Axis& axis, std::vector<Contact>*
   const double s = (along_a - cosine * along_b) / sine_square, t = (cosine * along_a - along_b) / sine_square;
   if (std::abs(s) > pair.half_a[i] || std::abs(t) > pair.half_b[j]) return false;
   const Vector3 on_a = centre_a + s * pair.A.col(i);
-  Contact contact;
-  contact.point_W = pair.pose_a.position_W + on_a + (0.5 * axis.separation) * axis.normal;
-  contact.normal_W = axis.normal.normalized();  // nearly parallel edges: the length came from differences
-  contact.gap = axis.separation;
-  contact.feature = 1u << 31 | static_cast<std::uint32_t>(axis.index << 4 | bits_a << 2 | bits_b);
-  contacts->push_back(contact);
+  const double gap = axis.score.separation;
+  contacts->push_back(MakeContact(pair.pose_a.position_W + on_a + (0.5 * gap) * axis.normal,
+                                  axis.normal.normalized(),  // nearly parallel edges: the length came from differences
+                                  gap, 1u << 31 | static_cast<std::uint32_t>(axis.index << 4 | bits_a << 2 | bits_b)));
   return true;
 }
 
@@ -208,15 +196,15 @@ void AppendFaces(const Pair& pair, const Axis& axis, std::vector<Contact>* conta
   input.incident_face = static_cast<int>(2 * incident_axis) + (incident_sign > 0);
   input.size = pair.size;
   input.reach = pair.reach;
-  AppendFaceContacts(pair.shape_a, pair.pose_a, pair.shape_b, pair.pose_b, pair.travel_W,
-                     {axis.score, axis.separation, axis.normal}, input, contacts);
+  AppendFaceContacts(pair.shape_a, pair.pose_a, pair.shape_b, pair.pose_b, axis.score.separation, axis.normal, input,
+                     contacts);
 }
 
 }  // namespace
 
 void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
-  const Pair pair(a, pose_a, b, pose_b, reach, travel_ba_W);
+                   std::vector<Contact>* contacts, std::int8_t* separating) {
+  const Pair pair(a, pose_a, b, pose_b, reach);
   if (*separating >= 0 && Separates(pair, *separating)) return;
   Axis face, edge;
   int out_of_reach = BestFace(pair, &face);
@@ -224,11 +212,11 @@ void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, cons
   *separating = static_cast<std::int8_t>(out_of_reach);
   if (out_of_reach >= 0) return;
   const Axis& best = edge.index >= 0 ? edge : face;
-  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, pair.size, contacts)) return;
+  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.score.separation, pair.size, contacts)) return;
   if (edge.index >= 0) {
     if (AppendEdgeContact(pair, edge, contacts)) return;
-    if (OnlyEdgesSeparate(face.separation, edge.separation)) {
-      AppendNearestPoints(a, pose_a, b, pose_b, edge.normal, edge.separation, reach, contacts);
+    if (OnlyEdgesSeparate(face.score.separation, edge.score.separation)) {
+      AppendNearestPoints(a, pose_a, b, pose_b, edge.normal, edge.score.separation, reach, contacts);
       return;
     }
   }

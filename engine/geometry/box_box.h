@@ -10,6 +10,6 @@
 namespace islet {
 
 void CollideBoxBox(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating);
+                   std::vector<Contact>* contacts, std::int8_t* separating);
 
 }  // namespace islet

@@ -120,7 +120,8 @@ class Wrapping {
       }
       // Turning sense: the larger the angle of (along, up), measured downwards from -forward, the sooner it is met.
       const double turn = best_along * up - best_up * along;
-      const double length = std::hypot(along, up), best_length = std::hypot(best_along, best_up);
+      const double length = std::sqrt(along * along + up * up),
+                   best_length = std::sqrt(best_along * best_along + best_up * best_up);
       const double slack = 0.5 * tolerance_ * std::min(length, best_length);
       bool sooner = turn > slack;
       if (std::abs(turn) <=

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/contact.h"
+#include "qp/elementary.h"
 
 namespace islet {
 namespace {
@@ -56,7 +57,7 @@ class Fan {
     if (!open_) along_ = across.normalized();
     open_ = true;
     flat_ = flat_ && std::abs(along_.dot(normal)) < kAngle;
-    const double angle = std::atan2(across.dot(along_), best_.dot(normal));
+    const double angle = ArcTangent(across.dot(along_), best_.dot(normal));
     least_ = std::min(least_, angle);
     most_ = std::max(most_, angle);
     for (double& of_other : angles_[!of_a]) flat_ = flat_ && std::abs(angle - of_other) > kAngle;  // a face of both
@@ -68,7 +69,7 @@ class Fan {
   const Vector3& along() const { return along_; }
   Vector3 Middle() const {
     const double angle = 0.5 * (least_ + most_);
-    return std::cos(angle) * best_ + std::sin(angle) * along_.cross(best_);
+    return Cosine(angle) * best_ + Sine(angle) * along_.cross(best_);
   }
 
  private:
@@ -151,12 +152,10 @@ bool AppendEdges(const Side (&sides)[2], const Placement& pose_a, const Vector3&
   const Vector3 along_A = pose_a.rotation_WB.transpose() * fan.along();
   along_A.cwiseAbs().maxCoeff(&largest);
   for (const double end : {from, to}) {
-    Contact contact;
-    contact.point_W = pose_a.position_W + 0.5 * (on_a.on_edge + on_b.on_edge) + end * fan.along();
-    contact.normal_W = normal;
-    contact.gap = normal.dot(on_b.on_edge - on_a.on_edge);
-    contact.feature = kTouchingEdges | static_cast<std::uint32_t>((end == to) == (along_A[largest] > 0));
-    contacts->push_back(contact);
+    contacts->push_back(
+        MakeContact(pose_a.position_W + 0.5 * (on_a.on_edge + on_b.on_edge) + end * fan.along(), normal,
+                    normal.dot(on_b.on_edge - on_a.on_edge),
+                    kTouchingEdges | static_cast<std::uint32_t>((end == to) == (along_A[largest] > 0))));
   }
   return true;
 }
@@ -184,12 +183,9 @@ bool AppendPoint(const Side& side_a, const Side& side_b, const Placement& pose_a
       add(-cross.normalized());
     }
   if (along_edges || !several || sum.norm() < kAngle) return false;
-  Contact contact;
-  contact.normal_W = sum.normalized();
-  contact.point_W = pose_a.position_W + 0.5 * (touch.on_a + touch.on_b);
-  contact.gap = contact.normal_W.dot(touch.on_b - touch.on_a);
-  contact.feature = kTouchingEdges | 2;
-  contacts->push_back(contact);
+  const Vector3 normal = sum.normalized();
+  contacts->push_back(MakeContact(pose_a.position_W + 0.5 * (touch.on_a + touch.on_b), normal,
+                                  normal.dot(touch.on_b - touch.on_a), kTouchingEdges | 2));
   return true;
 }
 

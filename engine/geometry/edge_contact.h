@@ -10,8 +10,8 @@
 
 namespace islet {
 
-inline constexpr double kTouch = 1e-5;      // of a size: twice what gaps may miss
-inline constexpr double kAngle = 1e-2;      // [rad] between sides; those nearer than that are alike
+inline constexpr double kTouch = 1e-5;  // of a size: twice what gaps may miss
+inline constexpr double kAngle = 1e-2;  // [rad] between sides; those nearer than that are alike
 
 // Appends the point of a corner, or the ends of what two edges share, with one normal. normal_W, separation: of the axis that keeps the
 // bodies farthest apart. False where they do not touch, or by faces.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "engine/geometry/narrow_phase.h"
+
 namespace islet {
 namespace {
 
@@ -46,12 +48,9 @@ void FaceClip::Cut(const Vector3& on_plane, const Vector3& outward, double slack
 }
 
 void FaceClip::Emit(const ClipInput& input, const Corner& corner, double gap, std::vector<Contact>* contacts) const {
-  Contact contact;
-  contact.point_W = input.origin_W + corner.point - (0.5 * gap) * input.normal;
-  contact.normal_W = input.reference_is_b ? Vector3(-input.normal) : input.normal;
-  contact.gap = gap;
-  contact.feature = FaceFeature(input, corner.edge_in, corner.edge_out);
-  contacts->push_back(contact);
+  contacts->push_back(MakeContact(input.origin_W + corner.point - (0.5 * gap) * input.normal,
+                                  input.reference_is_b ? Vector3(-input.normal) : input.normal, gap,
+                                  FaceFeature(input, corner.edge_in, corner.edge_out)));
 }
 
 double FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) {

@@ -4,6 +4,7 @@
 
 #include "engine/geometry/box_distance.h"
 #include "engine/geometry/polytope_distance.h"
+#include "engine/geometry/separating_axis.h"
 
 namespace islet {
 namespace {
@@ -11,12 +12,9 @@ namespace {
 constexpr std::uint32_t kClosestFeature = 3u << 30;
 
 Contact ToContact(const ClosestPoints& closest, const Placement& pose_a) {
-  Contact contact;
-  contact.point_W = pose_a.position_W + pose_a.rotation_WB * (0.5 * (closest.on_a + closest.on_b));
-  contact.normal_W = (pose_a.rotation_WB * (closest.on_b - closest.on_a)).normalized();
-  contact.gap = closest.distance;
-  contact.feature = kClosestFeature | (static_cast<std::uint32_t>(closest.feature) & 0x3fffffffu);
-  return contact;
+  return MakeContact(pose_a.position_W + pose_a.rotation_WB * (0.5 * (closest.on_a + closest.on_b)),
+                     (pose_a.rotation_WB * (closest.on_b - closest.on_a)).normalized(), closest.distance,
+                     kClosestFeature | (static_cast<std::uint32_t>(closest.feature) & 0x3fffffffu));
 }
 
 // limit: [m] beyond it the distance may be infinite.
@@ -39,21 +37,21 @@ void AppendNearestPoints(const Shape& a, const Placement& pose_a, const Shape& b
 }
 
 void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                        const Vector3& travel_ba_W, const FaceAxis& axis, const ClipInput& input,
+                        double separation, const Vector3& normal_W, const ClipInput& input,
                         std::vector<Contact>* contacts) {
   static thread_local FaceClip clip;
   const size_t first = contacts->size();
   const double least = clip.Append(input, contacts);
   const double slack = EdgeSlack(input.size);
-  if (least <= axis.separation + slack) return;
-  if (axis.separation <= 0) {
+  if (least <= separation + slack) return;
+  if (separation <= 0) {
     // What lies over the face carries the load; if nothing there touches, the deepest corner has to: one beside the face, if there is any.
-    if (least > slack && !clip.AppendCornersBeside(input, axis.separation + slack, TouchSlack(input.size), contacts))
-      clip.AppendCorners(input, axis.separation + slack, contacts);
+    if (least > slack && !clip.AppendCornersBeside(input, separation + slack, TouchSlack(input.size), contacts))
+      clip.AppendCorners(input, separation + slack, contacts);
     return;
   }
   const double limit = std::max(input.reach, TouchSlack(input.size));
-  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, axis.normal_W, axis.separation, limit);
+  const ClosestPoints closest = Closest(a, pose_a, b, pose_b, normal_W, separation, limit);
   if (closest.distance > limit) {
     contacts->resize(first);
     return;
@@ -62,20 +60,14 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
   if (closest.distance <= TouchSlack(input.size)) {
     // A face that is about to rest keeps its corners; those that it misses by a hair join them along their normal, both
     // ends of an edge too, or the point between the bodies if it is no corner.
-    if (clip.AppendCornersBeside(input, axis.separation + slack, TouchSlack(input.size), contacts)) return;
-    contact.gap *= contact.normal_W.dot(axis.normal_W);
-    contact.normal_W = axis.normal_W;
+    if (clip.AppendCornersBeside(input, separation + slack, TouchSlack(input.size), contacts)) return;
+    contact.gap *= contact.normal_W.dot(normal_W);
+    contact.normal_W = normal_W;
     if (contact.gap < std::min(least, input.reach)) contacts->push_back(contact);
     return;
   }
   contacts->resize(first);
-  if (closest.distance > input.reach) return;
-  const AxisScore score = AxisScore::Of(closest.distance, contact.normal_W.dot(travel_ba_W), input.size);
-  if (score.BetterThan(axis.score, 0)) {
-    contacts->push_back(contact);
-  } else {
-    clip.AppendCorners(input, input.reach, contacts);
-  }
+  if (closest.distance <= input.reach) contacts->push_back(contact);
 }
 
 }  // namespace islet

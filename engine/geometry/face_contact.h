@@ -2,8 +2,7 @@
 //
 // Usually that is the clipped manifold. While the bodies are apart it can miss the corner that is nearest to the
 // reference plane, when that corner lies beside the reference face. Then the nearest points of the two bodies make the
-// one contact, or, where the travel speaks against their direction, the whole incident face is kept off the reference
-// plane.
+// one contact.
 //   threads: pure; scratch memory is one per thread
 #pragma once
 
@@ -11,18 +10,12 @@
 
 #include "engine/geometry/face_clip.h"
 #include "engine/geometry/narrow_phase.h"
-#include "engine/geometry/separating_axis.h"
 
 namespace islet {
 
-struct FaceAxis {
-  AxisScore score;
-  double separation = 0;               // [m]
-  Vector3 normal_W = Vector3::Zero();  // unit, from a to b
-};
-
+// separation: [m] of the face's axis normal_W, a unit vector from a to b.
 void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
-                        const Vector3& travel_ba_W, const FaceAxis& axis, const ClipInput& input,
+                        double separation, const Vector3& normal_W, const ClipInput& input,
                         std::vector<Contact>* contacts);
 
 // The nearest points as the one contact, if within reach. For bodies that every face's axis says overlap and only a pair of

@@ -55,7 +55,7 @@ void CollideCustom(const Shape& custom, const Placement& pose, const Shape& othe
 
 // Requires Rank(a) <= Rank(b).
 void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   const Vector3& travel_ba_W, std::vector<Contact>* contacts, std::int8_t* separating) {
+                   std::vector<Contact>* contacts, std::int8_t* separating) {
   if (a.kind() == ShapeKind::kCustom) return CollideCustom(a, pose_a, b, pose_b, reach, contacts);
   if (b.HasAxis()) {
     if (a.kind() == ShapeKind::kHalfSpace) return CollideHalfSpaceRound(pose_a, b, pose_b, reach, contacts);
@@ -72,12 +72,12 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
         return CollideBoxSphere(a.half_extents(), pose_a, b.radius(), pose_b.position_W, reach, contacts);
       }
       if (b.kind() == ShapeKind::kBox) {
-        return CollideBoxBox(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
+        return CollideBoxBox(a, pose_a, b, pose_b, reach, contacts, separating);
       }
-      return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+      return CollidePolytopes(a, pose_a, b, pose_b, reach, contacts);
     case ShapeKind::kConvexHull:
       if (b_is_sphere) return CollidePolytopeSphere(a, pose_a, b.radius(), pose_b.position_W, reach, contacts);
-      return CollidePolytopes(a, pose_a, b, pose_b, reach, travel_ba_W, contacts);
+      return CollidePolytopes(a, pose_a, b, pose_b, reach, contacts);
     case ShapeKind::kSphere:
       return CollideSphereSphere(a.radius(), pose_a.position_W, b.radius(), pose_b.position_W, reach, contacts);
     case ShapeKind::kCapsule:
@@ -90,15 +90,15 @@ void CollideRanked(const Shape& a, const Placement& pose_a, const Shape& b, cons
 }  // namespace
 
 void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   std::vector<Contact>* contacts, const Vector3& travel_ba_W, std::int8_t* separating) {
+                   std::vector<Contact>* contacts, std::int8_t* separating) {
   std::int8_t none = -1;
   if (!separating) separating = &none;
   if (Rank(a.kind()) <= Rank(b.kind())) {
-    CollideRanked(a, pose_a, b, pose_b, reach, travel_ba_W, contacts, separating);
+    CollideRanked(a, pose_a, b, pose_b, reach, contacts, separating);
     return;
   }
   const size_t first = contacts->size();
-  CollideRanked(b, pose_b, a, pose_a, reach, -travel_ba_W, contacts, separating);
+  CollideRanked(b, pose_b, a, pose_a, reach, contacts, separating);
   for (size_t c = first; c < contacts->size(); ++c) (*contacts)[c].normal_W = -(*contacts)[c].normal_W;
 }
 

@@ -7,8 +7,6 @@
 // apart, to within 1e-4 of the smaller one's size, if they keep n . (relative displacement) >= -gap at each point and
 // do not turn.
 //
-//   axis: among the axes that separate two polytopes now, the one that separates them best after b has moved by
-//         `travel_ba_W` relative to a. A cube that falls past a ledge gets the ledge's side, not its top.
 //   accuracy: gaps are exact to round-off (1e-14 of the larger body's size)
 //   threads: pure functions; scratch memory is one per thread
 #pragma once
@@ -26,14 +24,14 @@ struct Placement {
   Matrix3 rotation_WB = Matrix3::Identity();
 };
 
+// point_W: [m] midway between the two surfaces. Its bodies are left open.
+inline Contact MakeContact(const Vector3& point_W, const Vector3& normal_W, double gap, std::uint32_t feature) {
+  return {.point_W = point_W, .normal_W = normal_W, .gap = gap, .feature = feature};
+}
+
 // Appends the contacts of shape a at pose_a with shape b at pose_b; fills point, normal, gap, feature only. separating: the
 // axis that kept this pair out of reach, for a first guess the next time (-1: none known); the result does not depend on it.
 void CollideShapes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                   std::vector<Contact>* contacts, const Vector3& travel_ba_W = Vector3::Zero(),
-                   std::int8_t* separating = nullptr);
-
-// [m] depth of overlap of two boxes: least over the 15 separating-axis candidates, negative if they are apart. Used to
-// judge the engine, by code that detection does not share.
-double BoxOverlap(const Vector3& half_a, const Placement& pose_a, const Vector3& half_b, const Placement& pose_b);
+                   std::vector<Contact>* contacts, std::int8_t* separating = nullptr);
 
 }  // namespace islet

@@ -1,7 +1,6 @@
 #include "engine/geometry/polytope_contact.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "engine/geometry/edge_contact.h"
@@ -31,8 +30,7 @@ struct Turned {
 
 struct Axis {
   AxisScore score;
-  double separation = 0;  // [m]
-  int face = -1;          // of a, or of b after those of a
+  int face = -1;  // of a, or of b after those of a
   int edge_a = -1, edge_b = -1;
   Vector3 normal = Vector3::Zero();  // unit, from a to b, W
 };
@@ -67,7 +65,7 @@ double FaceSeparation(const Turned& polytope, int face, const Turned& other, int
 }
 
 // False if a face's axis already shows that the bodies are out of reach.
-bool BestFace(const Turned& a, const Turned& b, double reach, double size, const Vector3& travel_W, Axis* best) {
+bool BestFace(const Turned& a, const Turned& b, double reach, double size, Axis* best) {
   const int num_a = a.num_faces(), num = num_a + b.num_faces();
   const Vector3 apart = b.centre - a.centre;
   const int likely_a = Deepest(a, -apart), likely_b = Deepest(b, apart);
@@ -78,10 +76,9 @@ bool BestFace(const Turned& a, const Turned& b, double reach, double size, const
     const double separation =
         of_a ? FaceSeparation(a, f, b, likely_b, enough) : FaceSeparation(b, f - num_a, a, likely_a, enough);
     if (separation > reach) return false;
-    const Vector3 normal = of_a ? a.normals[f] : Vector3(-b.normals[f - num_a]);
-    const AxisScore score = AxisScore::Of(separation, normal.dot(travel_W), size);
+    const AxisScore score = AxisScore::Of(separation, size);
     if (best->face < 0 || score.BetterThan(best->score, FaceSlack(size))) {
-      *best = {score, separation, f, -1, -1, normal};
+      *best = {score, f, -1, -1, of_a ? a.normals[f] : Vector3(-b.normals[f - num_a])};
     }
   }
   return true;
@@ -126,7 +123,7 @@ void EdgesApart(const Turned& polytope, const Vector3& point, double least, std:
 }
 
 // Of the axes of two edges that are better than the best face's: others would not be taken.
-bool BestEdges(Scratch* scratch, double reach, double size, const Vector3& travel_W, const Axis& face, Axis* best) {
+bool BestEdges(Scratch* scratch, double reach, double size, const Axis& face, Axis* best) {
   const Turned &a = scratch->a, &b = scratch->b;
   const double least = std::min(reach, face.score.Needed(EdgeSlack(size), size));
   EdgesApart(a, b.vertices[Deepest(b, face.normal)], least, &scratch->edges_a);
@@ -152,9 +149,9 @@ bool BestEdges(Scratch* scratch, double reach, double size, const Vector3& trave
       if (normal.dot(a.normals[faces_a[0]] + a.normals[faces_a[1]]) < 0) normal = -normal;
       const double separation = normal.dot(from_b - from_a);
       if (separation > reach) return false;
-      const AxisScore score = AxisScore::Of(separation, normal.dot(travel_W), size);
+      const AxisScore score = AxisScore::Of(separation, size);
       if (best->edge_a < 0 || score.BetterThan(best->score, FaceSlack(size))) {
-        *best = {score, separation, -1, ea, eb, normal};
+        *best = {score, -1, ea, eb, normal};
       }
     }
   }
@@ -172,13 +169,10 @@ bool AppendEdgeContact(const Turned& a, const Turned& b, const Vector3& origin_W
   const double square = cross.squaredNorm();
   const double s = d.cross(v).dot(cross) / square, t = d.cross(u).dot(cross) / square;
   if (s < 0 || s > 1 || t < 0 || t > 1) return false;
-  Contact contact;
-  contact.point_W = origin_W + from_a + s * u + (0.5 * axis.separation) * axis.normal;
-  contact.normal_W = axis.normal;
-  contact.gap = axis.separation;
-  contact.feature = 1u << 31 | (static_cast<std::uint32_t>(axis.edge_a) & 0x7fffu) << 15 |
-                    (static_cast<std::uint32_t>(axis.edge_b) & 0x7fffu);
-  contacts->push_back(contact);
+  const double gap = axis.score.separation;
+  contacts->push_back(MakeContact(origin_W + from_a + s * u + (0.5 * gap) * axis.normal, axis.normal, gap,
+                                  1u << 31 | (static_cast<std::uint32_t>(axis.edge_a) & 0x7fffu) << 15 |
+                                      (static_cast<std::uint32_t>(axis.edge_b) & 0x7fffu)));
   return true;
 }
 
@@ -227,27 +221,27 @@ ClipInput FacesOf(Scratch* scratch, const Axis& axis, double reach, double size)
 }  // namespace
 
 void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                      const Vector3& travel_ba_W, std::vector<Contact>* contacts) {
+                      std::vector<Contact>* contacts) {
   static thread_local Scratch scratch;
   scratch.a.Fill(a.polytope(), pose_a.rotation_WB, Vector3::Zero());
   scratch.b.Fill(b.polytope(), pose_b.rotation_WB, pose_b.position_W - pose_a.position_W);
   const double size = std::min(a.size(), b.size());
   Axis face, edges;
-  if (!BestFace(scratch.a, scratch.b, reach, size, travel_ba_W, &face)) return;
-  if (!BestEdges(&scratch, reach, size, travel_ba_W, face, &edges)) return;
+  if (!BestFace(scratch.a, scratch.b, reach, size, &face)) return;
+  if (!BestEdges(&scratch, reach, size, face, &edges)) return;
   const bool of_edges = edges.edge_a >= 0 && edges.score.BetterThan(face.score, EdgeSlack(size));
   const Axis& best = of_edges ? edges : face;
-  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.separation, size, contacts)) return;
+  if (AppendTouchingFeatures(a, pose_a, b, pose_b, best.normal, best.score.separation, size, contacts)) return;
   if (of_edges) {
     if (AppendEdgeContact(scratch.a, scratch.b, pose_a.position_W, edges, contacts)) return;
-    if (OnlyEdgesSeparate(face.separation, edges.separation)) {
-      AppendNearestPoints(a, pose_a, b, pose_b, edges.normal, edges.separation, reach, contacts);
+    if (OnlyEdgesSeparate(face.score.separation, edges.score.separation)) {
+      AppendNearestPoints(a, pose_a, b, pose_b, edges.normal, edges.score.separation, reach, contacts);
       return;
     }
   }
   ClipInput input = FacesOf(&scratch, face, reach, size);
   input.origin_W = pose_a.position_W;
-  AppendFaceContacts(a, pose_a, b, pose_b, travel_ba_W, {face.score, face.separation, face.normal}, input, contacts);
+  AppendFaceContacts(a, pose_a, b, pose_b, face.score.separation, face.normal, input, contacts);
 }
 
 }  // namespace islet

@@ -14,6 +14,6 @@
 namespace islet {
 
 void CollidePolytopes(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double reach,
-                      const Vector3& travel_ba_W, std::vector<Contact>* contacts);
+                      std::vector<Contact>* contacts);
 
 }  // namespace islet

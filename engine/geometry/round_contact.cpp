@@ -24,15 +24,6 @@ Vector3 RimPoint(const Circle& rim, const Matrix3& rotation, std::uint32_t k) {
   return rim.centre + rim.radius * (Cosine(angle) * rotation.col(0) + Sine(angle) * rotation.col(1));
 }
 
-Contact MakeContact(const Vector3& point, const Vector3& normal, double gap, std::uint32_t feature) {
-  Contact contact;
-  contact.point_W = point;
-  contact.normal_W = normal;
-  contact.gap = gap;
-  contact.feature = feature;
-  return contact;
-}
-
 // What a body may meet others with, about an origin that both bodies share. Bodies are as thick as `girth` around their points and lines.
 struct Solid {
   const Shape* shape;

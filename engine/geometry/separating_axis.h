@@ -2,8 +2,7 @@
 //
 // An axis n (unit, from a to b) has a separation s(n): the gap between the two bodies' extents along it, negative if
 // they overlap. Bodies that overlap along every axis leave by the one of least depth. Bodies that some axis separates
-// stay apart as long as any one does, so among those the best is the one that still separates them most after the
-// travel.
+// stay apart as long as any one does, so among those the best is the one that separates them most.
 #pragma once
 
 #include <algorithm>
@@ -22,21 +21,18 @@ inline double TouchSlack(double size) { return 1e-3 * size; }
 
 struct AxisScore {
   bool separates = false;
-  double value = -1e300;  // [m] separation, at the end of the travel if that is less
+  double separation = -1e300;  // [m]
 
   // An overlap up to the touch slack still counts as apart: two cubes that slide along each other's sides with a
   // little overlap must not be caught by each other's tops.
-  static AxisScore Of(double separation, double travel_along, double size) {
-    const bool separates = separation > -TouchSlack(size);
-    return {separates, separates ? separation + std::min(0.0, travel_along) : separation};
-  }
+  static AxisScore Of(double separation, double size) { return {separation > -TouchSlack(size), separation}; }
   bool BetterThan(const AxisScore& other, double slack) const {
     if (separates != other.separates) return separates;
-    return value > other.value + slack;
+    return separation > other.separation + slack;
   }
   // [m] separation that an axis must exceed to be better than this one.
   double Needed(double slack, double size) const {
-    return separates ? value + slack : std::min(value + slack, -TouchSlack(size));
+    return separates ? separation + slack : std::min(separation + slack, -TouchSlack(size));
   }
 };
 

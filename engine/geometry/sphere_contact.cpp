@@ -1,7 +1,5 @@
 #include "engine/geometry/sphere_contact.h"
 
-#include <cmath>
-
 #include "engine/geometry/polytope_distance.h"
 
 namespace islet {
@@ -10,12 +8,8 @@ namespace {
 // The point midway between a surface at `surface_W` and one `gap` farther along the normal.
 void Append(const Vector3& surface_W, const Vector3& normal_W, double gap, int feature,
             std::vector<Contact>* contacts) {
-  Contact contact;
-  contact.point_W = surface_W + 0.5 * gap * normal_W;
-  contact.normal_W = normal_W;
-  contact.gap = gap;
-  contact.feature = static_cast<std::uint32_t>(feature);
-  contacts->push_back(contact);
+  contacts->push_back(
+      MakeContact(surface_W + 0.5 * gap * normal_W, normal_W, gap, static_cast<std::uint32_t>(feature)));
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 // Contacts that tie for the fastest bounce at once, however many, by a Coulomb problem of their own: a cube that lands flat does not
 // spin, a tray of glasses stops with them, and a symmetric hit stays symmetric.
 //
-//   in:  one group of bodies joined by contacts (cut at fixed bodies only: frozen ones bounce like dynamic ones)
+//   in:  one group of bodies joined by contacts (the suite cuts at fixed bodies only, and frozen ones bounce; for crowds frozen ones are walls)
 //   out: velocities of the group's bodies and the impulses, written in place
 //   threads: one resolver per worker; groups share no body that moves
 //   allocation: none after warm-up

@@ -346,18 +346,8 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   forces_W_.clear();
   const std::span<Job> jobs = std::span(jobs_).first(num_jobs_);
   for (Job& job : jobs) Commit(dt, &job, bodies, memory, report);
-  for (const Job& job : jobs) {
-    const std::vector<Contact>& local = job.rests ? job.group.remembered : job.outcome.touching;
-    const std::vector<Vector3>& held = job.rests ? job.group.remembered_force_W : job.outcome.touching_force_W;
-    for (size_t c = 0; c < local.size(); ++c) {
-      contacts_.push_back(local[c]);
-      contacts_.back().body_a = job.group.numbers[local[c].body_a];
-      contacts_.back().body_b = job.group.numbers[local[c].body_b];
-      forces_W_.push_back(held[c]);
-    }
-    if (observer)
-      for (const ProblemRecord& record : job.outcome.records) observer(record);
-  }
+  for (const Job& job : jobs)
+    for (size_t r = 0; observer && r < job.outcome.records.size(); ++r) observer(job.outcome.records[r]);
   // By pair; groups hold pairs of their own.
   order_.resize(contacts_.size());
   for (size_t c = 0; c < order_.size(); ++c) order_[c] = static_cast<int>(c);
@@ -395,6 +385,10 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
     c.body_b = group.numbers[c.body_b];
     return c;
   };
+  const std::vector<Contact>& now = job->rests ? group.remembered : job->outcome.touching;
+  const std::vector<Vector3>& held = job->rests ? group.remembered_force_W : job->outcome.touching_force_W;
+  for (const Contact& c : now) contacts_.push_back(world(c));
+  forces_W_.insert(forces_W_.end(), held.begin(), held.end());
   if (job->rests) {
     for (const int i : job->members) memory->mark[i] = job->mark;
     for (size_t c = 0; c < group.remembered.size(); ++c)
@@ -414,8 +408,11 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
     body = group.bodies[k];
   }
   const int first = static_cast<int>(impulses_.size());
-  for (const TimedImpulse& j : outcome.impulses)
-    impulses_.push_back({world(j.contact), j.impulse_W, j.time, j.duration, j.corrects < 0 ? -1 : first + j.corrects});
+  for (LedgerImpulse j : outcome.impulses) {
+    j.contact = world(j.contact);
+    if (j.corrects >= 0) j.corrects += first;
+    impulses_.push_back(j);
+  }
   Rest(dt, *job, bodies, memory);
   for (const int i : job->members) {
     (bodies[i].frozen ? report->frozen : report->awake) += 1;
@@ -431,34 +428,24 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
   report->unstepped = std::max(report->unstepped, outcome.unstepped);
   report->motion_passes = std::max(report->motion_passes, outcome.passes);
   report->motion_failures += outcome.unstepped > 0;
-  IslandReport island;
-  island.first_body = job->members[0];
-  island.bodies = static_cast<int>(job->members.size());
+  IslandReport island{.first_body = job->members[0],
+                      .bodies = static_cast<int>(job->members.size()),
+                      .contacts = static_cast<int>(outcome.touching.size())};
   for (const ResponseOutcome& o : outcome.struck) {
     o.AddTo(&report->collision_qp, &report->ladder);
     report->seconds.collision_qp += o.seconds;
-    island.collision_status = std::max(island.collision_status, o.status);
-    island.collision_iterations += o.iterations;
-    island.map = std::max(island.map, o.map);
-    island.certificate.Include(o.certificate);
+    o.AddTo(Stage::kCollision, &island);
   }
   for (const auto* answers : {&outcome.carried, &outcome.settled}) {
     for (const ResponseOutcome& o : *answers) {
       o.AddTo(&report->static_qp, &report->ladder);
       report->seconds.static_qp += o.seconds;
-      island.static_status = std::max(island.static_status, o.status);
-      island.static_iterations += o.iterations;
-      island.map = std::max(island.map, o.map);
+      o.AddTo(Stage::kStatic, &island);
       island.contacts = std::max(island.contacts, o.contacts);
-      island.certificate.Include(o.certificate);
     }
   }
   report->certificate.Include(island.certificate);
-  if (outcome.touching.empty()) return;
-  island.contacts = std::max(island.contacts, static_cast<int>(outcome.touching.size()));
-  report->islands.push_back(island);
-  report->active_contacts += island.contacts;
-  report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
+  if (!outcome.touching.empty()) report->Add(island);
 }
 
 // What is remembered of the contacts holds every body, while it rests, and what it still moves by the ledger does not miss.

@@ -77,6 +77,11 @@ Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB) {
   return (Exp(turn) * rotation_WB).normalized();
 }
 
+FreeTurn TurnFreely(const Body& body, const Quaternion& rotation_WB, const Vector3& spin_W, double time) {
+  const Quaternion turned_WB = Turned(FreeRotation(body.inertia_B, rotation_WB, spin_W, time), rotation_WB);
+  return {turned_WB, AngularVelocityAfter(body.inertia_B, rotation_WB, spin_W, turned_WB)};
+}
+
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
   const double press = std::max(0.0, contact.normal_W.dot(impulse_W));
   const Vector3 friction = impulse_W - contact.normal_W.dot(impulse_W) * contact.normal_W;

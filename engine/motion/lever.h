@@ -5,8 +5,11 @@
 //   frames: W    units: SI    threads: pure functions
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "engine/body.h"
 #include "engine/contact.h"
@@ -30,6 +33,13 @@ Vector3 SpinOf(const Body& body, const Quaternion& rotation_WB, const Vector3& m
 // turn: [rad] rotation vector.
 Quaternion Turned(const Vector3& turn, const Quaternion& rotation_WB);
 
+// Where a body that turned freely for a time [s] is, and its spin [rad/s] there.
+struct FreeTurn {
+  Quaternion rotation_WB = Quaternion::Identity();
+  Vector3 spin_W = Vector3::Zero();
+};
+FreeTurn TurnFreely(const Body& body, const Quaternion& rotation_WB, const Vector3& spin_W, double time);
+
 // What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
 // [N s] the impulse of a contact that slid all the way, as it lies at the end: its normal has turned since halfway, and so has its slip. Of
@@ -45,6 +55,21 @@ inline constexpr double kSamePlace = 1e-2;
 // -1: none. (Farther away the same feature is another place: of level faces detection names now this corner so and now that.)
 int FindAgain(std::span<const Contact> of_pair, std::uint32_t feature, const Vector3& point_W, double moved,
               double far);
+
+// The forces [N] that held contacts of a step before, at the same contacts now, or at the nearest of the same bodies. Contacts ascend by pair.
+// size_of(contact): [m] of its pair.
+template <typename SizeOf>
+void RecallForces(std::span<const Contact> before, std::span<const Vector3> forces_W, std::span<const Contact> now,
+                  const SizeOf& size_of, std::vector<Vector3>* recalled_W) {
+  recalled_W->assign(now.size(), Vector3::Zero());
+  for (size_t k = 0; k < before.size(); ++k) {
+    if (forces_W[k].isZero(0)) continue;
+    const auto [first, last] = std::equal_range(now.begin(), now.end(), before[k], EarlierPair);
+    const int heir =
+        FindAgain({first, last}, before[k].feature, before[k].point_W, kSamePlace * size_of(before[k]), INFINITY);
+    if (heir >= 0) (*recalled_W)[static_cast<size_t>(first - now.begin() + heir)] += forces_W[k];
+  }
+}
 
 // Of a pair's contacts the place of the nearest to a point that faces the same way; -1: none. It takes back at the end what one gave too much
 // that is not found again, since faces have slid on.

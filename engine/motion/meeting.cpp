@@ -113,7 +113,7 @@ int CountOverlapping(std::span<const Contact> contacts, const std::function<doub
   const Contact* last = nullptr;
   for (const Contact& c : contacts) {
     if (-c.gap <= kInside * size(c)) continue;
-    pairs += !last || last->body_a != c.body_a || last->body_b != c.body_b;
+    pairs += !last || !SamePair(*last, c);
     last = &c;
   }
   return pairs;

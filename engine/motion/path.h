@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "engine/body.h"
 #include "engine/geometry/narrow_phase.h"
 #include "engine/linear_algebra.h"
 #include "engine/rotation.h"
@@ -18,6 +19,23 @@ struct Pose {
   Quaternion rotation_WB = Quaternion::Identity();
   Placement placement() const { return {position_W, rotation_WB.toRotationMatrix()}; }
 };
+
+// A body while a step is under way.
+struct State {
+  Pose pose;
+  Vector3 linear_W = Vector3::Zero(), angular_W = Vector3::Zero();  // [m/s], [rad/s]
+  Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
+};
+
+inline State StateOf(const Body& b) {
+  return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
+}
+inline void SetState(const State& state, Body* b) {
+  b->position_W = state.pose.position_W;
+  b->rotation_WB = state.pose.rotation_WB;
+  b->linear_velocity_W = state.linear_W;
+  b->angular_velocity_W = state.angular_W;
+}
 
 struct Path {
   Pose start;

@@ -7,11 +7,11 @@ namespace islet::motion {
 
 inline constexpr int kPasses = 8;        // of the carrying problem in a piece
 inline constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back, where friction and blows pay for it
-inline constexpr double kFastest = 20;   // times |g| dt: what a way out of an overlap, or a turn, may ask for
+inline constexpr double kFastest = 20;   // times the least v_ref: what a way out of an overlap, or a turn, may ask for
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
 
 // Of a step of a group of so many bodies that move: a tenth to half a second for three and more. One that needs as much alone is jammed.
-inline int MostWork(int bodies) { return std::min(100000, 35000 * bodies); }
+inline int MostWork(int bodies) { return std::min(100000, 35000 * std::min(bodies, 3)); }
 
 }  // namespace islet::motion

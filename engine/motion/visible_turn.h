@@ -9,18 +9,17 @@
 
 namespace islet::motion {
 
-// Of shapes with an axis: what the two below say of them.
-Vector3 SpinOfAxis(const Quaternion& rotation_WB, const Vector3& spin_W);
-Quaternion RotationOfAxis(const Quaternion& from_WB, const Quaternion& to_WB);
-
 // [rad/s] without its part about the axis.
 inline Vector3 VisibleSpin(const Shape& shape, const Quaternion& rotation_WB, const Vector3& spin_W) {
-  return shape.HasAxis() ? SpinOfAxis(rotation_WB, spin_W) : spin_W;
+  if (!shape.HasAxis()) return spin_W;
+  const Vector3 axis = rotation_WB * Vector3::UnitZ();
+  return spin_W - axis.dot(spin_W) * axis;
 }
 
 // The rotation that has the shape where `to` has it, by the shortest turn of the axis.
 inline Quaternion VisibleRotation(const Shape& shape, const Quaternion& from_WB, const Quaternion& to_WB) {
-  return shape.HasAxis() ? RotationOfAxis(from_WB, to_WB) : to_WB;
+  if (!shape.HasAxis()) return to_WB;
+  return Quaternion::FromTwoVectors(from_WB * Vector3::UnitZ(), to_WB * Vector3::UnitZ()) * from_WB;
 }
 
 }  // namespace islet::motion

@@ -1,17 +1,9 @@
 #include "engine/response/island_problem.h"
 
+#include "engine/rotation.h"
 #include "parallel/fork.h"
 
 namespace islet {
-namespace {
-
-Matrix3 CrossMatrix(const Vector3& r) {
-  Matrix3 m;
-  m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
-  return m;
-}
-
-}  // namespace
 
 qp::Jacobian PointJacobian(const Vector3& position_W, const Contact& contact, const Matrix3& frame, double sign) {
   qp::Jacobian jacobian;

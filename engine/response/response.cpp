@@ -49,8 +49,10 @@ bool FallsFreely(const IslandView& island, const ContactFrames& contacts, std::s
          });
 }
 
-void Tell(const char* name, const IslandView& island, double begin, const ResponseOutcome& outcome) {
-  TellSlice({name, begin, begin + outcome.seconds, island.bodies.empty() ? -1 : island.bodies[0], outcome.contacts});
+void Tell(const char* name, const IslandView& island, const Stopwatch& watch, ResponseOutcome* outcome) {
+  outcome->seconds = watch.seconds();
+  TellSlice({name, watch.begin(), watch.begin() + outcome->seconds, island.bodies.empty() ? -1 : island.bodies[0],
+             outcome->contacts});
 }
 
 }  // namespace
@@ -81,18 +83,30 @@ void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   summary->iterations_max = std::max(summary->iterations_max, iterations);
 }
 
+void ResponseOutcome::AddTo(Stage stage, IslandReport* island) const {
+  const bool collides = stage == Stage::kCollision;
+  QpStatus& worst = collides ? island->collision_status : island->static_status;
+  worst = std::max(worst, status);
+  (collides ? island->collision_iterations : island->static_iterations) += iterations;
+  island->map = std::max(island->map, map);
+  island->certificate.Include(certificate);
+}
+
 // Where bounces contradict each other (a jam), those that the multipliers blame are given up; where they add energy, all are
 // halved; with the last attempt all vanish. False if there was nothing left to lower.
 bool IslandResponder::LowerRestitution(int attempt) {
   const bool blame =
       solution_.status == qp::Status::kInfeasible && solution_.impulses.size() == problem_.contacts.size();
+  const auto fault = [&](size_t c) {  // what may still close bounces by nothing
+    return std::max(0.0, problem_.contacts[c].target) * (blame ? solution_.impulses[c][0] : 1);
+  };
   double worst = 0;
-  for (size_t c = 0; c < problem_.contacts.size(); ++c)
-    worst = std::max(worst, problem_.contacts[c].target * (blame ? solution_.impulses[c][0] : 1));
+  for (size_t c = 0; c < problem_.contacts.size(); ++c) worst = std::max(worst, fault(c));
   if (worst == 0) return false;
   for (size_t c = 0; c < problem_.contacts.size(); ++c) {
     double& target = problem_.contacts[c].target;
-    if (attempt >= kLoweringAttempts || (blame && target * solution_.impulses[c][0] >= kBlameShare * worst))
+    if (target <= 0) continue;
+    if (attempt >= kLoweringAttempts || (blame && fault(c) >= kBlameShare * worst))
       target = 0;
     else if (!blame)
       target /= 2;
@@ -167,9 +181,19 @@ void IslandResponder::AcceptOrComply(const qp::Settings& settings, ResponseOutco
 }
 
 // Velocities from the impulses, whatever the solver's own: momentum and angular momentum to rounding.
-void IslandResponder::KeepMomentum() {
-  if (solution_.impulses.size() != problem_.contacts.size()) return;
+void IslandResponder::KeepMomentum(const ResponseOutcome& outcome) {
+  if (outcome.status == QpStatus::kFailed || solution_.impulses.size() != problem_.contacts.size()) return;
   qp::VelocitiesAfter(problem_, solution_.impulses, &solution_.velocities);
+}
+
+// What is found in the impulses is the guess; they are left zero.
+void IslandResponder::TakeGuess(const IslandView& island, std::span<Vector3> impulses, ResponseOutcome* outcome) {
+  outcome->contacts = static_cast<int>(island.contacts.size());
+  guess_.clear();
+  for (const int contact : island.contacts) {
+    guess_.push_back(impulses[contact]);
+    impulses[contact].setZero();
+  }
 }
 
 void IslandResponder::Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
@@ -216,9 +240,8 @@ ResponseOutcome IslandResponder::ResolveCollisions(const IslandView& island, con
     if (target == 0) target = -ClosingSpeed(contact, time);
   }
   Solve(settings, v_ref, &outcome);
-  if (outcome.status != QpStatus::kFailed) KeepMomentum();
-  outcome.seconds = watch.seconds();
-  Tell("collision_qp", touching, watch.begin(), outcome);
+  KeepMomentum(outcome);
+  Tell("collision_qp", touching, watch, &outcome);
   Finish(touching, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }
@@ -227,12 +250,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
                                                const Settings& settings, double speed_floor, double dt,
                                                std::span<Body> bodies, std::span<Vector3> impulses) {
   ResponseOutcome outcome;
-  outcome.contacts = static_cast<int>(island.contacts.size());
-  guess_.clear();
-  for (const int contact : island.contacts) {
-    guess_.push_back(impulses[contact]);
-    impulses[contact].setZero();
-  }
+  TakeGuess(island, impulses, &outcome);
   if (island.contacts.empty()) return outcome;
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
@@ -255,9 +273,8 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   const bool free = !rubs && FallsFreely(island, contacts, bodies);
   if (looks && free && fastest <= left) return outcome;
   Solve(settings, v_ref, &outcome);
-  if (free && outcome.status != QpStatus::kFailed) KeepMomentum();
-  outcome.seconds = watch.seconds();
-  Tell("static_qp", island, watch.begin(), outcome);
+  if (free) KeepMomentum(outcome);
+  Tell("static_qp", island, watch, &outcome);
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }
@@ -267,12 +284,7 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
                                                 double speed_floor, std::span<Body> bodies,
                                                 std::span<Vector3> impulses) {
   ResponseOutcome outcome;
-  outcome.contacts = static_cast<int>(island.contacts.size());
-  guess_.clear();
-  for (const int contact : island.contacts) {
-    guess_.push_back(impulses[contact]);
-    impulses[contact].setZero();
-  }
+  TakeGuess(island, impulses, &outcome);
   if (island.contacts.empty()) return outcome;
   const Stopwatch watch;
   gatherer_.Gather(bodies, contacts, island.bodies, island.contacts, &problem_);
@@ -287,9 +299,8 @@ ResponseOutcome IslandResponder::ResolveTargets(const IslandView& island, const 
   const qp::Settings solver_settings = SolverSettings(settings, v_ref);
   SolveOnce(solver_settings, &outcome);
   AcceptOrComply(solver_settings, &outcome);
-  if (outcome.status != QpStatus::kFailed) KeepMomentum();
-  outcome.seconds = watch.seconds();
-  Tell("static_qp", island, watch.begin(), outcome);
+  KeepMomentum(outcome);
+  Tell("static_qp", island, watch, &outcome);
   Finish(island, settings, v_ref, bodies, impulses, &outcome);
   return outcome;
 }

@@ -15,6 +15,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/problem_record.h"
 #include "engine/response/certificate.h"
 #include "engine/response/island_problem.h"
 #include "engine/settings.h"
@@ -39,6 +40,7 @@ struct ResponseOutcome {
   Certificate certificate;
   double map = 0;  // natural map of the model, rms, over v_ref
   void AddTo(QpSummary* summary, LadderReport* ladder) const;
+  void AddTo(Stage stage, IslandReport* island) const;
 };
 
 class IslandResponder {
@@ -71,7 +73,8 @@ class IslandResponder {
   static bool IsDriven(const qp::ContactTerm& contact);
   bool IsSquirt() const;
   bool LowerRestitution(int attempt);
-  void KeepMomentum();
+  void KeepMomentum(const ResponseOutcome& outcome);
+  void TakeGuess(const IslandView& island, std::span<Vector3> impulses, ResponseOutcome* outcome);
   void Finish(const IslandView& island, const Settings& settings, double v_ref, std::span<Body> bodies,
               std::span<Vector3> impulses, ResponseOutcome* outcome);
 

@@ -22,9 +22,8 @@ struct SuiteFrame {
   ContactFrames contacts;
 
   std::vector<Matrix3> frames;  // per contact
-  // [N s] per contact, (n, t1, t2). `holding` keeps its values from frame to frame where nothing moves.
+  // [N s] per contact, (n, t1, t2). `holding` begins with what held in the frame before.
   std::vector<Vector3> bounces, collisions, holding;
-  std::vector<Twist> after_bounces;   // per body: where steps 2 and 3 start from
   std::vector<Twist> before_gravity;  // per body
 };
 

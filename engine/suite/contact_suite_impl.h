@@ -51,9 +51,7 @@ struct [[gnu::visibility("hidden")]] ContactSuite::Impl : SuiteMemory {
   std::vector<int> bounce_counts;
   std::vector<double> approach_speeds, energies;  // [m/s] per contact; [J] per body
   std::vector<std::uint8_t> catches;              // per contact: it holds a body that moves along its normal
-  enum Settled : std::uint8_t { kInMotion, kSettled };
-  std::vector<Settled> settled;  // per body: whether it moves with its final velocity along some normals
-  // Of such a body: orthonormal directions of its velocity, scaled by roots of mass and inertia, in which it does.
+  // Per body: orthonormal directions of its velocity, scaled by roots of mass and inertia, in which it moves with its final velocity.
   struct Held {
     int rank = 0;
     Eigen::Matrix<double, 6, 6> directions;

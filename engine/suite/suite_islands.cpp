@@ -40,10 +40,8 @@ void ContactSuite::Impl::Bounce(StepReport* report) {
 
 // By the paper's freezing a frozen body that bounced away wakes [SM04 Eq. 15]; one that only trembled is put back.
 void ContactSuite::Impl::WakeByBounce() {
-  frame.after_bounces.resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     Body& body = frame.bodies[i];
-    frame.after_bounces[i] = TwistOf(body);
     if (!body.frozen) continue;
     if (body.KineticEnergy() > 0.5 * body.mass * frame.rest_speed * frame.rest_speed) {
       body.frozen = false;
@@ -77,7 +75,6 @@ IslandView ContactSuite::Impl::HeldView(const IslandView& view, Worker* worker) 
 void ContactSuite::Impl::ResolveIsland(int island, Worker* worker) {
   const IslandView view = View(island);
   Outcome& outcome = outcomes[island];
-  for (const int i : view.bodies) SetTwist(frame.after_bounces[i], &frame.bodies[i]);
   outcome.collision = worker->responder.ResolveCollisions(view, frame.contacts, settings, frame.speed_floor,
                                                           frame.threshold, frame.bodies, frame.collisions);
   if (observer) Record(island, Stage::kCollision, outcome.collision.status, worker->responder);
@@ -135,26 +132,12 @@ void ContactSuite::Impl::ReportIslands(StepReport* report) const {
   for (int i = 0; i < partition.num_islands(); ++i) {
     const IslandView view = View(i);
     if (view.contacts.empty()) continue;
-    const Outcome& outcome = outcomes[i];
-    IslandReport island;
-    island.first_body = view.bodies[0];
-    island.bodies = static_cast<int>(view.bodies.size());
-    island.contacts = static_cast<int>(view.contacts.size());
-    island.collision_status = outcome.collision.status;
-    island.static_status = outcome.resting.status;
-    island.collision_iterations = outcome.collision.iterations;
-    island.static_iterations = outcome.resting.iterations;
-    island.map = std::max(outcome.collision.map, outcome.resting.map);
-    island.certificate = outcome.collision.certificate;
-    island.certificate.Include(outcome.resting.certificate);
-    report->islands.push_back(island);
-  }
-  std::sort(report->islands.begin(), report->islands.end(),
-            [](const IslandReport& x, const IslandReport& y) { return x.first_body < y.first_body; });
-  report->largest_island_contacts = report->active_contacts = 0;
-  for (const IslandReport& island : report->islands) {
-    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
-    report->active_contacts += island.contacts;
+    IslandReport island{.first_body = view.bodies[0],
+                        .bodies = static_cast<int>(view.bodies.size()),
+                        .contacts = static_cast<int>(view.contacts.size())};
+    outcomes[i].collision.AddTo(Stage::kCollision, &island);
+    outcomes[i].resting.AddTo(Stage::kStatic, &island);
+    report->Add(island);
   }
 }
 

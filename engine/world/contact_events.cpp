@@ -1,24 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 #include "engine/world/world_impl.h"
 
 namespace islet {
-namespace {
-
-// By pair: of contact events and of hits.
-template <typename Event>
-bool Before(const Event& x, const Event& y) {
-  return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
-}
-template <typename Event>
-bool OfOnePair(const Event& x, const Event& y) {
-  return x.body_a == y.body_a && x.body_b == y.body_b;
-}
-
-}  // namespace
-
 // What touches now against what touched then; both ascend, each pair once.
 void World::Impl::FindEvents() {
   std::swap(events, events_before);
@@ -26,22 +11,21 @@ void World::Impl::FindEvents() {
   FindSensed();
   events.clear();
   for (const Contact& c : touching) {
-    if (events.empty() || events.back().body_a != c.body_a || events.back().body_b != c.body_b)
-      events.push_back({ContactEventKind::kBegin, c.body_a, c.body_b});
+    if (events.empty() || !SamePair(events.back(), c)) events.push_back({ContactEventKind::kBegin, c.body_a, c.body_b});
   }
   for (const auto& [a, b] : sensed) events.push_back({ContactEventKind::kBegin, a, b, true});
-  if (!sensed.empty()) std::sort(events.begin(), events.end(), Before<ContactEvent>);
+  if (!sensed.empty()) std::sort(events.begin(), events.end(), EarlierPair);
   const size_t now = events.size();
   size_t next = 0;
   for (const ContactEvent& old : events_before) {
-    while (next < now && Before(events[next], old)) ++next;
-    if (next < now && OfOnePair(old, events[next])) {
+    while (next < now && EarlierPair(events[next], old)) ++next;
+    if (next < now && SamePair(old, events[next])) {
       events[next].kind = ContactEventKind::kPersist;
     } else {
       events.push_back({ContactEventKind::kEnd, old.body_a, old.body_b, old.sensor});
     }
   }
-  if (events.size() > now) std::sort(events.begin(), events.end(), Before<ContactEvent>);
+  if (events.size() > now) std::sort(events.begin(), events.end(), EarlierPair);
 }
 
 // A step that does again what the one before did: what touches goes on.
@@ -76,14 +60,13 @@ void World::Impl::AddHits(double dt) {
   // Once a pair, told of its fastest point, with all that its points gave.
   const auto part = hits.begin() + static_cast<std::ptrdiff_t>(begin);
   std::stable_sort(part, hits.end(), [](const HitEvent& x, const HitEvent& y) {
-    return Before(x, y) || (OfOnePair(x, y) && x.approach > y.approach);
+    return EarlierPair(x, y) || (SamePair(x, y) && x.approach > y.approach);
   });
-  hits.erase(std::unique(part, hits.end(), OfOnePair<HitEvent>), hits.end());
+  hits.erase(std::unique(part, hits.end(), SamePair), hits.end());
   for (const LedgerImpulse& j : ledger_impulses) {
     const HitEvent pair{j.contact.body_a, j.contact.body_b};
-    const auto hit =
-        std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, Before<HitEvent>);
-    if (hit != hits.end() && OfOnePair(*hit, pair)) hit->impulse_W += j.impulse_W;
+    const auto hit = std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, EarlierPair);
+    if (hit != hits.end() && SamePair(*hit, pair)) hit->impulse_W += j.impulse_W;
   }
 }
 

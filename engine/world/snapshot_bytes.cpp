@@ -164,6 +164,22 @@ void Visit(Writer& a, std::vector<Shape>& shapes) {
     Visit(a, const_cast<Shape::Data&>(shape.data()));
   }
 }
+void CheckPolytope(const Polytope& p, ShapeKind kind) {
+  const auto within = [](const auto& numbers, size_t size) {
+    return std::all_of(numbers.begin(), numbers.end(), [&](int i) { return i >= 0 && static_cast<size_t>(i) < size; });
+  };
+  if (p.face_normals.size() != p.faces.size() || p.edge_faces.size() != p.edges.size())
+    Refuse("a polytope's lists differ in length");
+  for (const std::vector<int>& face : p.faces)
+    if (face.empty() || !within(face, p.vertices.size())) Refuse("a face has no such vertex");
+  for (const auto& edge : p.edges)
+    if (!within(edge, p.vertices.size())) Refuse("an edge has no such vertex");
+  for (const auto& faces : p.edge_faces)
+    if (!within(faces, p.faces.size())) Refuse("an edge has no such face");
+  if (kind == ShapeKind::kBox && (p.vertices.size() != 8 || p.faces.size() != 6 || p.edges.size() != 12))
+    Refuse("a box has other corners than eight");
+  if (kind == ShapeKind::kConvexHull && p.vertices.empty()) Refuse("a hull has no vertex");
+}
 void Visit(Reader& a, std::vector<Shape>& shapes) {
   const size_t size = a.Size(0);
   shapes.clear();
@@ -171,10 +187,7 @@ void Visit(Reader& a, std::vector<Shape>& shapes) {
     auto data = std::make_shared<Shape::Data>();
     Visit(a, *data);
     if (data->kind > ShapeKind::kCylinder) Refuse("a shape is of no known kind");
-    const int vertices = static_cast<int>(data->polytope.vertices.size());
-    for (const std::vector<int>& face : data->polytope.faces)
-      for (const int v : face)
-        if (v < 0 || v >= vertices) Refuse("a face has no such vertex");
+    CheckPolytope(data->polytope, data->kind);
     shapes.emplace_back(std::move(data));
   }
 }
@@ -218,7 +231,9 @@ void CheckState(const WorldState& w) {
   require(w.shapes.size() == n && w.masses.size() == n && w.generations.size() == n && w.user_data.size() == n &&
               w.unchecked.size() == n,
           "lists");
-  require(w.travel.size() == w.margins.size() && w.travel.size() <= n && w.crowd.size() <= n, "lists");
+  require(w.travel.size() == w.margins.size() && (w.stale ? w.travel.size() <= n : w.travel.size() == n) &&
+              w.crowd.size() <= n,
+          "lists");
   const auto in_range = [&](int body) { return body >= 0 && body < static_cast<int>(n); };
   for (const auto* list : {&w.near_contacts, &w.touching, &w.resolved, &w.groups.contacts, &w.crowd_memory.contacts})
     for (const Contact& c : *list) require(in_range(c.body_a) && in_range(c.body_b) && c.body_a < c.body_b, "contacts");

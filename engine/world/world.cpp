@@ -238,7 +238,6 @@ void World::SetSurfaceVelocity(int body, const Vector3& velocity_B) {
   RequireFinite(NameOf(body), "surface velocity", velocity_B);
   b.surface_velocity_B = velocity_B;
   impl_->WakeAll();
-  impl_->Changed();
 }
 
 void World::SetLayers(int body, std::uint32_t layers, std::uint32_t collides_with) {

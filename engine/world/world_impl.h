@@ -20,7 +20,7 @@
 
 namespace islet {
 
-// All that one step leaves for the next, but for what the suite remembers.
+// All that one step leaves for the next.
 struct WorldState {
   std::vector<Body> bodies;
   std::vector<Shape> shapes;
@@ -69,7 +69,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   LedgerKeeper ledger;
   ProblemObserver observer;
   std::atomic<bool> stepping = false;
-  bool lost = false;  // a step ended half done, and there is no state to go back to
+  bool lost = false;             // a step ended half done, and there is no state to go back to
   WorldState start, part_start;  // of a step whose callbacks may throw; of a part of it that may be taken back
   std::vector<std::pair<int, int>> sensed, passed;  // passed: on the way, in this step's parts so far
   std::vector<int> sensor_inside;                   // of one sensor
@@ -118,7 +118,6 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void LookAt(std::uint32_t layers, const Box& box, const Look& look) const;
   void DetectAll(std::span<const Body> asked);  // asked: bodies as the filter sees them
   void DetectMoving(std::span<const Vector3> expected);
-  void CountKept();
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach() const;
   void MixMaterials(std::vector<Contact> * contacts) const;

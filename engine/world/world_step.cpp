@@ -45,17 +45,11 @@ void World::Impl::DetectAll(std::span<const Body> asked) {
   stale = false;
 }
 
-void World::Impl::CountKept() {
-  const KeptContacts kept = detector.kept();
-  spared.Add(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
-}
-
 // Contacts between bodies that stand still are kept: their poses have not changed since they were found.
 void World::Impl::DetectMoving(std::span<const Vector3> expected) {
   ChooseMargins(expected);
   if (!settings.ladder.Has(qp::Rung::kKeptPairs)) {
     DetectAll(before);
-    CountKept();
     return;
   }
   still.clear();
@@ -65,7 +59,8 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
            (!filter.has_callback() || rule.Allows(c.body_a, c.body_b));
   });
   detector.Detect(bodies, shapes, travel, margins, &detected, /*include_frozen=*/false, &rule);
-  CountKept();
+  const KeptContacts kept = detector.kept();
+  spared.Add(qp::Rung::kKeptPairs, kept.pairs, kept.contacts);
   MixMaterials(&detected);
   if (still.empty()) {
     std::swap(near_contacts, detected);
@@ -188,8 +183,8 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
   TellSlice({"detect", lap, detected_at});
   const double others = report->seconds.Total();
   crowd_motion.Step(
-      dt, [this](std::span<const Vector3> travel_W, std::vector<Contact>*) { DetectMoving(travel_W); }, observer,
-      bodies, shapes, &near_contacts, &crowd_memory, report);
+      dt, [this](std::span<const Vector3> travel_W) { DetectMoving(travel_W); }, observer, bodies, shapes,
+      &near_contacts, &crowd_memory, report);
   resolved.clear();
   impulses.clear();
   AddImpulses(crowd_motion.impulses());
@@ -214,7 +209,7 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
 // those, too.
 bool World::Impl::MayBeTakenBack() const { return MovesGroups() && !failed; }
 
-// Returns false, and has done nothing, where a crowd would let something through, or fail, and races are refused. Where they are taken and
+// Returns false, and has moved nothing, where a crowd would let something through, or fail, and races are refused. Where they are taken and
 // something went through all the same, small groups that gave up stay where they are.
 bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
   const bool may_retry = races == Races::kRefused ? MayBeTakenBack() : races == Races::kTaken && MovesGroups();

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/geometry/narrow_phase.h"
+#include "tests/support/box_overlap.h"
 #include "tests/support/worlds.h"
 
 namespace islet {
@@ -115,7 +116,8 @@ double Overlap(const Shape& a, const Body& body_a, const Shape& b, const Body& b
   const bool sphere_a = a.kind() == ShapeKind::kSphere, sphere_b = b.kind() == ShapeKind::kSphere;
   if (sphere_a && sphere_b) return a.radius() + b.radius() - (body_a.position_W - body_b.position_W).norm();
   if (sphere_a) return Overlap(b, body_b, a, body_a);
-  if (!sphere_b) return BoxOverlap(a.half_extents(), PlacementOf(body_a), b.half_extents(), PlacementOf(body_b));
+  if (!sphere_b)
+    return testing::BoxOverlap(a.half_extents(), PlacementOf(body_a), b.half_extents(), PlacementOf(body_b));
   const Vector3 centre = body_a.rotation_WB.conjugate() * (body_b.position_W - body_a.position_W);
   const Vector3 closest = centre.cwiseMax(-a.half_extents()).cwiseMin(a.half_extents());
   return b.radius() - (centre - closest).norm();

@@ -1,14 +1,16 @@
-// The judge of penetration: written apart from box_box.cpp, by projecting corners, and slow on purpose.
+// The judge of overlaps of boxes: written apart from box_box.cpp, by projecting corners, and slow on purpose.
+#pragma once
+
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "engine/geometry/narrow_phase.h"
 
-namespace islet {
-namespace {
+namespace islet::testing {
 
 // [m] extent of a box along a unit direction, as an interval over its eight corners relative to an origin.
-void Project(const Vector3& half, const Placement& pose, const Vector3& origin, const Vector3& direction, double* lower,
+inline void Project(const Vector3& half, const Placement& pose, const Vector3& origin, const Vector3& direction, double* lower,
              double* upper) {
   *lower = std::numeric_limits<double>::infinity();
   *upper = -*lower;
@@ -21,9 +23,8 @@ void Project(const Vector3& half, const Placement& pose, const Vector3& origin, 
   }
 }
 
-}  // namespace
-
-double BoxOverlap(const Vector3& half_a, const Placement& pose_a, const Vector3& half_b, const Placement& pose_b) {
+// [m] depth of overlap of two boxes: least over the 15 separating-axis candidates, negative if they are apart.
+inline double BoxOverlap(const Vector3& half_a, const Placement& pose_a, const Vector3& half_b, const Placement& pose_b) {
   double depth = std::numeric_limits<double>::infinity();
   auto test = [&](const Vector3& direction) {
     double lower_a, upper_a, lower_b, upper_b;
@@ -43,4 +44,4 @@ double BoxOverlap(const Vector3& half_a, const Placement& pose_a, const Vector3&
   return depth;
 }
 
-}  // namespace islet
+}  // namespace islet::testing

@@ -58,25 +58,8 @@ void Crowd::Load(double dt) {
                     Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
       return;
     }
-    Free& free = free_[i];
-    free.linear_W = b.linear_velocity_W + 0.5 * dt * (settings_.gravity + b.force_W / b.mass);
-    free.half_WB = Turned(FreeRotation(b.inertia_B, b.rotation_WB, b.angular_velocity_W, 0.5 * dt), b.rotation_WB);
-    free.spin_W = AngularVelocityAfter(b.inertia_B, b.rotation_WB, b.angular_velocity_W, free.half_WB);
-  });
-}
-
-// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
-void Crowd::Recall(const CrowdMemory& memory) {
-  start_force_W_.assign(start_.size(), Vector3::Zero());
-  ForEachPair(memory.contacts, start_, [&](size_t old, size_t old_end, size_t now, size_t now_end) {
-    if (old == old_end || now == now_end) return;
-    for (size_t o = old; o < old_end; ++o) {
-      if (memory.forces_W[o].isZero(0)) continue;
-      const Contact& gone = memory.contacts[o];
-      const int heir = FindAgain(std::span(start_).subspan(now, now_end - now), gone.feature, gone.point_W,
-                                 kSamePlace * Size(gone), INFINITY);
-      start_force_W_[now + std::max(heir, 0)] += memory.forces_W[o];
-    }
+    free_[i] = {b.linear_velocity_W + 0.5 * dt * (settings_.gravity + b.force_W / b.mass),
+                TurnFreely(b, b.rotation_WB, b.angular_velocity_W, 0.5 * dt)};
   });
 }
 
@@ -119,7 +102,8 @@ double Crowd::FreshOverlap() const {
 Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
                             StepReport* report) {
   start_ = *near_;
-  Recall(*memory);
+  RecallForces(
+      memory->contacts, memory->forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   Load(h);
   if (rides && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
     for (size_t c = 0; c < start_.size(); ++c) ApplyImpulse(start_[c], ride_.impulse_W(c), bodies_);
@@ -135,7 +119,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
     Carry(pass == 1, report);
     Fly();
     const double looking = Seconds();
-    find(travel_, near_);
+    find(travel_);
     const double found = Seconds();
     report->seconds.detect += found - looking;
     TellSlice({"detect", looking, found});
@@ -179,18 +163,13 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const Fin
     if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
   }
   for (size_t c = 0; c < held_.size(); ++c)
-    if (IsGivenBack(c)) impulses_.push_back({WhereTaken(c), -impulse_W_[c], t + h, 0, acted_as_[c]});
+    if (given_back_[c]) impulses_.push_back({WhereTaken(c), -impulse_W_[c], t + h, 0, acted_as_[c]});
   near_->resize(found_);
   return Outcome::kDone;
 }
 
 void Crowd::Return(std::span<const State> states) {
-  for (size_t i = 0; i < bodies_.size(); ++i) {
-    Body& b = bodies_[i];
-    b.position_W = states[i].pose.position_W;
-    b.rotation_WB = states[i].pose.rotation_WB;
-    SetTwist({states[i].linear_W, states[i].angular_W}, &b);
-  }
+  for (size_t i = 0; i < bodies_.size(); ++i) SetState(states[i], &bodies_[i]);
 }
 
 // Marks what stands still as frozen and took a blow. One that would give it less speed than its weight does is a load like others.
@@ -233,20 +212,12 @@ void Crowd::Remember(double h, CrowdMemory* memory) {
 void Crowd::ReportIslands(StepReport* report) const {
   for (int i = 0; i < partition_.num_islands(); ++i) {
     if (partition_.contacts_of(i).empty()) continue;
-    IslandReport island;
-    island.first_body = partition_.bodies_of(i)[0];
-    island.bodies = static_cast<int>(partition_.bodies_of(i).size());
-    island.contacts = static_cast<int>(partition_.contacts_of(i).size());
-    island.collision_status = struck_[i].status;
-    island.static_status = outcomes_[i].status;
-    island.collision_iterations = struck_[i].iterations;
-    island.static_iterations = outcomes_[i].iterations;
-    island.map = std::max(struck_[i].map, outcomes_[i].map);
-    island.certificate = struck_[i].certificate;
-    island.certificate.Include(outcomes_[i].certificate);
-    report->islands.push_back(island);
-    report->largest_island_contacts = std::max(report->largest_island_contacts, island.contacts);
-    report->active_contacts += island.contacts;
+    IslandReport island{.first_body = partition_.bodies_of(i)[0],
+                        .bodies = static_cast<int>(partition_.bodies_of(i).size()),
+                        .contacts = static_cast<int>(partition_.contacts_of(i).size())};
+    struck_[i].AddTo(Stage::kCollision, &island);
+    outcomes_[i].AddTo(Stage::kStatic, &island);
+    report->Add(island);
   }
 }
 
@@ -294,16 +265,12 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   first_near_ = *near;
   yields_.clear();
   Wake(dt, memory);
-  first_contacts_ = memory->contacts;
-  first_forces_W_ = memory->forces_W;
-  first_lost_ = memory->lost;
+  first_memory_ = *memory;
   for (hit_.clear(); !Pieces(dt, find, memory, report) || !Hold(dt, memory); hit_.clear()) {
     yields_.clear();
     Return(first_);
     *near = first_near_;
-    memory->contacts = first_contacts_;
-    memory->forces_W = first_forces_W_;
-    memory->lost = first_lost_;
+    *memory = first_memory_;
     LookAtStart(dt, *memory);
     freezing_.Wake(frame_, hit_, settings_);
   }

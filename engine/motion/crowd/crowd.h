@@ -40,8 +40,8 @@
 
 namespace islet::motion {
 
-// Finds the contacts at the bodies' present poses, for bodies about to travel as given [m], by pair and feature.
-using FindContacts = std::function<void(std::span<const Vector3> travel_W, std::vector<Contact>* contacts)>;
+// Fills the near contacts of Crowd::Step at the bodies' present poses, for bodies about to travel as given [m], by pair and feature.
+using FindContacts = std::function<void(std::span<const Vector3> travel_W)>;
 
 // What one step of a crowd leaves for the next.
 struct CrowdMemory {
@@ -80,17 +80,9 @@ class Crowd {
     Vector3 in_a = Vector3::Zero(), in_b = Vector3::Zero();  // [m] the points that meet, in the frames of the bodies
     bool faces_a = false, faces_b = false;                   // the axes of its bodies
   };
-  struct State {
-    Pose pose;
-    Vector3 linear_W, angular_W;
-  };
-  static State StateOf(const Body& b) {
-    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
-  }
-  struct Free {          // of one body, under forces alone
-    Vector3 linear_W;    // [m/s] on average
-    Quaternion half_WB;  // turned for half of the step
-    Vector3 spin_W;      // [rad/s] there
+  struct Free {        // of one body, under forces alone
+    Vector3 linear_W;  // [m/s] on average
+    FreeTurn half;     // for half of the piece
   };
   struct Yield {  // of a pair between walls that close
     Contact pair;
@@ -104,6 +96,7 @@ class Crowd {
     std::vector<Vector3> guess;       // [N s] of its contacts, first
     std::vector<Vector3>
         given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
+    std::vector<int> taken;    // held contacts of an island whose impulses are given back where they acted
     std::vector<int> parents;  // of its bodies: of those that impulses join
     std::vector<double> gains, works;   // [J] of these, at the first of them: gains beyond what is theirs
     std::vector<double> share, square;  // of these: what is left of their blows; [J] what all of a blow has alone
@@ -128,7 +121,6 @@ class Crowd {
   Outcome Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
                 StepReport* report);
   void Load(double dt);
-  void Recall(const CrowdMemory& memory);
   void Remember(double h, CrowdMemory* memory);
   void Return(std::span<const State> states);
   bool HitsFrozen();
@@ -211,7 +203,6 @@ class Crowd {
   void TurnCarried();
   void Settle(StepReport* report);
   Contact WhereTaken(size_t c) const;
-  bool IsGivenBack(size_t c) const;
   bool GiveBack(int island, Worker* worker);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
@@ -238,9 +229,8 @@ class Crowd {
   std::vector<LedgerImpulse> impulses_;
   std::vector<std::uint8_t> was_frozen_, hit_;  // as it began; what was frozen and took a blow
   std::vector<State> first_;                    // as it began
-  std::vector<Contact> first_near_, first_contacts_;
-  std::vector<Vector3> first_forces_W_;
-  std::vector<double> first_lost_;
+  std::vector<Contact> first_near_;
+  CrowdMemory first_memory_;
   std::vector<Yield> yields_;  // few
   // Of the piece, where it begins.
   double dt_ = 0, whole_dt_ = 0;  // [s]; of the whole step
@@ -279,7 +269,7 @@ class Crowd {
   // Of its end.
   size_t found_ = 0;             // near contacts that are there; behind them those where pairs that ended open pressed
   std::vector<int> problem_at_;  // per near contact: its place in the problem, or -1
-  std::vector<std::uint8_t> given_back_;     // per contact of the problem: what it carried, where its bodies took it
+  std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem
   std::vector<int> acted_as_;                // per held contact: place in impulses_, or -1
   std::vector<int> carried_at_;              // per near contact: place in impulses_ of what it carried, or -1

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"

@@ -46,7 +46,7 @@ void Crowd::Select() {
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
     if (!a.Moves() && !b.Moves()) continue;
     const auto free = [&](const Body& body, int i) -> Vector3 {
-      return body.Moves() ? Vector3(free_[i].linear_W + free_[i].spin_W.cross(contact.point_W - body.position_W))
+      return body.Moves() ? Vector3(free_[i].linear_W + free_[i].half.spin_W.cross(contact.point_W - body.position_W))
                           : body.VelocityAt(contact.point_W);
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
@@ -157,9 +157,9 @@ void Crowd::Carry(bool first, StepReport* report) {
     Body& p = posed_[i];
     p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
     if (cut_[i]) return;
-    p.rotation_WB = free_[i].half_WB;
+    p.rotation_WB = free_[i].half.rotation_WB;
     p.linear_velocity_W = free_[i].linear_W;
-    p.angular_velocity_W = free_[i].spin_W;
+    p.angular_velocity_W = free_[i].half.spin_W;
     if (!bodies_[i].torque_W.isZero(0))
       p.angular_velocity_W += 0.5 * dt_ * SpinOf(bodies_[i], p.rotation_WB, bodies_[i].torque_W);
   });

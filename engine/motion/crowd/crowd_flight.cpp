@@ -50,14 +50,15 @@ void Crowd::Fly() {
       b.rotation_WB = Turned(dt_ * b.angular_velocity_W, begin_[i].pose.rotation_WB);
     }
     if (!b.Moves()) return;
-    const Free& free = free_[i];
+    const FreeTurn& half = free_[i].half;
     const Vector3 after =
-        mean_spin_W_[i].isZero(0) ? free.spin_W : Vector3(free.spin_W + SpinOf(b, free.half_WB, mean_spin_W_[i]));
+        mean_spin_W_[i].isZero(0) ? half.spin_W : Vector3(half.spin_W + SpinOf(b, half.rotation_WB, mean_spin_W_[i]));
+    const FreeTurn end = TurnFreely(b, half.rotation_WB, after, 0.5 * dt_);
     b.position_W = begin_[i].pose.position_W + dt_ * mean_W_[i];
     b.linear_velocity_W = 2 * mean_W_[i] - begin_[i].linear_W;
-    b.rotation_WB = Turned(FreeRotation(b.inertia_B, free.half_WB, after, 0.5 * dt_), free.half_WB);
-    b.angular_velocity_W = AngularVelocityAfter(b.inertia_B, free.half_WB, after, b.rotation_WB);
-    mean_spin_W_[i] = 0.5 * (free.spin_W + after);
+    b.rotation_WB = end.rotation_WB;
+    b.angular_velocity_W = end.spin_W;
+    mean_spin_W_[i] = 0.5 * (half.spin_W + after);
     travel_[i] = dt_ * b.linear_velocity_W;
   });
 }
@@ -111,7 +112,7 @@ Course Crowd::CourseOf(int i) const {
 
 // A body's axis of symmetry where impulses act.
 Vector3 Crowd::AxisOf(int i, bool faces) const {
-  return faces && !cut_[i] ? Vector3(free_[i].half_WB * Vector3::UnitZ()) : Vector3(Vector3::Zero());
+  return faces && !cut_[i] ? Vector3(free_[i].half.rotation_WB * Vector3::UnitZ()) : Vector3(Vector3::Zero());
 }
 
 void Crowd::Face(const Held& held, const Vector3& centre_a, const Vector3& centre_b, Contact* contact) const {

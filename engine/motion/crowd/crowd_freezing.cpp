@@ -42,7 +42,8 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
 // For freezing: the contacts as the step begins, and what held there.
 void Crowd::LookAtStart(double dt, const CrowdMemory& memory) {
   start_ = *near_;
-  Recall(memory);
+  RecallForces(
+      memory.contacts, memory.forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   blow_W_.clear();
   FillFrame(dt, start_force_W_);
 }

@@ -213,8 +213,8 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
   islands::DisjointSets parts(worker->parents);
   for (const int c : contacts) {
     const Contact& contact = problem_[c];
-    const bool acts =
-        given_back_[c] || !carried_W_[closed_[c]].isZero(0) || !(local_[c] + blows_[c] + collisions_[c]).isZero(0);
+    const bool acts = !worker->taken.empty() || !carried_W_[closed_[c]].isZero(0) ||
+                      !(local_[c] + blows_[c] + collisions_[c]).isZero(0);
     if (acts && !cut_[contact.body_a] && !cut_[contact.body_b])
       parts.Union(place(contact.body_a), place(contact.body_b));
   }
@@ -229,8 +229,7 @@ bool Crowd::MarkGains(int island, Worker* worker) const {
     worker->gains[part] -= WorkOfWalls(problem_[c], problem_[c].point_W, change, true);
     worker->works[part] += work_[closed_[c]];
   }
-  for (size_t c = 0; c < held_.size() && given_back_[contacts[0]]; ++c) {
-    if (!IsGivenBack(c) || !std::binary_search(contacts.begin(), contacts.end(), problem_at_[follows_[c]])) continue;
+  for (const int c : worker->taken) {
     const Contact taken = WhereTaken(c);
     worker->gains[parts.Find(first_of(problem_at_[follows_[c]]))] -=
         WorkOfWalls(taken, taken.point_W, -impulse_W_[c], true);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "engine/contact_pairs.h"
 #include "engine/slice.h"
@@ -120,11 +119,6 @@ Contact Crowd::WhereTaken(size_t c) const {
   return contact;
 }
 
-bool Crowd::IsGivenBack(size_t c) const {
-  const int at = follows_[c] < 0 || impulse_W_[c].isZero(0) ? -1 : problem_at_[follows_[c]];
-  return at >= 0 && given_back_[at];
-}
-
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
 void Crowd::Settle(StepReport* report) {
   const std::vector<Contact>& end = *near_;
@@ -160,7 +154,7 @@ void Crowd::Settle(StepReport* report) {
   }
   problem_at_.assign(near_->size(), -1);
   for (size_t c = 0; c < problem_.size(); ++c) problem_at_[closed_[c]] = static_cast<int>(c);
-  given_back_.assign(problem_.size(), 0);
+  given_back_.assign(held_.size(), 0);
   blows_.assign(problem_.size(), Vector3::Zero());
   collisions_.assign(problem_.size(), Vector3::Zero());
   struck_.assign(partition_.num_islands(), {});
@@ -199,18 +193,22 @@ bool Crowd::GiveBack(int island, Worker* worker) {
     local_[c].setZero();
     blows_[c].setZero();
     collisions_[c].setZero();
-    given_back_[c] = 1;
     if (!ridden_W_[closed_[c]].isZero(0)) ApplyImpulse(problem_[c], -ridden_W_[closed_[c]], posed_);
   }
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (IsGivenBack(c) && std::binary_search(contacts.begin(), contacts.end(), problem_at_[follows_[c]]))
-      ApplyImpulse(WhereTaken(c), -impulse_W_[c], posed_);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
+    if (!std::binary_search(contacts.begin(), contacts.end(), problem_at_[follows_[c]])) continue;
+    worker->taken.push_back(static_cast<int>(c));
+    ApplyImpulse(WhereTaken(c), -impulse_W_[c], posed_);
+  }
   Strike(island, worker);
-  if (!MarkGains(island, worker)) return true;
+  if (!MarkGains(island, worker)) {
+    for (const int c : worker->taken) given_back_[c] = 1;
+    return true;
+  }
   for (size_t k = 0; k < contacts.size(); ++k) {
     carried_W_[closed_[contacts[k]]] = worker->given[2 * k];
     beyond_W_[contacts[k]] = worker->given[2 * k + 1];
-    given_back_[contacts[k]] = 0;
   }
   return false;
 }
@@ -223,6 +221,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
   if (contacts.empty()) return;
   worker->before.clear();
   worker->guess.clear();
+  worker->taken.clear();
   for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
   for (const int c : contacts) worker->guess.push_back(local_[c]);
   const auto gains = [&](int i) {

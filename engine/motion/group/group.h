@@ -6,6 +6,7 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/ledger.h"
 #include "engine/motion/path.h"
 #include "engine/motion/tuning.h"
 #include "engine/problem_record.h"
@@ -13,15 +14,6 @@
 #include "engine/shape.h"
 
 namespace islet::motion {
-
-// An impulse that acted for a time: `duration` 0 is a blow. The force is constant while it acts.
-struct TimedImpulse {
-  Contact contact;    // bodies and point where it acted; of a spread one: halfway
-  Vector3 impulse_W;  // [N s] on body_b
-  double time;        // [s] from the start of the step
-  double duration;    // [s]
-  int corrects = -1;  // place of the spread impulse that it takes something back of, -1: none
-};
 
 struct GroupPair {
   int a, b;  // places in the group, a < b
@@ -42,13 +34,13 @@ struct Group {
 };
 
 struct GroupOutcome {
-  int pieces = 0, blows = 0, bounces = 0, passes = 0, halvings = 0;
+  int pieces = 0, bounces = 0, passes = 0;
   int work = 0;          // counted as for Group::most_work
   double unstepped = 0;  // [s] of the step that the bodies stood still, since no way on was found; 0: all is well
   double overlap = 0;    // [m] deepest at the end
   int overlapping = 0;   // pairs that are inside of each other at the end
   bool restitution_lowered = false;
-  std::vector<TimedImpulse> impulses;
+  std::vector<LedgerImpulse> impulses;
   std::vector<Contact> touching;  // near contacts at the end pose, and the forces [N] that held there
   std::vector<Vector3> touching_force_W;
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
@@ -18,7 +17,7 @@ constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within
 }  // namespace
 
 void GroupOutcome::Clear() {
-  pieces = blows = bounces = passes = halvings = 0;
+  pieces = bounces = passes = 0;
   unstepped = overlap = 0;
   overlapping = 0;
   restitution_lowered = record = record_paths = false;
@@ -44,14 +43,10 @@ double Stepper::BodyRadius(int i) const {
 void Stepper::LoadState() {
   const size_t n = group_->bodies.size();
   state_.resize(n);
-  for (size_t i = 0; i < n; ++i) {
-    const Body& b = group_->bodies[i];
-    state_[i] = {{b.position_W, b.rotation_WB}, b.linear_velocity_W, b.angular_velocity_W};
-  }
+  for (size_t i = 0; i < n; ++i) state_[i] = StateOf(group_->bodies[i]);
   end_state_ = state_;
   middle_.resize(n);
   turned_.resize(n);
-  spun_.resize(n);
   spun_after_.resize(n);
   mean_W_.resize(n);
   ways_.assign(n, {});
@@ -93,17 +88,9 @@ double Stepper::ChooseLength(double rest) {
 
 // Gives what rides the impulses with which it follows its walls; sign -1: takes them back.
 void Stepper::KickRiders(double sign) {
-  for (size_t i = 0; i < posed_.size(); ++i) {
-    posed_[i].linear_velocity_W = state_[i].linear_W;
-    posed_[i].angular_velocity_W = state_[i].angular_W;
-    posed_[i].position_W = state_[i].pose.position_W;
-    posed_[i].rotation_WB = state_[i].pose.rotation_WB;
-  }
+  for (size_t i = 0; i < posed_.size(); ++i) SetState(state_[i], &posed_[i]);
   for (size_t c = 0; c < now_.size(); ++c) ApplyImpulse(now_[c], sign * ride_.impulse_W(c), posed_);
-  for (size_t i = 0; i < posed_.size(); ++i) {
-    state_[i].linear_W = posed_[i].linear_velocity_W;
-    state_[i].angular_W = posed_[i].angular_velocity_W;
-  }
+  for (size_t i = 0; i < posed_.size(); ++i) state_[i] = StateOf(posed_[i]);
   if (sign < 0) ride_.Clear();
 }
 
@@ -167,7 +154,12 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   budget_ = static_cast<int>(4 / brief);
   LoadState();
   FindTouching();
-  Recall();
+  RecallForces(
+      group->remembered, group->remembered_force_W, now_,
+      [&](const Contact& c) {
+        return Size({c.body_a, c.body_b});
+      },
+      &force_W_);
   if (ride_.Find(dt, pull_, floor_, settings, group->bodies, now_, force_W_, &responder_)) KickRiders(1);
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
@@ -263,7 +255,6 @@ bool Stepper::Piece(Progress* p) {
   }
   if (may_halve && (deep || (gains_ && !yields))) {
     ++p->level;
-    ++out_->halvings;
     p->most = 0.5 * h;
     return true;
   }
@@ -295,13 +286,8 @@ void Stepper::End() {
   out_->overlap = 0;
   for (const Contact& c : now_) out_->overlap = std::max(out_->overlap, -c.gap);
   out_->overlapping = CountOverlapping(out_->touching, [&](const Contact& c) { return Size({c.body_a, c.body_b}); });
-  for (size_t i = 0; i < group_->bodies.size(); ++i) {
-    Body& b = group_->bodies[i];
-    if (!b.Moves()) continue;
-    b.position_W = state_[i].pose.position_W;
-    b.rotation_WB = state_[i].pose.rotation_WB;
-    SetTwist({state_[i].linear_W, state_[i].angular_W}, &b);
-  }
+  for (size_t i = 0; i < group_->bodies.size(); ++i)
+    if (group_->bodies[i].Moves()) SetState(state_[i], &group_->bodies[i]);
 }
 
 void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
@@ -311,6 +297,7 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     ++outcome->pieces;
     if (work_ > group->most_work || !Piece(&progress)) {  // they stay where they are for the rest of the step
       outcome->unstepped = dt - progress.t;
+      if (ride_.any()) KickRiders(-1);
       break;
     }
   }

@@ -56,11 +56,6 @@ class Stepper {
     double gap;  // [m] where the piece begins
     bool faces_a, faces_b;
   };
-  struct State {  // of one body while the step is under way
-    Pose pose;
-    Vector3 linear_W, angular_W;
-    Vector3 VelocityAt(const Vector3& point_W) const { return linear_W + angular_W.cross(point_W - pose.position_W); }
-  };
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
@@ -94,7 +89,6 @@ class Stepper {
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
-  void Recall();
   void DetectEnd();
   void FollowHeld();
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
@@ -223,8 +217,9 @@ class Stepper {
   int grazing_ = -1;                         // whose blow ended the piece before, and was none
   bool struck_ = false;                      // a blow ended it
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
-  std::vector<Pose> middle_, turned_;        // halfway on the chord; turned freely for half of its time
-  std::vector<Vector3> spun_, spun_after_;   // [rad/s] there, before and after the impulses
+  std::vector<Pose> middle_;                 // halfway on the chord
+  std::vector<FreeTurn> turned_;             // for half of its time
+  std::vector<Vector3> spun_after_;          // [rad/s] there, after the impulses
   std::vector<Going> ways_;                  // of each body, as far as it is known
   double off_ = 0;                           // [s^2] OffAhead of a first look, OffChord of passes
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give

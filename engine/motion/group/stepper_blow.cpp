@@ -45,7 +45,7 @@ double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_
 double Stepper::CutSpeed(const Contact& contact) const {
   const double brief = 0.5 * brief_ / std::max(contact.restitution, kRocks);  // [s]
   const int beyond = std::clamp(cuts_ - budget_, 0, 60);
-  return std::max(threshold_, std::ldexp(BendOf(contact) * std::min(brief, dt_), beyond));
+  return std::max(threshold_, std::ldexp(BendOf(contact) * brief, beyond));
 }
 
 // Whether it is a blow, when it gets there: as fast as it is, or falls by then.
@@ -67,13 +67,7 @@ bool Stepper::Agrees(const Contact& contact, const Vector3& impulse, const Vecto
 
 // The bodies of the contact problems, as they are at the end.
 void Stepper::PoseAtEnd() {
-  for (size_t i = 0; i < posed_.size(); ++i) {
-    posed_[i].position_W = end_state_[i].pose.position_W;
-    posed_[i].rotation_WB = end_state_[i].pose.rotation_WB;
-    if (!posed_[i].Moves()) continue;
-    posed_[i].linear_velocity_W = end_state_[i].linear_W;
-    posed_[i].angular_velocity_W = end_state_[i].angular_W;
-  }
+  for (size_t i = 0; i < posed_.size(); ++i) SetState(end_state_[i], &posed_[i]);
 }
 
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
@@ -217,7 +211,6 @@ void Stepper::Strike() {
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }
-  ++out_->blows;
   struck_ = true;
   for (size_t c = 0; c < problem_.size(); ++c) {
     strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);

@@ -102,14 +102,12 @@ void Stepper::Carry(double h, bool first) {
     const Body& b = bodies[i];
     if (!b.Moves()) continue;
     const State& s = state_[i];
-    turned_[i] = {s.pose.position_W,
-                  Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB)};
-    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    turned_[i] = TurnFreely(b, s.pose.rotation_WB, s.angular_W, 0.5 * h);
     Body& p = posed_[i];
     p.position_W = first ? CentreAhead(static_cast<int>(i), h) : middle_[i].position_W;
     p.rotation_WB = turned_[i].rotation_WB;
     p.linear_velocity_W = s.linear_W + 0.5 * h * (settings_.gravity + b.force_W / b.mass);
-    p.angular_velocity_W = spun_[i];
+    p.angular_velocity_W = turned_[i].spin_W;
     if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
   }
   PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) {

@@ -55,19 +55,6 @@ void Stepper::FindTouching() {
                &now_pair_);
 }
 
-// The forces that held where the step before ended, at the same contacts or the nearest of the same bodies.
-void Stepper::Recall() {
-  force_W_.assign(now_.size(), Vector3::Zero());
-  for (size_t k = 0; k < group_->remembered.size(); ++k) {
-    const Contact& old = group_->remembered[k];
-    if (group_->remembered_force_W[k].isZero(0)) continue;
-    const auto [first, last] = std::equal_range(now_.begin(), now_.end(), old, EarlierPair);
-    const double size = std::min(group_->shapes[old.body_a]->size(), group_->shapes[old.body_b]->size());
-    const int heir = FindAgain({first, last}, old.feature, old.point_W, kSamePlace * size, INFINITY);
-    if (heir >= 0) force_W_[first - now_.begin() + heir] += group_->remembered_force_W[k];
-  }
-}
-
 void Stepper::DetectEnd() {
   end_.clear();
   end_pair_.clear();

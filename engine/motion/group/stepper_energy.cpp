@@ -36,7 +36,7 @@ void Stepper::KeepAccounts(double h) {
     if (!b.Moves()) continue;
     const State& s = state_[i];
     accounts_[i].gain = EnergyOf(static_cast<int>(i), end_state_[i]) - EnergyOf(static_cast<int>(i), s) -
-                        0.5 * h * b.torque_W.dot(spun_[i] + spun_after_[i]);
+                        0.5 * h * b.torque_W.dot(turned_[i].spin_W + spun_after_[i]);
     accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
     accounts_[i].allowed = kSolved * accounts_[i].at_hand + kUlp * b.mass * pull_ * s.pose.position_W.norm();

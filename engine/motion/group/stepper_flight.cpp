@@ -73,9 +73,7 @@ void Stepper::Fly(double h) {
     const Body& b = bodies[i];
     const State& s = state_[i];
     if (!b.Moves()) continue;
-    turned_[i].rotation_WB =
-        Turned(FreeRotation(b.inertia_B, s.pose.rotation_WB, s.angular_W, 0.5 * h), s.pose.rotation_WB);
-    spun_[i] = AngularVelocityAfter(b.inertia_B, s.pose.rotation_WB, s.angular_W, turned_[i].rotation_WB);
+    turned_[i] = TurnFreely(b, s.pose.rotation_WB, s.angular_W, 0.5 * h);
     spin_gain_[i] = h * b.torque_W;
   }
   PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) { middle_[i] = pose; });
@@ -96,11 +94,12 @@ void Stepper::Fly(double h) {
     const Body& b = bodies[i];
     if (!b.Moves()) continue;
     const Quaternion& half = turned_[i].rotation_WB;
-    spun_after_[i] = spin_gain_[i].isZero(0) ? spun_[i] : Vector3(spun_[i] + SpinOf(b, half, spin_gain_[i]));
-    State& e = end_state_[i];
-    e.pose.rotation_WB = Turned(FreeRotation(b.inertia_B, half, spun_after_[i], 0.5 * h), half);
-    e.angular_W = AngularVelocityAfter(b.inertia_B, half, spun_after_[i], e.pose.rotation_WB);
-    const Vector3 turn = Log(e.pose.rotation_WB * state_[i].pose.rotation_WB.conjugate());
+    spun_after_[i] = turned_[i].spin_W;
+    if (!spin_gain_[i].isZero(0)) spun_after_[i] += SpinOf(b, half, spin_gain_[i]);
+    const FreeTurn end = TurnFreely(b, half, spun_after_[i], 0.5 * h);
+    end_state_[i].pose.rotation_WB = end.rotation_WB;
+    end_state_[i].angular_W = end.spin_W;
+    const Vector3 turn = Log(end.rotation_WB * state_[i].pose.rotation_WB.conjugate());
     middle_[i].rotation_WB = Turned(0.5 * turn, state_[i].pose.rotation_WB);
   }
 }
@@ -208,7 +207,7 @@ Vector3 Stepper::Halfway(const Contact& contact, const Vector3& start, const Vec
 // [rad/s] of a body halfway.
 Vector3 Stepper::MeanSpin(int i) const {
   const Body& b = group_->bodies[i];
-  return b.Moves() ? Vector3(0.5 * (spun_[i] + spun_after_[i])) : b.angular_velocity_W;
+  return b.Moves() ? Vector3(0.5 * (turned_[i].spin_W + spun_after_[i])) : b.angular_velocity_W;
 }
 
 // [m/s] of a body's point halfway.

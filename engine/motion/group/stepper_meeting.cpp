@@ -9,7 +9,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kThrough = 0.25;  // of a size: the same on the way through a piece, at the end of which there is none
+constexpr double kThrough = 0.25;  // of a size: an overlap on the way through a piece that ends without one
 
 }  // namespace
 

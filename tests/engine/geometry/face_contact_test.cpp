@@ -8,6 +8,7 @@
 
 #include "engine/geometry/box_distance.h"
 #include "engine/geometry/narrow_phase.h"
+#include "tests/support/box_overlap.h"
 
 namespace islet {
 namespace {
@@ -65,7 +66,7 @@ TEST(AppendNearestPoints, CubesThatOnlyEdgesSeparate) {
                          {0.88787259108794558, -0.3700096513910982, -0.26009268417971143, -0.084421060810727935});
   const Placement b = At({3.4862454966019265, 6.9875952108239225, 28.946152422706632},
                          {0.47274001384012115, -0.81845842955262427, 0.27173367425371858, 0.18111733402760774});
-  const double depth = BoxOverlap(kBox.half_extents(), a, kBox.half_extents(), b);
+  const double depth = testing::BoxOverlap(kBox.half_extents(), a, kBox.half_extents(), b);
   EXPECT_NEAR(depth, -0.045485, 1e-6);
   for (const Shape& shape : {kBox, BoxAsHull()}) {
     std::vector<Contact> contacts;
@@ -91,7 +92,7 @@ TEST(AppendNearestPoints, BoxesThatAreApartNeverOverlap) {
     const Placement a = At(Vector3::Zero(), rotation());
     const Placement b =
         At((1 + 0.8 * uniform(rng)) * Vector3(gauss(rng), gauss(rng), gauss(rng)).normalized(), rotation());
-    const double separation = -BoxOverlap(half_a, a, half_b, b);
+    const double separation = -testing::BoxOverlap(half_a, a, half_b, b);
     if (separation < 1e-3) continue;
     ++apart;
     std::vector<Contact> contacts;

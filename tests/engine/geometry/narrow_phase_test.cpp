@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/box_overlap.h"
+
 namespace islet {
 namespace {
 
@@ -28,10 +30,9 @@ Placement At(double x, double y, double z) { return {{x, y, z}, Matrix3::Identit
 Placement Turned(const Vector3& position, const Vector3& axis, double angle) {
   return {position, Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()};
 }
-std::vector<Contact> Collide(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach,
-                             const Vector3& travel = Vector3::Zero()) {
+std::vector<Contact> Collide(const Shape& a, const Placement& pa, const Shape& b, const Placement& pb, double reach) {
   std::vector<Contact> contacts;
-  CollideShapes(a, pa, b, pb, reach, &contacts, travel);
+  CollideShapes(a, pa, b, pb, reach, &contacts);
   return contacts;
 }
 double LeastGap(const std::vector<Contact>& contacts) {
@@ -296,24 +297,6 @@ TEST(BoxBox, FeaturesStayWhileTheBodiesJitter) {
   }
 }
 
-// A cube beside and a little above a ledge: it falls past, so the side of the ledge is what it may touch, not the top.
-TEST(BoxBox, TravelChoosesTheAxisThatKeepsTheBodiesApart) {
-  const Shape ledge = Shape::Box({1, 1, 0.1}), cube = Shape::Box({0.5, 0.5, 0.5});
-  const Placement beside = At(1.55, 0, 0.7);  // 0.05 apart along x, 0.1 along z
-  for (const Contact& c : Collide(ledge, At(0, 0, 0), cube, beside, 2, {0, 0, -1})) {
-    ExpectNear(c.normal_W, Vector3::UnitX(), 0);
-    EXPECT_NEAR(c.gap, 0.05, 1e-14);
-  }
-  for (const Contact& c : Collide(ledge, At(0, 0, 0), cube, beside, 2, {-0.5, 0, 0})) {
-    ExpectNear(c.normal_W, Vector3::UnitZ(), 0);
-    EXPECT_NEAR(c.gap, 0.1, 1e-14);
-  }
-  // Fast enough to pass through the whole ledge in one step, but above it now: the top stays the choice.
-  for (const Contact& c : Collide(ledge, At(0, 0, 0), cube, At(0, 0, 0.6), 3, {0, 0, -3})) {
-    ExpectNear(c.normal_W, Vector3::UnitZ(), 0);
-  }
-}
-
 // --- random pairs ---------------------------------------------------------------------------------------------------
 
 struct RandomPair {
@@ -462,7 +445,7 @@ TEST_P(RandomPolytopes, MovingApartByTheDepthEndsTheOverlap) {
     const double depth = -Separation(pair.a.polytope(), pair.pose_a, pair.b.polytope(), pair.pose_b, n);
     pair.pose_b.position_W += depth * n;
     if (!GetParam()) {
-      EXPECT_NEAR(BoxOverlap(pair.a.half_extents(), pair.pose_a, pair.b.half_extents(), pair.pose_b), 0, 1e-3);
+      EXPECT_NEAR(testing::BoxOverlap(pair.a.half_extents(), pair.pose_a, pair.b.half_extents(), pair.pose_b), 0, 1e-3);
     }
     EXPECT_LE(-BestSeparation(pair, &rng), 1e-12);
     ++tested;
@@ -478,9 +461,8 @@ TEST_P(RandomPolytopes, KeptOffByTheirGapsTheyStayApart) {
   for (int trial = 0; trial < 2000; ++trial) {
     RandomPair pair = MakePair(&rng, GetParam());
     const double size = std::min(pair.a.size(), pair.b.size());
-    const Vector3 travel = trial % 2 == 0 ? Vector3::Zero() : RandomVector(&rng, 0.3);
     if (BestSeparation(pair, &rng) <= 0) continue;
-    const auto contacts = Collide(pair.a, pair.pose_a, pair.b, pair.pose_b, 0.3, travel);
+    const auto contacts = Collide(pair.a, pair.pose_a, pair.b, pair.pose_b, 0.3);
     if (contacts.empty()) continue;
     const Vector3 n = contacts[0].normal_W;
     const Vector3 start = pair.pose_b.position_W;
@@ -597,10 +579,11 @@ TEST(BoxBox, AgreesWithTheHullsOfTheirCorners) {
 
 TEST(BoxOverlap, ByHand) {
   const Vector3 half(0.5, 0.5, 0.5);
-  EXPECT_NEAR(BoxOverlap(half, At(0, 0, 0), half, At(0.2, 0.3, 0.9)), 0.1, 1e-15);
-  EXPECT_NEAR(BoxOverlap(half, At(0, 0, 0), half, At(0.2, 1.5, 0.9)), -0.5, 1e-15);
-  EXPECT_NEAR(BoxOverlap(half, At(1, 2, 3), half, Turned({1, 2, 3 + std::sqrt(0.5) + 0.4}, {0, 1, 0}, std::atan(1.0))),
-              0.1, 1e-14);
+  EXPECT_NEAR(testing::BoxOverlap(half, At(0, 0, 0), half, At(0.2, 0.3, 0.9)), 0.1, 1e-15);
+  EXPECT_NEAR(testing::BoxOverlap(half, At(0, 0, 0), half, At(0.2, 1.5, 0.9)), -0.5, 1e-15);
+  EXPECT_NEAR(
+      testing::BoxOverlap(half, At(1, 2, 3), half, Turned({1, 2, 3 + std::sqrt(0.5) + 0.4}, {0, 1, 0}, std::atan(1.0))),
+      0.1, 1e-14);
 }
 
 }  // namespace
