@@ -209,11 +209,12 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
       NextTargets(*h);
       Carry(*h, false);
       Fly(*h);
+      if (*cut) *h = EndAtBlow(*h, *h, dt_ - time_of_piece_);
       DetectEnd();
       double moment = *h;
       if (!*cut && HitsEarlier() && (moment = FindMeeting(*h)) < *h) {
         *cut = true;
-        *h = Shorten(*h, moment);
+        *h = EndAtBlow(*h, moment, *h);
         DetectEnd();
       }
       missed = std::max(Missed(), enough == kExact ? Shifted() : 0);
@@ -241,7 +242,7 @@ bool Stepper::Piece(Progress* p) {
   if (rest - h < 0.2 * h && p->events == 0) h = std::min(rest, 1.2 * h);
   const double moment = FindCourse(h);
   bool cut = moment < h;
-  if (cut) h = Shorten(h, moment);
+  if (cut) h = EndAtBlow(h, moment, h);
   ride_is_lost_ = false;
   const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
   if (ride_is_lost_) {

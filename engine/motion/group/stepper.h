@@ -152,7 +152,7 @@ class Stepper {
   double First(const MeetingQuery& query);
   bool WayIsBarred(double h);
   void Guard(int number, double t, const Path& a, const Path& b);
-  double Shorten(double h, double moment);
+  double EndAtBlow(double h, double moment, double most);
   double GapOfBlow(int pair) const;
 
   // stepper_blow.cpp: velocities where the piece ends.

@@ -137,14 +137,14 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
   }
 }
 
-// The piece ends at the blow: secant steps from the moment found towards the gap that the pair had at the start, 0 as a rule, as
-// long as they get nearer.
-double Stepper::Shorten(double h, double moment) {
+// The piece ends at the blow: secant steps from a moment towards the gap that the pair had at the start, 0 as a rule, as long as they get
+// nearer. most: [s] no later than that.
+double Stepper::EndAtBlow(double h, double moment, double most) {
   const GroupPair& pair = group_->pairs[cut_pair_];
-  const double before = GapOfBlow(cut_pair_), whole = h;
+  const double before = GapOfBlow(cut_pair_);
   double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
   for (int k = 0; k < 6; ++k) {
-    EndAt(at, &h);
+    if (at != h) EndAt(at, &h);
     probe_.clear();
     CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
                   end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
@@ -160,7 +160,7 @@ double Stepper::Shorten(double h, double moment) {
     nearest = std::abs(gap);
     best = at;
     if (nearest <= kExact * Size(pair)) break;
-    at = std::clamp(at + gap / approach, 1e-9 * dt_, whole);
+    at = std::clamp(at + gap / approach, 1e-9 * dt_, most);
   }
   if (h != best) EndAt(best, &h);
   return h;

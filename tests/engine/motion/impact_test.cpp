@@ -263,6 +263,33 @@ TEST(Impact, RisingSlabTakesAWeightlessPlateAlong) {
   }
 }
 
+// Two planks that tip towards each other meet edge on edge while their feet rub: what the feet do in the piece moves the blow, and it is
+// struck where the edges are then. By a face's normal, a hair apart, one would be thrown up and the other down.
+TEST(Impact, PlanksThatTipMeetByTheirEdges) {
+  std::mt19937 random(4);
+  const auto between = [&](double least, double most) {
+    return std::uniform_real_distribution<double>(least, most)(random);
+  };
+  for (int k = 0; k < 30; ++k) {
+    const Vector3 half(between(0.015, 0.05), between(0.1, 0.3), 0.5);
+    const double lean = between(0.02, 0.15) + 2.4 * half.x(), apart = std::sin(lean) + between(0.05, 0.4);
+    World world(Awake());
+    world.Add(Floor(0.8, 0.2));
+    for (const double side : {-1.0, 1.0}) {
+      BodyDefinition plank{.shape = Shape::Box(half)};
+      plank.rotation_WB = Quaternion(Eigen::AngleAxisd(-side * lean, Vector3::UnitY()));
+      plank.position_W = Vector3(side * apart, 0, 0) - plank.rotation_WB * Vector3(-side * half.x(), 0, -half.z());
+      plank.friction = 0.8;
+      plank.restitution = 0.2;
+      world.Add(plank);
+    }
+    for (int i = 0; i < 120; ++i) testing::Step(&world, 1.0 / 60);
+    const Vector3 left = world.body(1).position_W, right = world.body(2).position_W;
+    EXPECT_LT((right - Vector3(-left.x(), left.y(), left.z())).norm(), 1e-6) << k;
+    EXPECT_GT(right.z(), 0.4) << k;
+  }
+}
+
 // Two planks that lean against each other by an edge hold each other up without any friction there.
 TEST(Impact, PlanksLeanOnEachOtherBySmoothEdges) {
   for (const double lean : {0.2, 0.5})
