@@ -84,7 +84,7 @@ void CoulombNewton::FindDirection() {
       column[i] = cosines[i] * above + sines[i] * column[i + 1];
       column[i + 1] = cosines[i] * column[i + 1] - sines[i] * above;
     }
-    const double length = std::hypot(column[k], left);
+    const double length = std::sqrt(column[k] * column[k] + left * left);
     if (!(length > 0)) break;
     cosines[k] = column[k] / length, sines[k] = left / length;
     column[k] = length;
