@@ -1,7 +1,5 @@
 #include "qp/dense/dense_solver.h"
 
-#include <cmath>
-
 #include "qp/direct/one_contact.h"
 #include "qp/slip.h"
 #include "qp/smallness.h"
