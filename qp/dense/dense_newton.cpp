@@ -11,7 +11,7 @@ namespace islet::qp {
 namespace {
 
 Vector3 Law(Model model, const Vector3& x, double mu) {
-  return model == Model::kConvex ? ProjectOnCircularCone(x, mu) : SpringLaw(x, mu);
+  return model == Model::kConvex ? ProjectOnCircularCone(x, mu) : CutToCone(x, mu);
 }
 
 // An element of the generalised derivative of Law.

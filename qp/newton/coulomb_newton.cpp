@@ -6,6 +6,7 @@
 
 #include "qp/body_algebra.h"
 #include "qp/newton/proximal.h"
+#include "qp/slip.h"
 
 namespace islet::qp {
 namespace {
@@ -34,7 +35,7 @@ double CoulombNewton::Residual() {
     Vector3 u = ContactVelocity(contact, v_.data());
     u[0] -= contact.target;
     pulls_[c] = (centre_[c] - stiffness * u) / (1 + stiffness * contact.compliance);
-    impulses_[c] = SpringLaw(pulls_[c], contact.friction);
+    impulses_[c] = CutToCone(pulls_[c], contact.friction);
     AddForce(contact, 6, 0, 1, impulses_[c], &residual_);
   }
   return std::sqrt(Dot(residual_, residual_) / total_mass_);
