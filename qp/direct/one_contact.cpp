@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "qp/elementary.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -31,14 +32,13 @@ Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction, double guess
   if (q[0] >= 0) return Vector3::Zero();
   if (friction == 0) return {-q[0] / w_(0, 0), 0, 0};
   const Vector3 stick = -(inverse_ * q);
-  const double tangent = std::sqrt(stick[1] * stick[1] + stick[2] * stick[2]);
-  if (tangent <= friction * stick[0]) return stick;
+  if (TangentSize(stick) <= friction * stick[0]) return stick;
   return Slide(q, friction, guess);
 }
 
 bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse) const {
   *impulse = Vector3::Zero();
-  if (q[0] >= friction * std::sqrt(q[1] * q[1] + q[2] * q[2])) return true;
+  if (q[0] >= friction * TangentSize(q)) return true;
   const double rounding = 1e-14 * q.norm();
   double low = 0, above = SlipBeyond(low, q, friction, impulse), value = above;
   if (above <= rounding) return true;  // sticks
@@ -66,7 +66,7 @@ bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse
 double OneContact::SlipBeyond(double target, const Vector3& q, double friction, Vector3* impulse) const {
   *impulse = SolveCoulomb(q - target * Vector3::UnitX(), friction);
   const Vector3 u = w_ * *impulse + q;
-  return friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - target;
+  return friction * TangentSize(u) - target;
 }
 
 bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, Vector3* impulse,
@@ -78,7 +78,7 @@ bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, 
   const Vector3 u = w_ * *impulse + q;
   *multiplier = impulse->dot(u) / (target - q[0]);
   const Vector3 dual = u - *multiplier * w_.col(0);
-  const double outside = friction * std::sqrt(dual[1] * dual[1] + dual[2] * dual[2]) - dual[0];
+  const double outside = friction * TangentSize(dual) - dual[0];
   return *multiplier >= 0 && outside <= kSolved * q.norm();
 }
 
