@@ -15,7 +15,7 @@ set(folders qp islands parallel engine scenes)
 # include no room; its sources include any.
 set(rooms_qp_linear_algebra "")
 set(rooms_qp_direct "")
-set(rooms_qp_gauss_seidel direct linear_algebra)
+set(rooms_qp_gauss_seidel linear_algebra)
 set(rooms_qp_interior_point linear_algebra)
 set(rooms_qp_newton linear_algebra)
 set(rooms_qp_dense direct newton)

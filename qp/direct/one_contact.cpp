@@ -28,12 +28,12 @@ OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
 }
 
-Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction, double guess) const {
+Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction) const {
   if (q[0] >= 0) return Vector3::Zero();
   if (friction == 0) return {-q[0] / w_(0, 0), 0, 0};
   const Vector3 stick = -(inverse_ * q);
   if (TangentSize(stick) <= friction * stick[0]) return stick;
-  return Slide(q, friction, guess);
+  return Slide(q, friction);
 }
 
 bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse) const {
@@ -123,14 +123,14 @@ Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target
 
 // In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn. Newton's
 // method on mu j_n / |j_t| - 1, which is nearly linear in lambda, inside a bracket whose upper end may still be infinite.
-Vector3 OneContact::Slide(const Vector3& q, double friction, double guess) const {
+Vector3 OneContact::Slide(const Vector3& q, double friction) const {
   const double wnn = w_(0, 0);
   const double t1 = q[1] - w_(1, 0) * q[0] / wnn, t2 = q[2] - w_(2, 0) * q[0] / wnn;
   const double b[2] = {cosine_ * t1 + sine_ * t2, -sine_ * t1 + cosine_ * t2};
   const double c[2] = {cosine_ * w_(0, 1) + sine_ * w_(0, 2), -sine_ * w_(0, 1) + cosine_ * w_(0, 2)};
   double j[2], jn = 0, size = 0;
   double low = 0, high = INFINITY;
-  double lambda = guess > 0 && guess < 1e300 ? guess : stiffness_[0] + stiffness_[1];
+  double lambda = stiffness_[0] + stiffness_[1];
   for (int i = 0; i < 200; ++i) {
     double dj[2];
     for (int k = 0; k < 2; ++k) {

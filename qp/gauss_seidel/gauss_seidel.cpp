@@ -358,7 +358,7 @@ int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_s
 
 int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
                        std::vector<double>* velocities, Pace pace, Precision precision) {
-  if (problem.contacts.empty() || max_sweeps <= 0) return std::max(0, std::min(max_sweeps, 1));
+  if (problem.contacts.empty() || max_sweeps <= 0) return 0;
   if (precision == Precision::kDouble)
     return SweepIn(&plain_, problem, max_sweeps, tolerance, impulses, velocities, pace);
   if (!single_prepared_) PrepareSingle();

@@ -121,7 +121,6 @@ void BlockCholesky::PlaceFronts() {
   updates_.Resize(updates);
   regions_.Resize(region_size_ * e.num_tasks());
   scratch_.Resize(scratch_size_ * (e.num_tasks() + 1));
-  panels_size_ = panels;
   top_nodes_ = num_nodes_ - e.first[e.top()];
   carry_size_ = static_cast<size_t>(RoundUp(top_nodes_ * block_));
   lines_.Resize(lines_size_ * (e.num_tasks() + 1));

@@ -58,10 +58,8 @@ class BlockCholesky {
   void Solve(double* x);
 
   const Elimination& elimination() const { return elimination_; }
-  int block() const { return block_; }
   // Additions and multiplications of a factorisation.
   double Flops() const { return elimination_.flops_per_cubed_block * block_ * block_ * block_; }
-  size_t FactorSize() const { return panels_size_; }  // numbers stored
 
  private:
   // Address space for the update matrices of fronts that are worked off in order: a front's own is needed while its
@@ -102,7 +100,7 @@ class BlockCholesky {
   std::vector<size_t>
       update_at_;  // per supernode: into updates_ if it leaves its task or is in the top, else into a region
   AlignedNumbers panels_, updates_, regions_, scratch_, lines_, carries_;
-  size_t panels_size_ = 0, region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
+  size_t region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
   int top_nodes_ = 0;
   std::vector<double> signs_;     // of the widest panel
   std::vector<int> replaced_;     // pivots, per task
