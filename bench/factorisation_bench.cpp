@@ -226,7 +226,7 @@ class Ours {
   void Turn(const Eigen::VectorXd& b, const Sparse& lower, int repeats) {
     pool_.ForEach(1, [&](int, int) {
       const Stopwatch watch;
-      for (int i = 0; i < repeats; ++i) kkt_.Factorise(problem_, d_, none_);
+      for (int i = 0; i < repeats; ++i) kkt_.Factorise(d_, none_);
       times_->factorise.push_back(watch.Seconds() / repeats);
       const Stopwatch solving;
       for (int i = 0; i < repeats; ++i) {

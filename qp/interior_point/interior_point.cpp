@@ -181,7 +181,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     }
     if (there || solution->iterations >= kMaxIterations || stalled >= kPatience) break;
     if (!UpdateScalings()) break;
-    kkt_.Factorise(scaled_, blocks_, normal_blocks_);
+    kkt_.Factorise(blocks_, normal_blocks_);
     ComputeDirection(1, false, &direction_);
     const double mu = now.gap / degree_;
     refine_ = gap < kRefineBelow;

@@ -6,13 +6,13 @@
 
 namespace islet::qp {
 
-extern const FrontKernelSet kSse2Kernels;
+extern const FrontKernels kSse2Kernels;
 #ifdef ISLET_WIDE_KERNELS
-extern const FrontKernelSet kAvx2Kernels;
-extern const FrontKernelSet kAvx512Kernels;
+extern const FrontKernels kAvx2Kernels;
+extern const FrontKernels kAvx512Kernels;
 #endif
 
-const FrontKernelSet* FindFrontKernels(const char* name) {
+const FrontKernels* FindFrontKernels(const char* name) {
 #ifdef ISLET_WIDE_KERNELS
   const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   if (std::strcmp(name, "avx2") == 0) return avx2 ? &kAvx2Kernels : nullptr;
@@ -23,13 +23,13 @@ const FrontKernelSet* FindFrontKernels(const char* name) {
   return std::strcmp(name, "sse2") == 0 ? &kSse2Kernels : nullptr;
 }
 
-const FrontKernelSet& BestFrontKernels() {
-  static const FrontKernelSet& best = []() -> const FrontKernelSet& {
+const FrontKernels& BestFrontKernels() {
+  static const FrontKernels& best = []() -> const FrontKernels& {
     if (const char* wanted = std::getenv("ISLET_KERNELS")) {
-      if (const FrontKernelSet* set = FindFrontKernels(wanted)) return *set;
+      if (const FrontKernels* set = FindFrontKernels(wanted)) return *set;
     }
     for (const char* name : {"avx512", "avx2"}) {
-      if (const FrontKernelSet* set = FindFrontKernels(name)) return *set;
+      if (const FrontKernels* set = FindFrontKernels(name)) return *set;
     }
     return kSse2Kernels;
   }();

@@ -115,7 +115,7 @@ bool CoulombNewton::Step(double aim, int most) {
       plain_slopes_[c] = slopes_[c];
       plain_slopes_[c].bottomLeftCorner<2, 1>().setZero();
     }
-    system_.Factorise(*problem_, plain_slopes_, {});
+    system_.Factorise(plain_slopes_, {});
     ++factorisations_;
     FindDirection();
     from_ = v_;
