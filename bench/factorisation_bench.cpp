@@ -24,6 +24,7 @@
 
 #include "bench/problem_files.h"
 #include "parallel/worker_pool.h"
+#include "qp/build_facts.h"
 #include "qp/linear_algebra/kkt.h"
 
 #ifdef ISLET_HAVE_CHOLMOD
@@ -329,7 +330,7 @@ int main(int argc, char** argv) {
 #else
   std::fprintf(stderr, "built without CHOLMOD and OpenBLAS: nothing to compare with\n");
 #endif
-  benchmark::AddCustomContext("kernels", islet::qp::BestFrontKernels().name);
+  benchmark::AddCustomContext("kernels", islet::qp::ChosenKernels());
   islet::qp::RegisterAll();
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();

@@ -79,7 +79,7 @@ struct RowKernels {
                  double* out);
 };
 
-// The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
+// The set of the chosen width (build_facts.h).
 const RowKernels& BestRowKernels();
 
 // The set of that name, or null if this machine or build has none.

@@ -63,7 +63,6 @@ struct ContactProduct {
 
 // The kernels of one vector width.
 struct FrontKernels {
-  const char* name;
   // Eliminates the k columns of the panel and subtracts their outer product from the update matrix. Returns the number of
   // pivots that had to be replaced because their sign was wrong or they were zero (0 in a healthy one).
   int (*factorise)(const Front& front);
@@ -92,7 +91,7 @@ struct FrontKernels {
                        double* out, int stride);
 };
 
-// The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
+// The set of the chosen width (build_facts.h).
 const FrontKernels& BestFrontKernels();
 
 // The set of that name, or null if this machine or build has none.

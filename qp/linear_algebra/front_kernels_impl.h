@@ -75,8 +75,8 @@ void AddProducts(int count, const ContactProduct* products, const double* rows, 
 }  // namespace
 
 extern const FrontKernels ISLET_KERNEL_SET;
-const FrontKernels ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, &FactoriseFront, &Eliminate,     &SolveLines,   &UpdateLines,
-                                       &ExtendAdd,        &ForwardFront,   &BackwardFront, &ForwardBlock, &ForwardLines,
-                                       &BackwardColumns,  &BackwardBlock,  &AddProducts};
+const FrontKernels ISLET_KERNEL_SET = {&FactoriseFront, &Eliminate,       &SolveLines,    &UpdateLines,
+                                       &ExtendAdd,      &ForwardFront,    &BackwardFront, &ForwardBlock,
+                                       &ForwardLines,   &BackwardColumns, &BackwardBlock, &AddProducts};
 
 }  // namespace islet::qp
