@@ -3,16 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <stdexcept>
-#include <string>
 
 namespace islet::parallel {
 namespace {
 
 void CheckCost(const char* name, double cost) {
   if (!(std::isfinite(cost) && cost >= 0)) {
-    throw std::invalid_argument("Schedule: " + std::string(name) + " = " + std::to_string(cost) +
-                                " must be finite and >= 0");
+    std::ostringstream text;
+    text << "Schedule: " << name << " = " << cost << " must be finite and >= 0";
+    throw std::invalid_argument(text.str());
   }
 }
 
