@@ -31,12 +31,6 @@ void SortLargestFirst(std::span<const double> costs, std::vector<int>* order) {
 
 }  // namespace
 
-std::vector<int> LargestFirst(std::span<const double> costs) {
-  std::vector<int> order;
-  SortLargestFirst(costs, &order);
-  return order;
-}
-
 void MakeSchedule(std::span<const double> costs, double batch_cost, Schedule* schedule) {
   CheckCost("batch_cost", batch_cost);
   SortLargestFirst(costs, &schedule->order);

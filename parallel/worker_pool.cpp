@@ -49,7 +49,7 @@ class FirstException {
 class Run {
  public:
   Run(int num_workers, const void* pool, const std::function<void()>& work)
-      : num_workers_(num_workers), work_(work), team_(num_workers, pool) {
+      : num_workers_(num_workers), work_(work), team_(pool) {
     ended_.store(0, std::memory_order_release);
   }
 
