@@ -51,7 +51,7 @@ set(rules
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^cairo\\.h$"                                             "^scenes/drawing_png\\.cpp$"
-  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
+  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/export_fclib\\.cpp$"
   "^poll\\.h$"                                             "^scenes/(apart|live/live_server)\\.cpp$"
   "^sys/(prctl|wait)\\.h$"                                 "^scenes/apart\\.cpp$"
   "^sys/ioctl\\.h$"                                         "^scenes/terminal_line\\.cpp$"
