@@ -109,7 +109,8 @@ void CheckNumbers(const RunOptions& o) {
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
   if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
   if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
-  if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance >= 1e-15 && *o.tolerance <= 0.1, "in [1e-15, 0.1]");
+  if (o.tolerance)
+    RequireRange("--tolerance", *o.tolerance, *o.tolerance >= 1e-15 && *o.tolerance <= 0.1, "in [1e-15, 0.1]");
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
@@ -121,12 +122,13 @@ void CheckNumbers(const RunOptions& o) {
 }
 
 void CheckFiles(const RunOptions& o) {
-  if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
-  if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
-  if (!o.trace.empty()) CheckWritable("--trace", o.trace);
-  if (!o.probes.empty()) CheckWritable("--probes", o.probes);
-  if (!o.picture.empty()) CheckWritable("--picture", o.picture);
-  if (!o.record.empty()) CheckWritable("--record", o.record);
+  const auto outputs = Outputs(o);
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    const std::string& file = output->second;
+    CheckWritable(output->first, file);
+    if (std::any_of(outputs.begin(), output, [&](const auto& before) { return SameOutput(before.second, file); }))
+      throw std::invalid_argument("two outputs go to the same file " + file);
+  }
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
   }
@@ -137,16 +139,6 @@ void CheckFiles(const RunOptions& o) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
-  const std::array<const std::string*, 7> files{&o.report,  &o.frames_csv, &o.probes, &o.trace,
-                                                &o.picture, &o.record,     &o.html};
-  for (size_t i = 0; i < files.size(); ++i) {
-    for (size_t j = 0; j < i; ++j) {
-      if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
-        throw std::invalid_argument("two outputs go to the same file " + *files[i]);
-      }
-    }
-  }
 }
 
 const char* const kOutput = "Output";
@@ -217,6 +209,18 @@ void AddSceneParameters(CLI::App* command, SceneParameters* parameters) {
   add("--drop", p.drop, "H", "stack, csstack, manystacks: gap [m] below each body at the start (default 0)");
   add("--angle", p.angle, "RAD", "balance: the upper sphere's angle off the vertical (default 0.01)");
   add("--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
+}
+
+std::vector<std::pair<const char*, std::string>> Outputs(const RunOptions& o) {
+  std::vector<std::pair<const char*, std::string>> outputs{{"--report", o.ReportOnStdout() ? "" : o.report},
+                                                           {"--frames-csv", o.frames_csv},
+                                                           {"--trace", o.trace},
+                                                           {"--probes", o.probes},
+                                                           {"--picture", o.picture},
+                                                           {"--record", o.record},
+                                                           {o.html_plays ? "--out" : "--html", o.html}};
+  std::erase_if(outputs, [](const auto& output) { return output.second.empty(); });
+  return outputs;
 }
 
 bool IsPng(const std::string& picture) { return EndsIn(picture, ".png"); }

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/settings.h"
@@ -57,6 +58,9 @@ struct RunOptions {
 
   bool ReportOnStdout() const { return report == "-"; }
 };
+
+// The files that it writes, each with the option that asks for it.
+std::vector<std::pair<const char*, std::string>> Outputs(const RunOptions& options);
 
 bool IsPng(const std::string& picture);  // else it is SVG
 
