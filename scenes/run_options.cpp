@@ -8,7 +8,6 @@
 #include <array>
 #include <cctype>
 #include <charconv>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <thread>
@@ -104,7 +103,6 @@ std::string PictureName(const std::string& text) {
 std::string PageName(const std::string& text) { return EndsIn(text, ".html") ? "" : "must end in .html; got " + text; }
 
 void CheckNumbers(const RunOptions& o) {
-  CheckSceneParameters(o.parameters);
   if (o.dt) RequireRange("--dt", *o.dt, *o.dt > 0 && *o.dt <= 1 && *o.dt >= 1e-9, "in [1e-9, 1] s");
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
   if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
@@ -328,17 +326,6 @@ const Scene& RequireScene(const std::string& name) {
   throw std::invalid_argument(fmt::format(
       "scene: there is no \"{}\"; did you mean {}? The scenes are{}; the name of a scene file ends in .json", name,
       NearestScene(name), names));
-}
-
-void CheckSceneParameters(const SceneParameters& p) {
-  if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
-  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e4, "in [0, 1e4]");
-  if (p.restitution) {
-    RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
-  }
-  if (p.drop) RequireRange("--drop", *p.drop, *p.drop >= 0 && *p.drop <= 100, "in [0, 100] m");
-  if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
-  if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
 }
 
 void CheckRunOptions(const RunOptions& options) {

@@ -73,9 +73,8 @@ std::vector<std::string> RunArguments(const CLI::App& command);
 
 // errors: also an argument that does not decide the run
 RunOptions ParseRunArguments(const std::vector<std::string>& arguments);
-// Those of them that make the scene, and their ranges; and the built-in scene of a name, or an error that lists them.
+// Those of them that make the scene, whose ranges BuildScene checks; and the built-in scene of a name, or an error that lists them.
 void AddSceneParameters(CLI::App* command, SceneParameters* parameters);
-void CheckSceneParameters(const SceneParameters& parameters);
 const Scene& RequireScene(const std::string& name);
 
 // Values in range, files writable. Changes no file.

@@ -50,7 +50,7 @@ expect(hash_of("jam.json", "--threads", 1) == hash_of("jam.json", "--threads", 2
 # What is refused: status 2, one line that names it, nothing written.
 rejected = [
     (["export", "stak"], 'no "stak"'),
-    (["export", "stack", "--count", 0], "--count must be from 1"),
+    (["export", "stack", "--count", 0], "count: must be from 1"),
     (["export", "stack", "--out", "nowhere/x.json"], "nowhere/x.json"),
     (["run", "absent.json"], "absent.json: cannot be read: No such file"),
     (["run", scratch / "."], "is a folder"),
