@@ -27,18 +27,10 @@ constexpr int kMostThreads = 1024;
 
 template <typename T, size_t n>
 T Choose(const char* option, const std::string& value, const std::array<std::pair<const char*, T>, n>& choices) {
+  if (const std::optional<T> choice = ValueIn(choices, value)) return *choice;
   std::string names;
-  for (const auto& [name, choice] : choices) {
-    if (value == name) return choice;
-    names += (names.empty() ? "" : ", ") + std::string(name);
-  }
+  for (const auto& [name, choice] : choices) names += (names.empty() ? "" : ", ") + std::string(name);
   throw std::invalid_argument(fmt::format("{} must be one of {}; got {}", option, names, value));
-}
-
-template <typename T, size_t n>
-const char* Name(T value, const std::array<std::pair<const char*, T>, n>& choices) {
-  return std::find_if(choices.begin(), choices.end(), [&](const auto& choice) { return choice.second == value; })
-      ->first;
 }
 
 // Written so that NaN is outside of every range.
@@ -223,10 +215,10 @@ std::vector<std::pair<const char*, std::string>> Outputs(const RunOptions& o) {
 
 bool IsPng(const std::string& picture) { return EndsIn(picture, ".png"); }
 
-const char* NameOf(Model model) { return Name(model, kModels); }
-const char* NameOf(Cone cone) { return Name(cone, kCones); }
-const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
-const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+const char* NameOf(Model model) { return NameIn(kModels, model); }
+const char* NameOf(Cone cone) { return NameIn(kCones, cone); }
+const char* NameOf(BounceLaw law) { return NameIn(kBounceLaws, law); }
+const char* NameOf(Freezing freezing) { return NameIn(kFreezings, freezing); }
 
 void AddRunOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;

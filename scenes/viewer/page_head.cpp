@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "scenes/setting_names.h"
+
 namespace islet {
 namespace {
 
@@ -41,10 +43,6 @@ constexpr std::array kNumberNames{"number",
                                   "failed",
                                   "hash_high",
                                   "hash_low"};
-
-constexpr const char* NameOf(BodyKind kind) {
-  return kind == BodyKind::kFixed ? "fixed" : kind == BodyKind::kKinematic ? "kinematic" : "dynamic";
-}
 
 Json ToJson(const Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -154,7 +152,7 @@ std::string PageHeadJson(const FilmHead& head, const PageChunk& sum, const std::
   Json shapes = Json::array(), kinds = Json::array(), masses = Json::array();
   for (const FilmBody& body : head.bodies) {
     shapes.push_back(body.shape);
-    kinds.push_back(NameOf(body.kind));
+    kinds.push_back(NameIn(kBodyKinds, body.kind));
     masses.push_back(body.mass);
   }
   json["bodies"] = {{"shape", shapes}, {"kind", kinds}, {"mass", masses}};
