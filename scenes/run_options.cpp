@@ -15,15 +15,12 @@
 
 #include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
-#include "scenes/seconds_option.h"
 #include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
-
-constexpr double kLongestRun = 1e6;  // [s] of simulated time
-constexpr int kMostThreads = 1024;
 
 template <typename T, size_t n>
 T Choose(const char* option, const std::string& value, const std::array<std::pair<const char*, T>, n>& choices) {
@@ -31,12 +28,6 @@ T Choose(const char* option, const std::string& value, const std::array<std::pai
   std::string names;
   for (const auto& [name, choice] : choices) names += (names.empty() ? "" : ", ") + std::string(name);
   throw std::invalid_argument(fmt::format("{} must be one of {}; got {}", option, names, value));
-}
-
-// Written so that NaN is outside of every range.
-template <typename T>
-void RequireRange(const char* option, T value, bool inside, const char* rule) {
-  if (!inside) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
 }
 
 // off, auto, or names of rungs that a study wants to have alone.
@@ -97,10 +88,9 @@ std::string PageName(const std::string& text) { return EndsIn(text, ".html") ? "
 void CheckNumbers(const RunOptions& o) {
   if (o.dt) RequireRange("--dt", *o.dt, *o.dt > 0 && *o.dt <= 1 && *o.dt >= 1e-9, "in [1e-9, 1] s");
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
-  if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
-  if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
-  if (o.tolerance)
-    RequireRange("--tolerance", *o.tolerance, *o.tolerance >= 1e-15 && *o.tolerance <= 0.1, "in [1e-15, 0.1]");
+  RequireTime("--seconds", o.seconds);
+  RequireThreads(o.threads);
+  if (o.tolerance) RequireTolerance(*o.tolerance);
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
@@ -139,12 +129,6 @@ bool Decides(const CLI::Option& option) {
          !option.check_name("--help");
 }
 
-template <typename Target>
-CLI::Option* AddTime(CLI::App* command, const char* group, const char* name, Target* target, const char* help) {
-  const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
-  return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
-}
-
 // What chooses scene, time and method.
 void AddSceneOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;
@@ -158,9 +142,11 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
   AddSceneParameters(command, &o.parameters);
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
-  AddTime(command, kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
+  AddTime(command, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
+      ->group(kTime)
       ->excludes(frames);
-  AddTime(command, kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30, or the scene file's)");
+  AddTime(command, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30, or the scene file's)")
+      ->group(kTime);
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -237,7 +223,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")
       ->check(PictureName);
   CLI::Option* const picture_time =
-      AddTime(command, kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+      AddTime(command, "--picture-time", &o.picture_time, "when to draw (default: at the end)")->group(kOutput);
   add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
   add(kOutput, "--record", o.record, "FILE", "keep every frame for `islet replay FILE`")->check(FileName);
   add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")

@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/newton/least_change.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|option_checks|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
