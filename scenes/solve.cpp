@@ -119,7 +119,7 @@ Json ToJson(const Result& r, const SolveOptions& options) {
   Json json;
   json["file"] = r.file;
   json["contacts"] = number(r.contacts.has_value(), r.contacts.value_or(0));
-  json["bodies"] = number(read && r.problem.bodies > 0, r.problem.bodies);
+  json["bodies"] = number(read && !r.problem.touched.empty(), r.problem.touched.size());
   json["model"] = options.model;
   json["cone"] = options.cone;
   json["tolerance"] = options.tolerance;
@@ -148,8 +148,8 @@ std::string Row(const Result& r) {
   const auto shown = [](bool known, double value) { return known ? fmt::format("{:.1e}", value) : std::string("-"); };
   const bool read = r.error.empty(), usable = r.usable();
   return fmt::format(kHeader, name, r.contacts ? fmt::to_string(*r.contacts) : "-",
-                     r.problem.bodies > 0 ? fmt::to_string(r.problem.bodies) : "-", read ? r.method : "-", r.status,
-                     read ? fmt::to_string(r.answer.iterations) : "-",
+                     r.problem.touched.empty() ? "-" : fmt::to_string(r.problem.touched.size()), read ? r.method : "-",
+                     r.status, read ? fmt::to_string(r.answer.iterations) : "-",
                      read ? fmt::format("{:.2f}", 1e3 * r.seconds) : "-", shown(usable, r.verdict.natural_map_rms),
                      shown(usable, r.verdict.natural_map_max), shown(usable, r.verdict.coulomb_map_rms),
                      shown(usable, r.verdict.coulomb_map_max), shown(usable, r.verdict.siconos_error),
