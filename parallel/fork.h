@@ -32,7 +32,7 @@ class PieceRef {
 
 // Which piece is next.
 enum class From {
-  kFirst,     // in their order
+  kFirst,  // in their order
   kBothEnds,  // the caller begins at the first and who helps at the last: of loops that follow each other a thread mostly gets the
               // same numbers, whose data it has at hand
 };
