@@ -24,6 +24,7 @@
 
 #include "bench/problem_files.h"
 #include "parallel/worker_pool.h"
+#include "qp/build_facts.h"
 #include "qp/linear_algebra/kkt.h"
 
 #ifdef ISLET_HAVE_CHOLMOD
@@ -226,7 +227,7 @@ class Ours {
   void Turn(const Eigen::VectorXd& b, const Sparse& lower, int repeats) {
     pool_.ForEach(1, [&](int, int) {
       const Stopwatch watch;
-      for (int i = 0; i < repeats; ++i) kkt_.Factorise(problem_, d_, none_);
+      for (int i = 0; i < repeats; ++i) kkt_.Factorise(d_, none_);
       times_->factorise.push_back(watch.Seconds() / repeats);
       const Stopwatch solving;
       for (int i = 0; i < repeats; ++i) {
@@ -329,7 +330,7 @@ int main(int argc, char** argv) {
 #else
   std::fprintf(stderr, "built without CHOLMOD and OpenBLAS: nothing to compare with\n");
 #endif
-  benchmark::AddCustomContext("kernels", islet::qp::BestFrontKernels().name);
+  benchmark::AddCustomContext("kernels", islet::qp::ChosenKernels());
   islet::qp::RegisterAll();
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();

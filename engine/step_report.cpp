@@ -65,6 +65,16 @@ void QpSummary::Include(const QpSummary& other) {
   seconds += other.seconds;
 }
 
+void StageSeconds::Include(const StageSeconds& other) {
+  detect += other.detect;
+  islands += other.islands;
+  pq += other.pq;
+  collision_qp += other.collision_qp;
+  static_qp += other.static_qp;
+  freeze += other.freeze;
+  move += other.move;
+}
+
 void StepReport::Append(StepReport later) {
   islands = std::move(later.islands);
   contacts = later.contacts;
@@ -83,13 +93,7 @@ void StepReport::Append(StepReport later) {
   static_qp.Include(later.static_qp);
   ladder.Include(later.ladder);
   motion_ladder.Include(later.motion_ladder);
-  seconds.detect += later.seconds.detect;
-  seconds.islands += later.seconds.islands;
-  seconds.pq += later.seconds.pq;
-  seconds.collision_qp += later.seconds.collision_qp;
-  seconds.static_qp += later.seconds.static_qp;
-  seconds.freeze += later.seconds.freeze;
-  seconds.move += later.seconds.move;
+  seconds.Include(later.seconds);
   certificate.Include(later.certificate);
   penetration_max = std::max(penetration_max, later.penetration_max);
   motion_passes = std::max(motion_passes, later.motion_passes);

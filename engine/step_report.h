@@ -30,8 +30,10 @@ struct Certificate {
 struct LedgerEntry {
   double value = 0;                     // how much
   int body = -1;                        // whose
-  void Include(double other, int of) {  // keeps the worse
-    if (other > value || !(other == other)) value = other, body = of;
+  bool Include(double other, int of) {  // keeps the worse, the first NaN for good; whether that is the other
+    const bool worse = other > value || (other != other && value == value);
+    if (worse) value = other, body = of;
+    return worse;
   }
 };
 // How far a step strayed from the laws of mechanics. All 0: not at all.
@@ -93,6 +95,8 @@ struct StageSeconds {
       static_qp = 0,     // step 3
       freeze = 0,        // step 4
       move = 0;          // bodies moved, and what else there is
+
+  void Include(const StageSeconds& other);                                                           // adds it up
   double Total() const { return detect + islands + pq + collision_qp + static_qp + freeze + move; }  // their sum
 };
 

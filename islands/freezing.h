@@ -19,8 +19,7 @@ struct StillnessInput {
   std::span<const std::uint8_t> may_freeze;     // dynamic, and inside a cold volume
 };
 
-// Returns the number of bodies that froze.
-int UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters,
-                   std::span<std::uint8_t> frozen);
+void UpdateFreezing(const StillnessInput& input, int freeze_count, std::span<int> counters,
+                    std::span<std::uint8_t> frozen);
 
 }  // namespace islet::islands

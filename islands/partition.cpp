@@ -85,12 +85,6 @@ void CheckRows(int num_items, RowOf row_of, const std::vector<int>& start, const
 
 }  // namespace
 
-Partition BuildPartition(const Graph& graph) {
-  Partition partition;
-  BuildPartition(graph, &partition);
-  return partition;
-}
-
 void BuildPartition(const Graph& graph, Partition* partition) {
   const std::vector<int>& body_to_island = partition->body_to_island;
   const int num_islands = NumberIslands(graph, &partition->body_to_island);

@@ -41,10 +41,8 @@ struct Partition {
   }
 };
 
-// Contacts between two cut bodies are dropped: nothing could move. Requires that contacts name bodies of the graph.
-[[nodiscard]] Partition BuildPartition(const Graph& graph);
-
-// The same into the memory of an earlier partition: allocates only when this graph is larger than those before.
+// Contacts between two cut bodies are dropped: nothing could move. Requires that contacts name bodies of the graph. Keeps the memory of an
+// earlier partition: allocates only when this graph is larger than those before.
 void BuildPartition(const Graph& graph, Partition* partition);
 
 // Throws std::logic_error with a sentence if `partition` is not the partition of `graph`. Runs after every build when

@@ -20,8 +20,6 @@ void Pause() {
 
 }  // namespace
 
-int ForkWidth() { return current_team ? current_team->width_ : 1; }
-
 void Fork(int num_pieces, PieceRef piece, From from) {
   ForkTeam* team = current_team;
   if (!team || num_pieces <= 1) {

@@ -30,24 +30,15 @@ class PieceRef {
   void (*call_)(const void*, int);
 };
 
-// How many threads may work on the calling task, >= 1.
-int ForkWidth();
-
 // Which piece is next.
 enum class From {
-  kFirst,     // in their order
+  kFirst,  // in their order
   kBothEnds,  // the caller begins at the first and who helps at the last: of loops that follow each other a thread mostly gets the
               // same numbers, whose data it has at hand
 };
 
 // piece(i) for i = 0 .. num_pieces-1; returns when all are done. Pieces must not throw.
 void Fork(int num_pieces, PieceRef piece, From from = From::kFirst);
-
-// Both, then returns.
-template <typename First, typename Second>
-void ForkTwo(const First& first, const Second& second) {
-  Fork(2, [&](int piece) { piece == 0 ? first() : second(); });
-}
 
 // run(first, last) for ranges of `at_once` numbers that cover 0 .. count-1.
 template <typename Run>
@@ -60,7 +51,7 @@ void ForkRanges(int count, const Run& run, int at_once = kAtOnce) {
 class ForkTeam {
  public:
   // of: the pool.
-  ForkTeam(int width, const void* of) : width_(width), of_(of) {}
+  explicit ForkTeam(const void* of) : of_(of) {}
 
   // While one lives, forks of this thread are shared with the team.
   class Member {
@@ -87,7 +78,6 @@ class ForkTeam {
   void WorkUntil(const std::atomic<int>& done, int target) { HelpUntil(done, target, true); }
 
  private:
-  friend int ForkWidth();
   friend void Fork(int, PieceRef, From);
   struct Job {
     PieceRef piece;
@@ -103,7 +93,6 @@ class ForkTeam {
   bool HelpOnce(bool tasks_too);
   void HelpUntil(const std::atomic<int>& done, int target, bool tasks_too);
 
-  const int width_;
   const void* const of_;
   std::mutex mutex_;
   std::atomic<Job*> latest_{nullptr}, tasks_{nullptr};

@@ -3,16 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <stdexcept>
-#include <string>
 
 namespace islet::parallel {
 namespace {
 
 void CheckCost(const char* name, double cost) {
   if (!(std::isfinite(cost) && cost >= 0)) {
-    throw std::invalid_argument("Schedule: " + std::string(name) + " = " + std::to_string(cost) +
-                                " must be finite and >= 0");
+    std::ostringstream text;
+    text << "Schedule: " << name << " = " << cost << " must be finite and >= 0";
+    throw std::invalid_argument(text.str());
   }
 }
 
@@ -29,12 +30,6 @@ void SortLargestFirst(std::span<const double> costs, std::vector<int>* order) {
 }
 
 }  // namespace
-
-std::vector<int> LargestFirst(std::span<const double> costs) {
-  std::vector<int> order;
-  SortLargestFirst(costs, &order);
-  return order;
-}
 
 void MakeSchedule(std::span<const double> costs, double batch_cost, Schedule* schedule) {
   CheckCost("batch_cost", batch_cost);

@@ -26,12 +26,9 @@ struct Range {
 // How many ranges such a loop has.
 constexpr std::size_t NumRanges(std::size_t count) { return (count + kAtOnce - 1) / kAtOnce; }
 
-// Indices of the costs, largest cost first; of equal costs, smaller index first.
-[[nodiscard]] std::vector<int> LargestFirst(std::span<const double> costs);
-
 // Tasks in the order in which they are to be started, cut into batches.
 struct Schedule {
-  std::vector<int> order;        // every task once, largest cost first
+  std::vector<int> order;        // every task once, largest cost first; of equal costs the smaller index first
   std::vector<int> batch_start;  // size num_batches() + 1; batch b runs order[batch_start[b] .. batch_start[b + 1])
 
   // One batch is one task of the pool.

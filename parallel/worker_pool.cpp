@@ -49,7 +49,7 @@ class FirstException {
 class Run {
  public:
   Run(int num_workers, const void* pool, const std::function<void()>& work)
-      : num_workers_(num_workers), work_(work), team_(num_workers, pool) {
+      : num_workers_(num_workers), work_(work), team_(pool) {
     ended_.store(0, std::memory_order_release);
   }
 
@@ -57,7 +57,8 @@ class Run {
   // itself must not, while it waits, start the loop of another of our workers on top of its own.
   void WorkInArena() {
     const std::thread::id first = std::this_thread::get_id();
-    tbb::task_group_context context(tbb::task_group_context::isolated);  // who cancels work of his own does not mean ours
+    tbb::task_group_context context(
+        tbb::task_group_context::isolated);  // who cancels work of his own does not mean ours
     tbb::this_task_arena::isolate([this, first, &context] {
       tbb::parallel_for(
           0, num_workers_, 1,
@@ -181,7 +182,9 @@ void WorkerPool::RunAll(int count, bool in_order, const Task& task) {
     const ForkTeam::Member alone(nullptr, 0);
     for (int index = 0; index < count; ++index) guarded(index);
   } else {
-    const auto all = [&] { in_order ? ForkTeam::Of(impl_.get())->ForEach(count, guarded) : Fork(count, guarded, From::kBothEnds); };
+    const auto all = [&] {
+      in_order ? ForkTeam::Of(impl_.get())->ForEach(count, guarded) : Fork(count, guarded, From::kBothEnds);
+    };
     Together(std::cref(all));
   }
   first_exception.Rethrow();

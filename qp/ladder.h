@@ -3,9 +3,8 @@
 // the problem and the impulses that it starts from alone.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace islet::qp {
 
@@ -29,11 +28,7 @@ inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form", 
                                                       "newton",  "interior_point", "kept_pairs", "reach"};
 static_assert(kRungNames[kNumRungs - 1] != nullptr);
 // The same without those of detection.
-inline constexpr auto kProblemRungNames = [] {
-  std::array<const char*, kNumProblemRungs> names{};
-  for (std::size_t rung = 0; rung < names.size(); ++rung) names[rung] = kRungNames[rung];
-  return names;
-}();
+inline constexpr std::span<const char* const> kProblemRungNames{kRungNames, kNumProblemRungs};
 
 // Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "parallel/fork.h"
+#include "qp/slip.h"
 
 namespace islet::qp {
 namespace {
@@ -40,7 +41,7 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
     for (int c = piece * piece_size; c < std::min(count, (piece + 1) * piece_size); ++c) {
       const ContactTerm& contact = problem.contacts[c];
       Vector3 u = ContactVelocity(contact, velocities.data()) + contact.compliance * impulses[c];
-      u[0] += contact.friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - contact.target;
+      u[0] += contact.friction * TangentSize(u) - contact.target;
       const Vector3 map = (impulses[c] - ProjectOnCircularCone(impulses[c] - rho[c] * u, contact.friction)) / rho[c];
       part.squares += map.squaredNorm();
       part.largest = std::max(part.largest, map.squaredNorm());
@@ -58,7 +59,7 @@ NaturalMap CoulombMap(const Problem& problem, const std::vector<double>& velocit
 }
 
 Vector3 ProjectOnCircularCone(const Vector3& x, double friction) {
-  const double tangent = std::sqrt(x[1] * x[1] + x[2] * x[2]);
+  const double tangent = TangentSize(x);
   if (x[0] + friction * tangent <= 0) return Vector3::Zero();  // first: without friction and tangent that is all
   if (tangent <= friction * x[0]) return x;
   const double normal = (x[0] + friction * tangent) / (1 + friction * friction);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -11,8 +12,9 @@ namespace islet::qp {
 namespace {
 
 [[noreturn]] void Reject(const std::string& where, int number, const std::string& field, double value) {
-  throw std::invalid_argument("qp::Problem: " + where + " " + std::to_string(number) + ": " + field + " = " +
-                              std::to_string(value));
+  std::ostringstream text;
+  text << "qp::Problem: " << where << " " << number << ": " << field << " = " << value;
+  throw std::invalid_argument(text.str());
 }
 
 void ValidateContact(const Problem& problem, int number) {

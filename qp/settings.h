@@ -31,7 +31,6 @@ struct Settings {
   // they have more than eight bodies, than sweeps. What comes to rest is as exact as iterations get. 0: so is all.
   double speed_share = 0;
   double aim = 0;             // of the gap over 1/2 m v_ref^2; if below its tolerance: iterate on while that helps
-  int max_iterations = 100;   // of one interior-point solve
   Ladder ladder;              // rungs that may be used
   double velocity_scale = 1;  // [m/s] v_ref, > 0; what the tolerances are relative to
   // [J] an answer with more kinetic energy would be of no use: once the multipliers prove that every feasible velocity has

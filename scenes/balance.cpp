@@ -1,9 +1,5 @@
 // balance: a sphere on top of a fixed sphere, a little off the vertical. Unstable: it has to roll off, however slow it
 // is at first (freezing that only looks at speed holds it there for good).                      [SM04 Sec. 5.2, Fig. 4]
-#include <cmath>
-#include <stdexcept>
-#include <string>
-
 #include "qp/elementary.h"
 #include "scenes/families.h"
 #include "scenes/scene_builder.h"
@@ -12,9 +8,6 @@ namespace islet {
 
 BuiltScene BuildBalance(const Scene& scene, const SceneParameters& parameters, const Settings& settings) {
   const double angle = parameters.angle.value_or(0.01);
-  if (!(std::abs(angle) <= 1)) {
-    throw std::invalid_argument("angle: must be in [-1, 1] rad, got " + std::to_string(angle));
-  }
   SceneBuilder builder(scene, parameters, settings);
   builder.AddFloor();
   builder.AddFixedSphere({0, 0, 0.5});

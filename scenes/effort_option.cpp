@@ -5,15 +5,13 @@
 #include <charconv>
 #include <stdexcept>
 
-#include "scenes/setting_names.h"
-
 #include "scenes/output_file.h"
+#include "scenes/setting_names.h"
 
 namespace islet {
 
 Effort ParseEffort(const std::string& text) {
-  for (const auto& [name, effort] : kEfforts)
-    if (text == name) return effort;
+  if (const std::optional<Effort> known = ValueIn(kEfforts, text)) return *known;
   Effort effort = qp::kNormalEffort;
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, effort.sweeps);
@@ -25,9 +23,8 @@ Effort ParseEffort(const std::string& text) {
 }
 
 std::string NameOf(const Effort& effort) {
-  for (const auto& [name, known] : kEfforts)
-    if (effort.sweeps == known.sweeps && effort.newton == known.newton) return name;
-  return fmt::format("{}", effort.sweeps);
+  const char* const name = NameIn(kEfforts, effort);
+  return name ? name : fmt::format("{}", effort.sweeps);
 }
 
 void NoteTier(const std::string& value) {

@@ -1,16 +1,17 @@
 #include "scenes/fclib_file.h"
 
 #include <hdf5.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <vector>
+
+#include "engine/number_text.h"
+#include "scenes/output_file.h"
 
 namespace islet {
 namespace {
@@ -85,7 +86,7 @@ class Reader {
     std::vector<double> values;
     Read(place, count, H5T_FLOAT, "real numbers", H5T_NATIVE_DOUBLE, &values);
     for (size_t i = 0; i < values.size(); ++i)
-      if (!std::isfinite(values[i])) Fail(place, "number " + std::to_string(i) + " is " + std::to_string(values[i]));
+      if (!std::isfinite(values[i])) Fail(place, "number " + std::to_string(i) + " is " + Text(values[i]));
     return values;
   }
 
@@ -312,18 +313,17 @@ FclibProblem ReadFclib(const std::string& path) {
   problem.friction = reader.Vector(vectors + "/mu", static_cast<int>(size / 3));
   for (int c = 0; c < problem.num_contacts(); ++c)
     if (problem.friction[c] < 0)
-      reader.Fail(vectors + "/mu", "number " + std::to_string(c) + " is " + std::to_string(problem.friction[c]));
+      reader.Fail(vectors + "/mu", "number " + std::to_string(c) + " is " + Text(problem.friction[c]));
   return problem;
 }
 
 void WriteFclib(const std::string& path, const FclibProblem& problem, const FclibSolution* solution,
                 const std::string& title, const std::string& description) {
   PrepareLibrary();
+  TemporaryFile file(path);
   errno = 0;
-  const std::string temporary = path + ".part" + std::to_string(::getpid());
-  bool good = false;
   try {
-    const hid_t id = H5Fcreate(temporary.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    const hid_t id = H5Fcreate(file.place().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
     RequireWritten(id >= 0);
     try {
       WriteAll(id, problem, solution, title, description);
@@ -331,12 +331,11 @@ void WriteFclib(const std::string& path, const FclibProblem& problem, const Fcli
       H5Fclose(id);
       throw;
     }
-    good = H5Fclose(id) >= 0;  // what was held back in memory is written here
-    RequireWritten(good && std::rename(temporary.c_str(), path.c_str()) == 0);
+    RequireWritten(H5Fclose(id) >= 0);  // what was held back in memory is written here
   } catch (const std::exception& error) {
-    std::remove(temporary.c_str());
     throw std::runtime_error(path + ": " + error.what());
   }
+  file.Commit();
 }
 
 }  // namespace islet

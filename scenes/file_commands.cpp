@@ -70,7 +70,6 @@ void ExportScene(const ExportOptions& options) {
   if (IsSceneFile(options.scene))
     throw std::invalid_argument("scene: built-in ones are exported, files are not; got " + options.scene);
   const Scene& scene = RequireScene(options.scene);
-  CheckSceneParameters(options.parameters);
   if (!options.out.empty()) CheckWritable("--out", options.out);
   Settings settings;
   settings.threads = 1;

@@ -50,17 +50,6 @@ void Exchange(const char* from, const char* to) {
 void List(const std::string& name) { Exchange(nullptr, name.c_str()); }
 void Unlist(const std::string& name) { Exchange(name.c_str(), nullptr); }
 
-// Empty if all went well, else the reason.
-std::string Write(const fs::path& path, const std::string& text) {
-  std::FILE* const file = std::fopen(path.c_str(), "wb");
-  if (!file) return std::strerror(errno);
-  bool good = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const int write_error = errno;
-  errno = 0;
-  good = std::fclose(file) == 0 && good;
-  return good ? "" : std::strerror(errno ? errno : write_error);
-}
-
 int stdout_error = 0;  // errno of the first text that did not arrive
 // Empty if all went well, else the reason.
 std::string WriteAll(int file, std::string_view bytes) {
@@ -105,62 +94,57 @@ void CheckWritable(const std::string& option, const std::string& path) {
   } else if (fs::exists(target, error) && ::access(target.c_str(), W_OK) != 0) {
     reason = std::strerror(errno);
   } else if (!IsSpecial(target)) {
-    const fs::path temporary = TemporaryBeside(target);
-    reason = Write(temporary, "");
-    fs::remove(temporary, error);
+    try {
+      const OutputFile probe(path);
+    } catch (const std::runtime_error& refused) {
+      throw std::invalid_argument(option + ": " + refused.what());
+    }
   }
   if (!reason.empty()) throw std::invalid_argument(option + ": cannot write " + path + ": " + reason);
 }
 
-void WriteWhole(const std::string& path, const std::string& text) {
-  const fs::path target = Target(path);
-  std::string reason;
-  if (IsSpecial(target)) {
-    reason = Write(target, text);
-  } else {
-    const fs::path temporary = TemporaryBeside(target);
-    List(temporary.native());
-    reason = Write(temporary, text);
-    std::error_code error;
-    if (reason.empty()) {
-      fs::rename(temporary, target, error);
-      if (error) reason = error.message();
-    }
-    if (!reason.empty()) fs::remove(temporary, error);
-    Unlist(temporary.native());
-  }
-  if (!reason.empty()) Fail(path, reason);
-}
-
-OutputFile::OutputFile(const std::string& path) : path_(path) {
+TemporaryFile::TemporaryFile(const std::string& path) : path_(path) {
   const fs::path target = Target(path);
   target_ = target.string();
-  if (!IsSpecial(target)) temporary_ = TemporaryBeside(target).string();
-  errno = 0;
-  stream_.open(temporary_.empty() ? target_ : temporary_, std::ios::binary);
-  if (!stream_) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
-  if (!temporary_.empty()) List(temporary_);
+  if (IsSpecial(target)) return;
+  temporary_ = TemporaryBeside(target).string();
+  List(temporary_);
 }
 
-OutputFile::~OutputFile() {
+TemporaryFile::~TemporaryFile() {
   std::error_code error;
-  if (temporary_.empty()) return;
+  if (direct()) return;
   fs::remove(temporary_, error);
   Unlist(temporary_);
 }
 
-void OutputFile::Commit() {
-  errno = 0;
-  stream_.close();
-  std::string reason = stream_ ? "" : std::strerror(errno);
-  if (reason.empty() && !temporary_.empty()) {
-    std::error_code error;
-    fs::rename(temporary_, target_, error);
-    if (error) reason = error.message();
-  }
-  if (!reason.empty()) throw std::runtime_error("cannot write " + path_ + ": " + reason);
+void TemporaryFile::Commit() {
+  if (direct()) return;
+  std::error_code error;
+  fs::rename(temporary_, target_, error);
+  if (error) Fail(path_, error.message());
   Unlist(temporary_);
   temporary_.clear();
+}
+
+OutputFile::OutputFile(const std::string& path) : path_(path), file_(path) {
+  errno = 0;
+  stream_.open(file_.place(), std::ios::binary);
+  if (!stream_) Fail(path, std::strerror(errno));
+}
+
+void OutputFile::Commit() {
+  if (stream_) errno = 0;  // else it says why
+  stream_.close();
+  if (!stream_) Fail(path_, std::strerror(errno ? errno : EIO));
+  file_.Commit();
+}
+
+void WriteWhole(const std::string& path, const std::string& text) {
+  OutputFile file(path);
+  errno = 0;
+  file.stream() << text;
+  file.Commit();
 }
 
 bool SameOutput(const std::string& a, const std::string& b) {
@@ -168,26 +152,17 @@ bool SameOutput(const std::string& a, const std::string& b) {
   return target == Target(b) && !IsSpecial(target);
 }
 
-GrowingFile::GrowingFile(const std::string& path, std::string_view first) : path_(path) {
-  const fs::path target = Target(path);
-  const bool direct = IsSpecial(target);
-  const fs::path place = direct ? target : TemporaryBeside(target);
-  file_ = ::open(place.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0666);
+GrowingFile::GrowingFile(const std::string& path, std::string_view first) : path_(path), size_(first.size()) {
+  TemporaryFile file(path);
+  file_ = ::open(file.place().c_str(), O_WRONLY | O_CLOEXEC | (file.direct() ? 0 : O_CREAT | O_TRUNC), 0666);
   if (file_ < 0) Fail(path, std::strerror(errno));
-  if (!direct) List(place.native());
-  std::string reason = WriteAll(file_, first);
-  std::error_code error;
-  if (!direct && reason.empty()) {
-    fs::rename(place, target, error);
-    if (error) reason = error.message();
-  }
-  if (!reason.empty() && !direct) fs::remove(place, error);
-  Unlist(place.native());
-  if (!reason.empty()) {
+  try {
+    if (const std::string reason = WriteAll(file_, first); !reason.empty()) Fail(path, reason);
+    file.Commit();
+  } catch (...) {
     ::close(file_);
-    Fail(path, reason);
+    throw;
   }
-  size_ = first.size();
 }
 
 GrowingFile::~GrowingFile() {

@@ -22,19 +22,33 @@ void CheckWritable(const std::string& option, const std::string& path);
 
 void WriteWhole(const std::string& path, const std::string& text);
 
-// What is written piece by piece, by the same rules: it takes the target's name in Commit(). Without it nothing is left.
+// Where a file is written that takes the target's name in Commit(). Without it nothing is left.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& path);
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  bool direct() const { return temporary_.empty(); }  // there is none: the target itself is written
+  const std::string& place() const { return direct() ? target_ : temporary_; }
+  void Commit();
+
+ private:
+  std::string path_, target_, temporary_;
+};
+
+// What is written piece by piece, by the same rules.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);
-  ~OutputFile();
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
 
   std::ostream& stream() { return stream_; }
   void Commit();
 
  private:
-  std::string path_, target_, temporary_;  // temporary: empty if it is written directly
+  std::string path_;
+  TemporaryFile file_;
   std::ofstream stream_;
 };
 

@@ -22,9 +22,9 @@ void RefuseParameter(const char* field, const std::optional<T>& value) {
 }
 
 ReadyScene FromFile(const RunOptions& options) {
-  for (const std::string* output : {&options.report, &options.frames_csv, &options.probes, &options.picture})
-    if (!output->empty() && SameOutput(*output, options.scene))
-      throw std::invalid_argument("an output goes to the scene file itself: " + *output);
+  for (const auto& [option, file] : Outputs(options))
+    if (SameOutput(file, options.scene))
+      throw std::invalid_argument(fmt::format("{}: an output goes to the scene file itself: {}", option, file));
   const SceneParameters& p = options.parameters;
   RefuseParameter("count", p.count);
   RefuseParameter("friction", p.friction);

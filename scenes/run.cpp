@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
@@ -11,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "engine/stopwatch.h"
 #include "scenes/drawing_png.h"
 #include "scenes/export_fclib.h"
 #include "scenes/frame_log.h"
@@ -29,8 +29,6 @@ namespace {
 
 constexpr double kRestEnergy = 1e-8;  // [J/kg]
 constexpr double kRestSeconds = 0.5;  // [s]
-
-double WallTime() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // Tells when nothing moves any more. What moves by a velocity of its own never comes to rest.
 class RestWatch {
@@ -141,7 +139,7 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
 
   const char* stopped_by = options.frames ? "frames" : options.seconds ? "seconds" : "time limit";
   if (scene.probes) scene.probes->Add(world, 0, dt);
-  const double start = WallTime();
+  const double start = Seconds();
   int frames_done = 0;
   for (int frame = 1; frame <= frame_limit; ++frame) {
     if (Interrupt::Asked()) {
@@ -157,9 +155,9 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
       });
     }
     if (scene.drive) scene.drive((frame - 1) * dt, &world);
-    const double step_start = WallTime();
+    const double step_start = Seconds();
     const StepReport report = world.Step(dt);
-    const double step_seconds = WallTime() - step_start;
+    const double step_seconds = Seconds() - step_start;
     if (!options.trace.empty()) trace.AddFrame(frame, step_start, step_start + step_seconds);
     if (observed) world.SetProblemObserver({});
     frames_done = frame;
@@ -180,7 +178,7 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
     progress.Update(frame, step_seconds, report);
   }
   if (watch) return {stopped_by};
-  run_report.Finish(world, WallTime() - start, stopped_by);
+  run_report.Finish(world, Seconds() - start, stopped_by);
 
   std::FILE* const people = options.ReportOnStdout() ? stderr : stdout;
   const auto write = [&](const std::string& file, const auto& text) {

@@ -8,7 +8,6 @@
 #include <array>
 #include <cctype>
 #include <charconv>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <thread>
@@ -16,36 +15,19 @@
 
 #include "scenes/effort_option.h"
 #include "scenes/export_fclib.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
-#include "scenes/seconds_option.h"
 #include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
 
-constexpr double kLongestRun = 1e6;  // [s] of simulated time
-constexpr int kMostThreads = 1024;
-
 template <typename T, size_t n>
 T Choose(const char* option, const std::string& value, const std::array<std::pair<const char*, T>, n>& choices) {
+  if (const std::optional<T> choice = ValueIn(choices, value)) return *choice;
   std::string names;
-  for (const auto& [name, choice] : choices) {
-    if (value == name) return choice;
-    names += (names.empty() ? "" : ", ") + std::string(name);
-  }
+  for (const auto& [name, choice] : choices) names += (names.empty() ? "" : ", ") + std::string(name);
   throw std::invalid_argument(fmt::format("{} must be one of {}; got {}", option, names, value));
-}
-
-template <typename T, size_t n>
-const char* Name(T value, const std::array<std::pair<const char*, T>, n>& choices) {
-  return std::find_if(choices.begin(), choices.end(), [&](const auto& choice) { return choice.second == value; })
-      ->first;
-}
-
-// Written so that NaN is outside of every range.
-template <typename T>
-void RequireRange(const char* option, T value, bool inside, const char* rule) {
-  if (!inside) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
 }
 
 // off, auto, or names of rungs that a study wants to have alone.
@@ -104,12 +86,11 @@ std::string PictureName(const std::string& text) {
 std::string PageName(const std::string& text) { return EndsIn(text, ".html") ? "" : "must end in .html; got " + text; }
 
 void CheckNumbers(const RunOptions& o) {
-  CheckSceneParameters(o.parameters);
   if (o.dt) RequireRange("--dt", *o.dt, *o.dt > 0 && *o.dt <= 1 && *o.dt >= 1e-9, "in [1e-9, 1] s");
   if (o.frames) RequireRange("--frames", *o.frames, *o.frames >= 1, "at least 1");
-  if (o.seconds) RequireRange("--seconds", *o.seconds, *o.seconds > 0 && *o.seconds <= kLongestRun, "in (0, 1e6] s");
-  if (o.threads) RequireRange("--threads", *o.threads, *o.threads >= 0 && *o.threads <= kMostThreads, "from 0 to 1024");
-  if (o.tolerance) RequireRange("--tolerance", *o.tolerance, *o.tolerance >= 1e-15 && *o.tolerance <= 0.1, "in [1e-15, 0.1]");
+  RequireTime("--seconds", o.seconds);
+  RequireThreads(o.threads);
+  if (o.tolerance) RequireTolerance(*o.tolerance);
   if (o.freeze_count) RequireRange("--freeze-count", *o.freeze_count, *o.freeze_count >= 0, "at least 0");
   if (o.group_bodies) RequireRange("--group-bodies", *o.group_bodies, *o.group_bodies >= 0, "at least 0");
   for (const int frame : o.export_frames) RequireRange("--export-frames", frame, frame >= 1, "at least 1");
@@ -121,12 +102,13 @@ void CheckNumbers(const RunOptions& o) {
 }
 
 void CheckFiles(const RunOptions& o) {
-  if (!o.report.empty() && !o.ReportOnStdout()) CheckWritable("--report", o.report);
-  if (!o.frames_csv.empty()) CheckWritable("--frames-csv", o.frames_csv);
-  if (!o.trace.empty()) CheckWritable("--trace", o.trace);
-  if (!o.probes.empty()) CheckWritable("--probes", o.probes);
-  if (!o.picture.empty()) CheckWritable("--picture", o.picture);
-  if (!o.record.empty()) CheckWritable("--record", o.record);
+  const auto outputs = Outputs(o);
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    const std::string& file = output->second;
+    CheckWritable(output->first, file);
+    if (std::any_of(outputs.begin(), output, [&](const auto& before) { return SameOutput(before.second, file); }))
+      throw std::invalid_argument("two outputs go to the same file " + file);
+  }
   if (o.picture_time && o.picture.empty()) {
     throw std::invalid_argument(fmt::format("--picture-time {} needs --picture FILE", *o.picture_time));
   }
@@ -137,16 +119,6 @@ void CheckFiles(const RunOptions& o) {
     throw std::invalid_argument(fmt::format("--export-frames {} needs --export-fclib DIR", o.export_frames[0]));
   }
   if (!o.export_fclib.empty()) FclibExport::CheckFolder("--export-fclib", o.export_fclib);
-  if (!o.html.empty()) CheckWritable(o.html_plays ? "--out" : "--html", o.html);
-  const std::array<const std::string*, 7> files{&o.report,  &o.frames_csv, &o.probes, &o.trace,
-                                                &o.picture, &o.record,     &o.html};
-  for (size_t i = 0; i < files.size(); ++i) {
-    for (size_t j = 0; j < i; ++j) {
-      if (!files[i]->empty() && !files[j]->empty() && SameOutput(*files[i], *files[j])) {
-        throw std::invalid_argument("two outputs go to the same file " + *files[i]);
-      }
-    }
-  }
 }
 
 const char* const kOutput = "Output";
@@ -155,12 +127,6 @@ const char* const kOutput = "Output";
 bool Decides(const CLI::Option& option) {
   return option.get_group() != kOutput && !option.get_group().empty() && !option.check_name("--threads") &&
          !option.check_name("--help");
-}
-
-template <typename Target>
-CLI::Option* AddTime(CLI::App* command, const char* group, const char* name, Target* target, const char* help) {
-  const auto parse = [name, target](const std::string& text) { *target = ParseSeconds(name, text); };
-  return command->add_option_function<std::string>(name, parse, help)->group(group)->type_name("S");
 }
 
 // What chooses scene, time and method.
@@ -176,9 +142,11 @@ void AddSceneOptions(CLI::App* command, RunOptions* options) {
   AddSceneParameters(command, &o.parameters);
   const char* const kTime = "Time";
   CLI::Option* const frames = add(kTime, "--frames", o.frames, "N", "stop after N frames");
-  AddTime(command, kTime, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
+  AddTime(command, "--seconds", &o.seconds, "stop after S seconds of simulated time, as 2.5 or 1/3")
+      ->group(kTime)
       ->excludes(frames);
-  AddTime(command, kTime, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30, or the scene file's)");
+  AddTime(command, "--dt", &o.dt, "time step, at most 1 s, as 0.01 or 1/60 (default 1/30, or the scene file's)")
+      ->group(kTime);
 
   const char* const kMethod = "The method";
   add(kMethod, "--model", o.model, "NAME", "kinetic, convex or coulomb (default coulomb)");
@@ -219,12 +187,24 @@ void AddSceneParameters(CLI::App* command, SceneParameters* parameters) {
   add("--incoming", p.incoming, "K", "officetoy: number of spheres that fly in (default 1)");
 }
 
+std::vector<std::pair<const char*, std::string>> Outputs(const RunOptions& o) {
+  std::vector<std::pair<const char*, std::string>> outputs{{"--report", o.ReportOnStdout() ? "" : o.report},
+                                                           {"--frames-csv", o.frames_csv},
+                                                           {"--trace", o.trace},
+                                                           {"--probes", o.probes},
+                                                           {"--picture", o.picture},
+                                                           {"--record", o.record},
+                                                           {o.html_plays ? "--out" : "--html", o.html}};
+  std::erase_if(outputs, [](const auto& output) { return output.second.empty(); });
+  return outputs;
+}
+
 bool IsPng(const std::string& picture) { return EndsIn(picture, ".png"); }
 
-const char* NameOf(Model model) { return Name(model, kModels); }
-const char* NameOf(Cone cone) { return Name(cone, kCones); }
-const char* NameOf(BounceLaw law) { return Name(law, kBounceLaws); }
-const char* NameOf(Freezing freezing) { return Name(freezing, kFreezings); }
+const char* NameOf(Model model) { return NameIn(kModels, model); }
+const char* NameOf(Cone cone) { return NameIn(kCones, cone); }
+const char* NameOf(BounceLaw law) { return NameIn(kBounceLaws, law); }
+const char* NameOf(Freezing freezing) { return NameIn(kFreezings, freezing); }
 
 void AddRunOptions(CLI::App* command, RunOptions* options) {
   RunOptions& o = *options;
@@ -243,7 +223,7 @@ void AddRunOptions(CLI::App* command, RunOptions* options) {
   add(kOutput, "--picture", o.picture, "FILE.svg|FILE.png", "draw the scene, as vectors or as pixels")
       ->check(PictureName);
   CLI::Option* const picture_time =
-      AddTime(command, kOutput, "--picture-time", &o.picture_time, "when to draw (default: at the end)");
+      AddTime(command, "--picture-time", &o.picture_time, "when to draw (default: at the end)")->group(kOutput);
   add(kOutput, "--picture-frame", o.picture_frame, "N", "draw after N frames, 0: the start")->excludes(picture_time);
   add(kOutput, "--record", o.record, "FILE", "keep every frame for `islet replay FILE`")->check(FileName);
   add(kOutput, "--html", o.html, "FILE", "write a page that shows the run and opens at its worst frame")
@@ -324,17 +304,6 @@ const Scene& RequireScene(const std::string& name) {
   throw std::invalid_argument(fmt::format(
       "scene: there is no \"{}\"; did you mean {}? The scenes are{}; the name of a scene file ends in .json", name,
       NearestScene(name), names));
-}
-
-void CheckSceneParameters(const SceneParameters& p) {
-  if (p.count) RequireRange("--count", *p.count, *p.count >= 1 && *p.count <= kMaxSceneCount, "from 1 to 1000000");
-  if (p.friction) RequireRange("--friction", *p.friction, *p.friction >= 0 && *p.friction <= 1e4, "in [0, 1e4]");
-  if (p.restitution) {
-    RequireRange("--restitution", *p.restitution, *p.restitution >= 0 && *p.restitution <= 1, "in [0, 1]");
-  }
-  if (p.drop) RequireRange("--drop", *p.drop, *p.drop >= 0 && *p.drop <= 100, "in [0, 100] m");
-  if (p.angle) RequireRange("--angle", *p.angle, std::abs(*p.angle) <= 1, "in [-1, 1] rad");
-  if (p.incoming) RequireRange("--incoming", *p.incoming, *p.incoming >= 1, "at least 1");
 }
 
 void CheckRunOptions(const RunOptions& options) {

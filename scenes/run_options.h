@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/settings.h"
@@ -58,6 +59,9 @@ struct RunOptions {
   bool ReportOnStdout() const { return report == "-"; }
 };
 
+// The files that it writes, each with the option that asks for it.
+std::vector<std::pair<const char*, std::string>> Outputs(const RunOptions& options);
+
 bool IsPng(const std::string& picture);  // else it is SVG
 
 void AddRunOptions(CLI::App* command, RunOptions* options);
@@ -69,9 +73,8 @@ std::vector<std::string> RunArguments(const CLI::App& command);
 
 // errors: also an argument that does not decide the run
 RunOptions ParseRunArguments(const std::vector<std::string>& arguments);
-// Those of them that make the scene, and their ranges; and the built-in scene of a name, or an error that lists them.
+// Those of them that make the scene, whose ranges BuildScene checks; and the built-in scene of a name, or an error that lists them.
 void AddSceneParameters(CLI::App* command, SceneParameters* parameters);
-void CheckSceneParameters(const SceneParameters& parameters);
 const Scene& RequireScene(const std::string& name);
 
 // Values in range, files writable. Changes no file.

@@ -72,7 +72,8 @@ class RunReport {
   double frozen_imbalance_ = 0;
   int bounces_ = 0, woken_ = 0, woken_max_ = 0, motion_passes_max_ = 0, motion_failures_ = 0, restitution_lowered_ = 0;
 
-  StepReport last_;  // without its islands
+  int frozen_ = 0, awake_ = 0;  // at the last frame
+  double kinetic_energy_ = 0;   // [J] of it
   double sim_seconds_ = 0, wall_seconds_ = 0;
   double momentum_drift_ = 0;
   int escaped_ = 0, passed_ = 0;

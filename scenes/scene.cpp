@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <stdexcept>
 
+#include "engine/number_text.h"
 #include "scenes/families.h"
 #include "scenes/nearest_name.h"
 
@@ -36,34 +36,32 @@ constexpr std::array<Scene, 10> kScenes{{
      "Every tower stands; the work spreads over all threads.", BuildManyStacks},
 }};
 
+std::string TextOf(int value) { return std::to_string(value); }
+std::string TextOf(double value) { return Text(value); }
+
 template <typename T>
-[[noreturn]] void Reject(const char* field, const char* rule, T value) {
-  throw std::invalid_argument(std::string(field) + ": " + rule + ", got " + std::to_string(value));
+void Require(bool good, const char* field, const std::optional<T>& value, const char* rule) {
+  if (value && !good) throw std::invalid_argument(std::string(field) + ": " + rule + ", got " + TextOf(*value));
 }
 
-void Check(const Scene& scene, const SceneParameters& parameters) {
-  if (parameters.count) {
-    const int count = *parameters.count;
-    if (count < 1 || count > kMaxSceneCount) Reject("count", "must be from 1 to 1000000", count);
-    if (!scene.count_changes && count != scene.default_count) {
-      Reject("count", "this scene has always the same number of bodies", count);
-    }
-  }
-  if (parameters.friction && !(*parameters.friction >= 0 && std::isfinite(*parameters.friction))) {
-    Reject("friction", "must be finite and not negative", *parameters.friction);
-  }
-  if (parameters.restitution && !(*parameters.restitution >= 0 && *parameters.restitution <= 1)) {
-    Reject("restitution", "must be in [0, 1]", *parameters.restitution);
-  }
-  if (parameters.drop) {
-    const bool piled = scene.name == "stack" || scene.name == "csstack" || scene.name == "manystacks";
-    if (!piled) Reject("drop", "only the scenes stack, csstack and manystacks have one", *parameters.drop);
-    if (!(*parameters.drop >= 0 && *parameters.drop <= 100)) Reject("drop", "must be in [0, 100] m", *parameters.drop);
-  }
-  if (parameters.angle && scene.name != "balance") Reject("angle", "only the scene balance has one", *parameters.angle);
-  if (parameters.incoming && scene.name != "officetoy") {
-    Reject("incoming", "only the scene officetoy has them", *parameters.incoming);
-  }
+// NaN is in no range.
+template <typename T>
+void RequireRange(const char* field, const std::optional<T>& value, T least, T most, const char* rule) {
+  Require(value >= least && value <= most, field, value, rule);
+}
+
+void Check(const Scene& scene, const SceneParameters& p) {
+  const bool piled = scene.name == "stack" || scene.name == "csstack" || scene.name == "manystacks";
+  RequireRange("count", p.count, 1, kMaxSceneCount, "must be from 1 to 1000000");
+  Require(scene.count_changes || p.count == scene.default_count, "count", p.count,
+          "this scene has always the same number of bodies");
+  RequireRange("friction", p.friction, 0.0, 1e4, "must be in [0, 1e4]");
+  RequireRange("restitution", p.restitution, 0.0, 1.0, "must be in [0, 1]");
+  Require(piled, "drop", p.drop, "only the scenes stack, csstack and manystacks have one");
+  RequireRange("drop", p.drop, 0.0, 100.0, "must be in [0, 100] m");
+  Require(scene.name == "balance", "angle", p.angle, "only the scene balance has one");
+  RequireRange("angle", p.angle, -1.0, 1.0, "must be in [-1, 1] rad");
+  Require(scene.name == "officetoy", "incoming", p.incoming, "only the scene officetoy has them");
 }
 
 }  // namespace

@@ -21,11 +21,12 @@ namespace islet {
 struct SceneParameters {                   // what is absent takes the scene's own default
   std::optional<int> count = {};           // of what Scene::counted names; 1 to kMaxSceneCount
   std::optional<std::uint64_t> seed = {};  // of the random placement; without effect in scenes that are not random
-  std::optional<double> friction = {};     // of every body, >= 0
+  std::optional<double> friction = {};     // of every body, in [0, 1e4]
   std::optional<double> restitution = {};  // of every body, in [0, 1]
   std::optional<double> drop = {};         // [m] stack, csstack, manystacks: gap left open below each body, in [0, 100]
-  std::optional<double> angle = {};        // [rad] balance alone: how far off the vertical the upper sphere starts
-  std::optional<int> incoming = {};        // officetoy alone: how many of the spheres come flying in
+  std::optional<double> angle =
+      {};  // [rad] balance alone: how far off the vertical the upper sphere starts, in [-1, 1]
+  std::optional<int> incoming = {};  // officetoy alone: how many of the spheres come flying in
 };
 
 inline constexpr int kMaxSceneCount = 1'000'000;

@@ -32,34 +32,34 @@ BodyDefinition SceneBuilder::Define(const Shape& shape, BodyKind kind, const Vec
   return definition;
 }
 
-int SceneBuilder::AddFixedBox(const Vector3& half_extents, const Vector3& position_W, const Quaternion& rotation_WB) {
+void SceneBuilder::AddFixedBox(const Vector3& half_extents, const Vector3& position_W, const Quaternion& rotation_WB) {
   BodyDefinition box = Define(Shape::Box(half_extents), BodyKind::kFixed, position_W);
   box.rotation_WB = rotation_WB;
-  return world_.Add(box);
+  world_.Add(box);
 }
 
-int SceneBuilder::AddFixedSphere(const Vector3& position_W) {
-  return world_.Add(Define(sphere_, BodyKind::kFixed, position_W));
+void SceneBuilder::AddFixedSphere(const Vector3& position_W) {
+  world_.Add(Define(sphere_, BodyKind::kFixed, position_W));
 }
 
-int SceneBuilder::AddPiece(Piece piece, const Vector3& position_W, const Quaternion& rotation_WB) {
+void SceneBuilder::AddPiece(Piece piece, const Vector3& position_W, const Quaternion& rotation_WB) {
   BodyDefinition definition = Define(piece == Piece::kCube ? cube_ : sphere_, BodyKind::kDynamic, position_W);
   definition.rotation_WB = rotation_WB;
   ++info_.bodies;
-  return world_.Add(definition);
+  world_.Add(definition);
 }
 
-int SceneBuilder::AddCube(const Vector3& position_W, const Quaternion& rotation_WB) {
-  return AddPiece(Piece::kCube, position_W, rotation_WB);
+void SceneBuilder::AddCube(const Vector3& position_W, const Quaternion& rotation_WB) {
+  AddPiece(Piece::kCube, position_W, rotation_WB);
 }
 
-int SceneBuilder::AddSphere(const Vector3& position_W, const Vector3& linear_velocity_W,
-                            const Vector3& angular_velocity_W) {
+void SceneBuilder::AddSphere(const Vector3& position_W, const Vector3& linear_velocity_W,
+                             const Vector3& angular_velocity_W) {
   BodyDefinition sphere = Define(sphere_, BodyKind::kDynamic, position_W);
   sphere.linear_velocity_W = linear_velocity_W;
   sphere.angular_velocity_W = angular_velocity_W;
   ++info_.bodies;
-  return world_.Add(sphere);
+  world_.Add(sphere);
 }
 
 void SceneBuilder::AddFloor() {

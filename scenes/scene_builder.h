@@ -26,12 +26,12 @@ class SceneBuilder {
   int count() const { return count_; }
   std::uint64_t seed() const { return info_.seed; }
 
-  int AddFixedBox(const Vector3& half_extents, const Vector3& position_W,
-                  const Quaternion& rotation_WB = Quaternion::Identity());
-  int AddFixedSphere(const Vector3& position_W);
-  int AddCube(const Vector3& position_W, const Quaternion& rotation_WB = Quaternion::Identity());
-  int AddSphere(const Vector3& position_W, const Vector3& linear_velocity_W = Vector3::Zero(),
-                const Vector3& angular_velocity_W = Vector3::Zero());
+  void AddFixedBox(const Vector3& half_extents, const Vector3& position_W,
+                   const Quaternion& rotation_WB = Quaternion::Identity());
+  void AddFixedSphere(const Vector3& position_W);
+  void AddCube(const Vector3& position_W, const Quaternion& rotation_WB = Quaternion::Identity());
+  void AddSphere(const Vector3& position_W, const Vector3& linear_velocity_W = Vector3::Zero(),
+                 const Vector3& angular_velocity_W = Vector3::Zero());
 
   void AddFloor();  // 200 m x 200 m, top at z = 0; also sets the bounds
   // Four walls 1 m thick around the square |x|, |y| <= half_width, from z_low to z_high, and a floor 2 m thick below.
@@ -44,7 +44,7 @@ class SceneBuilder {
   BuiltScene Finish();  // the builder is empty afterwards
 
  private:
-  int AddPiece(Piece piece, const Vector3& position_W, const Quaternion& rotation_WB);
+  void AddPiece(Piece piece, const Vector3& position_W, const Quaternion& rotation_WB);
   BodyDefinition Define(const Shape& shape, BodyKind kind, const Vector3& position_W) const;
 
   int count_;

@@ -15,9 +15,9 @@
 #include "parallel/worker_pool.h"
 #include "scenes/apart.h"
 #include "scenes/interrupt.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
 #include "scenes/printable.h"
-#include "scenes/seconds_option.h"
 #include "scenes/solve_judge.h"
 #include "scenes/solve_problem.h"
 #include "scenes/terminal_line.h"
@@ -119,7 +119,7 @@ Json ToJson(const Result& r, const SolveOptions& options) {
   Json json;
   json["file"] = r.file;
   json["contacts"] = number(r.contacts.has_value(), r.contacts.value_or(0));
-  json["bodies"] = number(read && r.problem.bodies > 0, r.problem.bodies);
+  json["bodies"] = number(read && !r.problem.touched.empty(), r.problem.touched.size());
   json["model"] = options.model;
   json["cone"] = options.cone;
   json["tolerance"] = options.tolerance;
@@ -148,8 +148,8 @@ std::string Row(const Result& r) {
   const auto shown = [](bool known, double value) { return known ? fmt::format("{:.1e}", value) : std::string("-"); };
   const bool read = r.error.empty(), usable = r.usable();
   return fmt::format(kHeader, name, r.contacts ? fmt::to_string(*r.contacts) : "-",
-                     r.problem.bodies > 0 ? fmt::to_string(r.problem.bodies) : "-", read ? r.method : "-", r.status,
-                     read ? fmt::to_string(r.answer.iterations) : "-",
+                     r.problem.touched.empty() ? "-" : fmt::to_string(r.problem.touched.size()), read ? r.method : "-",
+                     r.status, read ? fmt::to_string(r.answer.iterations) : "-",
                      read ? fmt::format("{:.2f}", 1e3 * r.seconds) : "-", shown(usable, r.verdict.natural_map_rms),
                      shown(usable, r.verdict.natural_map_max), shown(usable, r.verdict.coulomb_map_rms),
                      shown(usable, r.verdict.coulomb_map_max), shown(usable, r.verdict.siconos_error),
@@ -215,14 +215,11 @@ std::optional<Entry> SolveApart(const std::string& path, const SolveOptions& opt
 }
 
 void CheckOptions(const SolveOptions& o) {
-  const auto require = [](bool good, const char* option, const auto& value, const char* rule) {
-    if (!good) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
-  };
-  require(o.model == "convex" || o.model == "coulomb", "--model", o.model, "one of convex, coulomb");
-  require(o.cone == "circular" || o.cone == "octagon", "--cone", o.cone, "one of circular, octagon");
-  require(o.tolerance >= 1e-15 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in [1e-15, 0.1]");
-  if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
-  if (o.time_limit) require(*o.time_limit > 0 && *o.time_limit <= 1e6, "--time-limit", *o.time_limit, "in (0, 1e6] s");
+  RequireRange("--model", o.model, o.model == "convex" || o.model == "coulomb", "one of convex, coulomb");
+  RequireRange("--cone", o.cone, o.cone == "circular" || o.cone == "octagon", "one of circular, octagon");
+  RequireTolerance(o.tolerance);
+  RequireThreads(o.threads);
+  RequireTime("--time-limit", o.time_limit);
   if (o.report.empty() || o.report == "-") return;
   for (const std::string& file : o.files)
     if (SameOutput(o.report, file)) throw std::invalid_argument("--report would overwrite " + file);
@@ -238,11 +235,8 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
   command->add_option("--tolerance", o->tolerance, "of the natural map over the fastest approach (default 1e-6)")
       ->type_name("X");
   command->add_option("--threads", o->threads, "0: all cores (default); a dense problem uses one")->type_name("N");
-  command
-      ->add_option_function<std::string>(
-          "--time-limit", [o](const std::string& text) { o->time_limit = ParseSeconds("--time-limit", text); },
-          "give a problem up after S seconds, its reading included (default: none)")
-      ->type_name("S");
+  AddTime(command, "--time-limit", &o->time_limit,
+          "give a problem up after S seconds, its reading included (default: none)");
   command->add_flag("--strict", o->strict, "exit status 3 if a problem is not solved");
   command->add_option("--report", o->report, "write all numbers as a JSON list; - is the standard output")
       ->type_name("FILE");

@@ -104,7 +104,6 @@ void FindRigidBodies(SolveProblem* problem) {
     contact.body_a = local[contact.body_a];
     if (contact.body_b >= 0) contact.body_b = local[contact.body_b];
   }
-  problem->bodies = rigid.num_bodies();
   problem->rigid = std::move(rigid);
 }
 
@@ -193,7 +192,6 @@ SolveAnswer SolveBy(bool sparse, const SolveProblem& problem, const SolveLaw& la
   settings.velocity_scale = problem.v_ref;
   settings.aim = std::max(kLeastAim, 1e-2 * law.tolerance * law.tolerance);
   SolveAnswer answer;
-  answer.sparse = sparse;
   answer.r.setZero(3 * problem.file.num_contacts());
   if (sparse) {
     SolveSparse(problem, settings, &answer);

@@ -25,20 +25,18 @@ struct SolveProblem {
   FclibProblem file;              // with symmetric M or W
   double asymmetry = 0;           // max |W - W^T| / max |W|, or of M
   double v_ref = 1;               // fastest approach before the impulses; the unit of all tolerances
-  int bodies = 0;                 // rigid ones that a contact touches; 0 if there are no bodies to speak of
   Eigen::VectorXd free_velocity;  // of the contacts without impulses: q, or H^T M^-1 f + w
   std::optional<qp::Problem> rigid;
-  std::vector<int> touched;  // bodies of `rigid`, by their place in M
+  std::vector<int> touched;  // bodies of `rigid`, by their place in M; empty if there are no bodies to speak of
 };
 
 SolveProblem PrepareProblem(const std::string& name, FclibProblem file);
 
 struct SolveAnswer {
   qp::Status status = qp::Status::kFailed;  // as the solver sees it
-  bool sparse = false;
-  Eigen::VectorXd v;     // global only: of all bodies
-  Eigen::VectorXd u, r;  // of the contacts
-  int iterations = 0;    // factorisations
+  Eigen::VectorXd v;                        // global only: of all bodies
+  Eigen::VectorXd u, r;                     // of the contacts
+  int iterations = 0;                       // factorisations
 };
 
 struct SolveLaw {

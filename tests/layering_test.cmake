@@ -15,7 +15,7 @@ set(folders qp islands parallel engine scenes)
 # include no room; its sources include any.
 set(rooms_qp_linear_algebra "")
 set(rooms_qp_direct "")
-set(rooms_qp_gauss_seidel direct linear_algebra)
+set(rooms_qp_gauss_seidel linear_algebra)
 set(rooms_qp_interior_point linear_algebra)
 set(rooms_qp_newton linear_algebra)
 set(rooms_qp_dense direct newton)
@@ -34,7 +34,7 @@ set(rooms_engine_world detection freezing geometry motion query response)
 set(doors qp/cascade/island_solver.h qp/newton/least_change.h qp/dense/dense_solver.h qp/direct/one_contact.h)
 
 # Files of the islet program, which are not in the library of scenes.
-set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
+set(program "^scenes/(about|apart|completion|drawing|file_commands|main|ready_scene|run[a-z_]*|recorder|replay|effort_option|interrupt|manual|solve|view[a-z_]*|frame_log|option_checks|output_file|picture|progress|terminal_line|trace|verify/verify[a-z_]*|viewer/page_head)\\.cpp$")
 
 # header prefix -> files that may include it, both as regular expressions. The first match decides.
 set(rules
@@ -51,7 +51,7 @@ set(rules
   "^pybind11/"                                             "^scenes/python/module\\.cpp$"
   "^hdf5\\.h$"                                             "^scenes/fclib_file\\.cpp$"
   "^cairo\\.h$"                                             "^scenes/drawing_png\\.cpp$"
-  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/(fclib_file|export_fclib)\\.cpp$"
+  "^(unistd|fcntl)\\.h$"                                    "${program}|^scenes/export_fclib\\.cpp$"
   "^poll\\.h$"                                             "^scenes/(apart|live/live_server)\\.cpp$"
   "^sys/(prctl|wait)\\.h$"                                 "^scenes/apart\\.cpp$"
   "^sys/ioctl\\.h$"                                         "^scenes/terminal_line\\.cpp$"

@@ -6,8 +6,8 @@ set(MOST 176)
 
 # Not counted: numbers that are what they are. Each name is of one thing alone, and has to be there.
 set(FACTS
-  kLanes kTile kParts kSpill kGroups kVector kRowLanes kBatchLanes  # widths of vectors, and what follows from them
-  kKinds kSpare kFaces kMaxRows kNumProblemRungs kNumRungs kProblemRungNames kCorners kSigns kMotionBytes  # sizes and lists
+  kLanes kTile kParts kColumns kSpill kVector kRowLanes kBatchLanes  # widths of vectors, and what follows from them
+  kKinds kSpare kFaces kMaxRows kNumProblemRungs kNumRungs kCorners kSigns kMotionBytes  # sizes and lists
   kNobody kClosestFeature kTouchingEdges kAutoBounceLimit kAwake kBefore kFar kVersion  # marks
   kOuter kShare kShares)  # coefficients of integrators
 

@@ -1,6 +1,7 @@
 // The interior point as the cascade asks it: small islands as exactly as iterations get.
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "qp/cascade/task.h"
@@ -14,7 +15,7 @@ class ConvexSolver {
   void Begin() { iterations_ = 0; }
   void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution) {
     Settings inner = settings;
-    if (IsSmall(problem)) inner.aim = kSmallAim;
+    if (IsSmall(problem)) inner.aim = settings.aim > 0 ? std::min(settings.aim, kSmallAim) : kSmallAim;
     interior_point_.Solve(problem, inner, slips, solution);
     solution->rung = Rung::kInteriorPoint;
     iterations_ += solution->iterations;

@@ -82,7 +82,7 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
   const bool exact = !MayBeRough(task),
              climbs = task.settings.ladder.Has(Rung::kSweeps) || task.settings.ladder.Has(Rung::kNewton);
   solution->rung = Rung::kSweeps;
-  prepared_ = false;
+  prepared_ = answered_ = false;
   factorisations_ = 0;
   NaturalMap map{INFINITY, INFINITY};
   if (climbs) {
@@ -105,10 +105,10 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
 // What the convex problem says is one of exact friction, too, where nothing slides. (Not at once: it squeezes what fits between walls.)
 bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
   if (!IsAtRest(task)) return false;
-  convex->Solve(task.problem, task.settings, {}, &trial_);
-  if (trial_.status != Status::kSolved) return false;
+  SolveWithoutSlips(task, convex);
+  if (convex_answer_.status != Status::kSolved) return false;
   std::swap(now_, before_);
-  now_.impulses = trial_.impulses, now_.velocities = trial_.velocities;
+  now_.impulses = convex_answer_.impulses, now_.velocities = convex_answer_.velocities;
   if (Stands(task)) return true;
   std::swap(now_, before_);
   return false;
@@ -167,20 +167,26 @@ bool CoulombSearch::IsLost(const Task& task, const NaturalMap& map) const {
   return task.settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * task.scale();
 }
 
+// Both who asks whether it stands and who is lost may want it.
+void CoulombSearch::SolveWithoutSlips(const Task& task, ConvexSolver* convex) {
+  if (!answered_) convex->Solve(task.problem, task.settings, {}, &convex_answer_);
+  answered_ = true;
+}
+
 // Sweeps carry loads slowly: from a heavy body through light ones, or down a tower of hundreds, they do not get to the ground. What
 // the convex problem without slips says is nearer then. Where it has no solution, and nothing sensible was found before, that is the
 // answer of small islands: it tells which bounces are to blame. Returns whether it is.
 bool CoulombSearch::SolveFromConvex(const Task& task, ConvexSolver* convex, NaturalMap* map, Solution* solution) {
   const Problem& problem = task.problem;
-  convex->Solve(task.problem, task.settings, {}, &trial_);
+  SolveWithoutSlips(task, convex);
   const bool useful = std::isfinite(map->rms) && now_.IsUseful(task);
-  if (trial_.status == Status::kInfeasible || trial_.status == Status::kFailed) {
+  if (convex_answer_.status == Status::kInfeasible || convex_answer_.status == Status::kFailed) {
     const bool sensible = useful && (!IsSmall(problem) || map->rms <= kLostRms * task.scale());
-    if (!sensible) *solution = trial_;
+    if (!sensible) *solution = convex_answer_;
     return !sensible;
   }
   std::swap(now_, before_);
-  now_.impulses = trial_.impulses, now_.velocities = trial_.velocities;
+  now_.impulses = convex_answer_.impulses, now_.velocities = convex_answer_.velocities;
   const NaturalMap found = Improve(task, now_.MapOf(task));
   if (useful && map->rms <= found.rms) {
     std::swap(now_, before_);

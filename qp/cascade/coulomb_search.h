@@ -28,6 +28,7 @@ class CoulombSearch {
   NaturalMap Improve(const Task& task, NaturalMap map);
   NaturalMap Search(const Task& task, NaturalMap best);
   NaturalMap TryAgain(const Task& task, const NaturalMap& found);
+  void SolveWithoutSlips(const Task& task, ConvexSolver* convex);
   bool SolveFromConvex(const Task& task, ConvexSolver* convex, NaturalMap* map, Solution* solution);
   bool Stands(const Task& task) const;
   bool IsLost(const Task& task, const NaturalMap& map) const;
@@ -39,7 +40,8 @@ class CoulombSearch {
   bool prepared_ = false;  // for the sweeps of this call
   int factorisations_ = 0;
   Candidate now_, best_, before_;
-  Solution trial_;
+  Solution convex_answer_;  // of the problem without slips
+  bool answered_ = false;   // so far in this call
 };
 
 }  // namespace islet::qp

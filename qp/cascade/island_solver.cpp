@@ -55,8 +55,8 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
                          std::span<const Vector3> start) {
   ReturnNone(problem, solution);
   solution->rung = Rung::kNothing;
+  solution->iterations = 0;
   InVain in_vain;
-  int iterations = 0;
   convex_.Begin();
   scales_.clear();
   tried_ = false;
@@ -68,13 +68,9 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     const double begin = Seconds();
     if (!(this->*strategy.fits)(task)) continue;
     solution->rung = strategy.rung;
-    solution->iterations = 0;
-    const bool stands = (this->*strategy.solve)(task, solution);
-    iterations = solution->iterations;
-    if (stands) break;
+    if ((this->*strategy.solve)(task, solution)) break;
     in_vain.Add(strategy.rung, Seconds() - begin);
   }
-  solution->iterations = iterations;
   solution->in_vain = in_vain;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }

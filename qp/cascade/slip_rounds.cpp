@@ -28,6 +28,7 @@ void SlipRounds::Solve(const Task& task, ConvexSolver* convex, Solution* solutio
   for (int round = 1; round <= rounds && !(settled && answered); ++round) {
     accurate = accurate || round == rounds;
     inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
+    inner.aim = accurate ? settings.aim : 0;
     convex->Solve(problem, inner, slips_, &trial_);
     const bool solved = trial_.status == Status::kSolved || trial_.status == Status::kInaccurate;
     if (!solved && answered) break;

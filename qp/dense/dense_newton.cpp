@@ -4,21 +4,20 @@
 #include <cmath>
 
 #include "qp/newton/proximal.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
 
-double Tangent(const Vector3& x) { return std::hypot(x[1], x[2]); }
-
 Vector3 Law(Model model, const Vector3& x, double mu) {
-  return model == Model::kConvex ? ProjectOnCircularCone(x, mu) : SpringLaw(x, mu);
+  return model == Model::kConvex ? ProjectOnCircularCone(x, mu) : CutToCone(x, mu);
 }
 
 // An element of the generalised derivative of Law.
 Matrix3 LawSlope(Model model, const Vector3& x, double mu) {
   if (model == Model::kCoulomb) return SpringSlope(x, mu);
-  const double tangent = Tangent(x), normal = (x[0] + mu * tangent) / (1 + mu * mu);
+  const double tangent = TangentSize(x), normal = (x[0] + mu * tangent) / (1 + mu * mu);
   if (tangent < mu * x[0]) return Matrix3::Identity();
   if (normal <= 0) return Matrix3::Zero();
   if (tangent == 0) return Vector3::UnitX().asDiagonal();  // no friction
@@ -34,7 +33,7 @@ NaturalMap NaturalMapOf(const ScaledDenseProblem& problem, Model model, const Ei
   double largest = 0, sum = 0;
   for (int c = 0; c < problem.num_contacts(); ++c) {
     Vector3 u = velocities.segment<3>(3 * c);
-    if (model == Model::kCoulomb) u[0] += problem.friction[c] * Tangent(u);
+    if (model == Model::kCoulomb) u[0] += problem.friction[c] * TangentSize(u);
     const Vector3 j = impulses.segment<3>(3 * c);
     const double map = (j - ProjectOnCircularCone(j - u, problem.friction[c])).norm() * problem.RelativeSpeed(c);
     if (!(map <= largest)) largest = map;  // NaN too

@@ -1,6 +1,7 @@
 #include "qp/dense/dense_problem.h"
 
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -12,7 +13,9 @@ namespace {
 constexpr double kIndefiniteTolerance = 1e-3;  // what the factor may miss of W, scaled, before W is refused
 
 [[noreturn]] void Reject(const std::string& what, double value) {
-  throw std::invalid_argument("qp::DenseProblem: " + what + " = " + std::to_string(value));
+  std::ostringstream text;
+  text << "qp::DenseProblem: " << what << " = " << value;
+  throw std::invalid_argument(text.str());
 }
 
 // Cholesky factor with the largest diagonal entry that is left as the next pivot, until nothing is left.
@@ -39,7 +42,8 @@ Eigen::MatrixXd RevealRank(const Eigen::MatrixXd& w) {
 
 void DenseProblem::Validate() const {
   const Eigen::Index size = 3 * static_cast<Eigen::Index>(friction.size());
-  if (delassus.rows() != size || delassus.cols() != size) Reject("rows of W", static_cast<double>(delassus.rows()));
+  if (delassus.rows() != size) Reject("rows of W", static_cast<double>(delassus.rows()));
+  if (delassus.cols() != size) Reject("columns of W", static_cast<double>(delassus.cols()));
   if (velocity.size() != size) Reject("size of q", static_cast<double>(velocity.size()));
   if (!delassus.allFinite()) Reject("sum of W", delassus.sum());
   if (!velocity.allFinite()) Reject("sum of q", velocity.sum());

@@ -1,8 +1,7 @@
 #include "qp/dense/dense_solver.h"
 
-#include <cmath>
-
 #include "qp/direct/one_contact.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -21,7 +20,7 @@ bool ProvesInfeasible(const ScaledDenseProblem& problem, Model model, const Eige
   if (model == Model::kCoulomb) {
     const Eigen::VectorXd u = problem.delassus * impulses + problem.velocity;
     for (int c = 0; c < problem.num_contacts(); ++c)
-      offset[3 * c] += problem.friction[c] * std::hypot(u[3 * c + 1], u[3 * c + 2]);
+      offset[3 * c] += problem.friction[c] * TangentSize(u.segment<3>(3 * c));
   }
   const double lack = -impulses.dot(offset), push = (problem.factor.transpose() * impulses).norm();
   return lack > 0 && lack > kAbsurdSpeed * (1 + offset.norm()) * push;

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "qp/elementary.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -27,18 +28,17 @@ OneContact::OneContact(const Matrix3& w) : w_(w), inverse_(w.inverse()) {
   stiffness_[1] = a * sine_ * sine_ - 2 * b * cosine_ * sine_ + c * cosine_ * cosine_;
 }
 
-Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction, double guess) const {
+Vector3 OneContact::SolveCoulomb(const Vector3& q, double friction) const {
   if (q[0] >= 0) return Vector3::Zero();
   if (friction == 0) return {-q[0] / w_(0, 0), 0, 0};
   const Vector3 stick = -(inverse_ * q);
-  const double tangent = std::sqrt(stick[1] * stick[1] + stick[2] * stick[2]);
-  if (tangent <= friction * stick[0]) return stick;
-  return Slide(q, friction, guess);
+  if (TangentSize(stick) <= friction * stick[0]) return stick;
+  return Slide(q, friction);
 }
 
 bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse) const {
   *impulse = Vector3::Zero();
-  if (q[0] >= friction * std::sqrt(q[1] * q[1] + q[2] * q[2])) return true;
+  if (q[0] >= friction * TangentSize(q)) return true;
   const double rounding = 1e-14 * q.norm();
   double low = 0, above = SlipBeyond(low, q, friction, impulse), value = above;
   if (above <= rounding) return true;  // sticks
@@ -66,7 +66,7 @@ bool OneContact::SolveConvex(const Vector3& q, double friction, Vector3* impulse
 double OneContact::SlipBeyond(double target, const Vector3& q, double friction, Vector3* impulse) const {
   *impulse = SolveCoulomb(q - target * Vector3::UnitX(), friction);
   const Vector3 u = w_ * *impulse + q;
-  return friction * std::sqrt(u[1] * u[1] + u[2] * u[2]) - target;
+  return friction * TangentSize(u) - target;
 }
 
 bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, Vector3* impulse,
@@ -78,7 +78,7 @@ bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, 
   const Vector3 u = w_ * *impulse + q;
   *multiplier = impulse->dot(u) / (target - q[0]);
   const Vector3 dual = u - *multiplier * w_.col(0);
-  const double outside = friction * std::sqrt(dual[1] * dual[1] + dual[2] * dual[2]) - dual[0];
+  const double outside = friction * TangentSize(dual) - dual[0];
   return *multiplier >= 0 && outside <= kSolved * q.norm();
 }
 
@@ -123,14 +123,14 @@ Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target
 
 // In the axes of the tangential operator j_t = -b_i / (stiffness_i + lambda) and j_n = (-q_n - W_nt j_t) / W_nn. Newton's
 // method on mu j_n / |j_t| - 1, which is nearly linear in lambda, inside a bracket whose upper end may still be infinite.
-Vector3 OneContact::Slide(const Vector3& q, double friction, double guess) const {
+Vector3 OneContact::Slide(const Vector3& q, double friction) const {
   const double wnn = w_(0, 0);
   const double t1 = q[1] - w_(1, 0) * q[0] / wnn, t2 = q[2] - w_(2, 0) * q[0] / wnn;
   const double b[2] = {cosine_ * t1 + sine_ * t2, -sine_ * t1 + cosine_ * t2};
   const double c[2] = {cosine_ * w_(0, 1) + sine_ * w_(0, 2), -sine_ * w_(0, 1) + cosine_ * w_(0, 2)};
   double j[2], jn = 0, size = 0;
   double low = 0, high = INFINITY;
-  double lambda = guess > 0 && guess < 1e300 ? guess : stiffness_[0] + stiffness_[1];
+  double lambda = stiffness_[0] + stiffness_[1];
   for (int i = 0; i < 200; ++i) {
     double dj[2];
     for (int k = 0; k < 2; ++k) {

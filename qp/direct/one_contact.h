@@ -16,11 +16,10 @@ namespace islet::qp {
 
 class OneContact {
  public:
-  OneContact() = default;
   explicit OneContact(const Matrix3& w);
 
-  // [impulse] (n, t1, t2). guess: of lambda, if positive; it changes the effort, and the answer by no more than rounding.
-  Vector3 SolveCoulomb(const Vector3& q, double friction, double guess = 0) const;
+  // [impulse] (n, t1, t2).
+  Vector3 SolveCoulomb(const Vector3& q, double friction) const;
 
   // Of the convex model: u in K*, perpendicular to j. That is exact Coulomb for a target of u_n that is mu |u_t| itself, found by
   // the false position method (Illinois); there is one, or the model had two answers. False if it is missed: under Painleve's
@@ -40,12 +39,12 @@ class OneContact {
 
  private:
   double SlipBeyond(double target, const Vector3& q, double friction, Vector3* impulse) const;
-  Vector3 Slide(const Vector3& q, double friction, double guess) const;
+  Vector3 Slide(const Vector3& q, double friction) const;
 
-  Matrix3 w_ = Matrix3::Identity(), inverse_ = Matrix3::Identity();
+  Matrix3 w_, inverse_;
   // Tangential operator with the normal eliminated, W_tt - W_tn W_nt / W_nn = axes diag(stiffness) axes^T.
-  double cosine_ = 1, sine_ = 0;
-  double stiffness_[2] = {1, 1};
+  double cosine_, sine_;
+  double stiffness_[2];
 };
 
 }  // namespace islet::qp

@@ -5,6 +5,7 @@
 
 #include "parallel/fork.h"
 #include "qp/body_algebra.h"
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -32,14 +33,6 @@ Matrix3 Root(const Matrix3& a) {
     }
   }
   return g;
-}
-
-// Onto the cone, which single precision meets to its own rounding.
-Vector3 WithinCone(const Vector3& j, double friction) {
-  const double slide = j.tail<2>().norm(), most = friction * j[0];
-  if (slide <= most) return j;
-  const double scale = most / slide;
-  return {j[0], scale * j[1], scale * j[2]};
 }
 
 // The velocities of x + momentum (x - previous): they are linear in the impulses.
@@ -365,13 +358,13 @@ int GaussSeidel::SweepIn(Field<Number>* field, const Problem& problem, int max_s
 
 int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance, std::vector<Vector3>* impulses,
                        std::vector<double>* velocities, Pace pace, Precision precision) {
-  if (problem.contacts.empty() || max_sweeps <= 0) return std::max(0, std::min(max_sweeps, 1));
+  if (problem.contacts.empty() || max_sweeps <= 0) return 0;
   if (precision == Precision::kDouble)
     return SweepIn(&plain_, problem, max_sweeps, tolerance, impulses, velocities, pace);
   if (!single_prepared_) PrepareSingle();
   const int sweeps = SweepIn(&single_, problem, max_sweeps, tolerance, impulses, velocities, pace);
-  for (int c = 0; c < problem.num_contacts(); ++c)
-    (*impulses)[c] = WithinCone((*impulses)[c], problem.contacts[c].friction);
+  for (int c = 0; c < problem.num_contacts(); ++c)  // single precision meets the cone to its own rounding
+    (*impulses)[c] = CutToCone((*impulses)[c], problem.contacts[c].friction);
   VelocitiesAfter(problem, *impulses, velocities);
   return sweeps;
 }

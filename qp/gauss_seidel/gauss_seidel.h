@@ -9,7 +9,6 @@
 
 #include <vector>
 
-#include "qp/direct/one_contact.h"
 #include "qp/gauss_seidel/sweep_kernels.h"
 #include "qp/gauss_seidel/sweep_order.h"
 #include "qp/problem.h"

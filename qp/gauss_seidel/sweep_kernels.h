@@ -62,7 +62,7 @@ struct SweepKernelSet {
   const SweepKernels<float>* single;
 };
 
-// The widest that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
+// Those of the chosen width (build_facts.h).
 SweepKernelSet BestSweepKernels();
 
 // Those of that name; null pointers if this machine or build has none.

@@ -22,6 +22,7 @@ constexpr double kMostShare = 0.9999;
 constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
 constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
+constexpr int kMaxIterations = 100;    // of one solve
 constexpr int kPatience = 15;          // iterations without progress
 // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
 // kSolved of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
@@ -178,9 +179,9 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       there = map <= kSolved;
       look_below = merit * kSolved / map;
     }
-    if (there || solution->iterations >= settings.max_iterations || stalled >= kPatience) break;
+    if (there || solution->iterations >= kMaxIterations || stalled >= kPatience) break;
     if (!UpdateScalings()) break;
-    kkt_.Factorise(scaled_, blocks_, normal_blocks_);
+    kkt_.Factorise(blocks_, normal_blocks_);
     ComputeDirection(1, false, &direction_);
     const double mu = now.gap / degree_;
     refine_ = gap < kRefineBelow;

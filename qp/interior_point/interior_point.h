@@ -61,6 +61,8 @@ class InteriorPoint {
   void ComputeDirection(double weight, bool refine, Direction* direction);
   void Correct(Direction* direction);
   double DirectionError(double weight, Direction* direction);
+  template <typename Run>
+  double WorstBound(const Run& run);
   double MassNorm(const std::vector<double>& momentum) const;
   void AimAt(double goal);
   bool ImproveCentrality(double weight, double aim, double* step);

@@ -101,6 +101,14 @@ bool InteriorPoint::UpdateScalings() {
   return std::none_of(partial_.begin(), partial_.end(), [](double failed) { return failed > 0; });
 }
 
+// The largest of run(first, last) over the batches.
+template <typename Run>
+double InteriorPoint::WorstBound(const Run& run) {
+  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
+  ForBatches([&](int first, int last) { partial_[first / parallel::kAtOnce] = run(first, last); });
+  return *std::max_element(partial_.begin(), partial_.end());
+}
+
 void InteriorPoint::AimAt(double goal) {
   ForBatches([&](int first, int last) { kernels_->aim(Arrays(), direction_.View(), first, last, goal); });
 }
@@ -117,12 +125,9 @@ void InteriorPoint::ComputeDirection(double weight, bool refine, Direction* dire
     for (int i = unknowns * first; i < unknowns * last; ++i) direction->dy[i] -= weight * dual_[i];
   });
   kkt_.Solve(direction->dy.data());
-  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
-  ForBatches([&](int first, int last) {
-    partial_[first / parallel::kAtOnce] =
-        kernels_->complete(Arrays(), direction->View(), first, last, weight, direction->dy.data());
+  direction->bound = WorstBound([&](int first, int last) {
+    return kernels_->complete(Arrays(), direction->View(), first, last, weight, direction->dy.data());
   });
-  direction->bound = *std::max_element(partial_.begin(), partial_.end());
   double before = INFINITY;
   for (int i = 0; refine && i < kMaxRefinements; ++i) {
     const double error = DirectionError(weight, direction);
@@ -137,11 +142,8 @@ void InteriorPoint::ComputeDirection(double weight, bool refine, Direction* dire
 // anew from dy it would carry rounding as large as W^-2 times the velocities, and no refinement could remove that.
 void InteriorPoint::Correct(Direction* direction) {
   for (size_t k = 0; k < direction->dy.size(); ++k) direction->dy[k] -= error_[k];
-  partial_.assign(batches_.size() / parallel::kAtOnce + 1, 0.0);
-  ForBatches([&](int first, int last) {
-    partial_[first / parallel::kAtOnce] = kernels_->correct(Arrays(), direction->View(), first, last, error_.data());
-  });
-  direction->bound = *std::max_element(partial_.begin(), partial_.end());
+  direction->bound = WorstBound(
+      [&](int first, int last) { return kernels_->correct(Arrays(), direction->View(), first, last, error_.data()); });
 }
 
 // What the direction leaves of the momentum balance: Q dy - A^T dz + weight r. The scalings near the solution span sixteen

@@ -36,7 +36,7 @@ RowPlace RowBatches::Add(const Item& item) {
       batch.jacobian[1][d][k][lane] = item.contact.jacobian_b(d, k);
     }
   }
-  return {open, lane, batch.first};
+  return {lane, batch.first};
 }
 
 void RowBatches::Finish(const Problem& problem, int num_fields) {

@@ -14,7 +14,7 @@ namespace islet::qp {
 
 // Of one contact's rows: row i is [first + i].at[lane] of an array of rows.
 struct RowPlace {
-  int batch = 0, lane = 0, first = 0;
+  int lane = 0, first = 0;
 };
 
 class RowBatches {

@@ -55,7 +55,6 @@ struct alignas(64) SideRows {
 };
 
 struct RowKernels {
-  const char* name;
   // primal, forces (three Lanes a batch: sign j) and the sums for batches from .. to-1. y has two numbers to spare.
   RowSums (*residuals)(const RowArrays& arrays, int from, int to, const double* y, Lanes* forces);
   // Scaling and affine target; D (9 Lanes a batch, softened) with (I + D R)^-1. False if s or z left its cone.
@@ -80,7 +79,7 @@ struct RowKernels {
                  double* out);
 };
 
-// The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
+// The set of the chosen width (build_facts.h).
 const RowKernels& BestRowKernels();
 
 // The set of that name, or null if this machine or build has none.

@@ -1,5 +1,4 @@
 // Kernels for vectors of 4 doubles; see row_kernels_impl.h.
 #define ISLET_LANES 4
 #define ISLET_KERNEL_SET kAvx2RowKernels
-#define ISLET_KERNEL_NAME "avx2"
 #include "qp/interior_point/row_kernels_impl.h"

@@ -1,5 +1,4 @@
 // Kernels for vectors of 8 doubles; see row_kernels_impl.h.
 #define ISLET_LANES 8
 #define ISLET_KERNEL_SET kAvx512RowKernels
-#define ISLET_KERNEL_NAME "avx512"
 #include "qp/interior_point/row_kernels_impl.h"

@@ -1,5 +1,5 @@
 // Body of the row kernels for one vector width. Included by row_kernels_<isa>.cpp, which define ISLET_LANES (doubles in a
-// vector), ISLET_KERNEL_SET and ISLET_KERNEL_NAME. Nothing but builtins is used here: an inline function of a shared header,
+// vector) and ISLET_KERNEL_SET. Nothing but builtins is used here: an inline function of a shared header,
 // compiled with wider vectors, could be chosen by the linker for everyone.
 #include "qp/interior_point/row_cones_impl.h"
 
@@ -313,7 +313,7 @@ void GatherForces(int from, int to, const int* start, const SideRows* sides, con
 }  // namespace
 
 extern const RowKernels ISLET_KERNEL_SET;
-const RowKernels ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, &Residuals, &Scale,  &Aim,     &Centre,      &Start,
-                                     &Complete,         &Correct,   &Forces, &Advance, &GatherForces};
+const RowKernels ISLET_KERNEL_SET = {&Residuals, &Scale,   &Aim,    &Centre,  &Start,
+                                     &Complete,  &Correct, &Forces, &Advance, &GatherForces};
 
 }  // namespace islet::qp

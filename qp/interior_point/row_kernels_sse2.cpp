@@ -1,5 +1,4 @@
 // Kernels for vectors of 2 doubles; see row_kernels_impl.h.
 #define ISLET_LANES 2
 #define ISLET_KERNEL_SET kSse2RowKernels
-#define ISLET_KERNEL_NAME "sse2"
 #include "qp/interior_point/row_kernels_impl.h"

@@ -10,17 +10,13 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
-constexpr int kLines = 96;               // of a front in a piece, a multiple of kVector
+constexpr size_t kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
+constexpr int kLines = 96;                  // of a front in a piece, a multiple of kVector
 constexpr int kPiecesOfAssembly = 8;
 constexpr int kNearCache = 3000;  // numbers
 
 void CopyBlock(double* to, const double* from, int block) {
-  if (block == 6) {
-    std::memcpy(to, from, 6 * sizeof(double));  // a fixed size is no call
-  } else {
-    std::memcpy(to, from, block * sizeof(double));
-  }
+  for (int i = 0; i < block; i += 6) std::memcpy(to + i, from + i, 6 * sizeof(double));  // a fixed size is no call
 }
 
 // Claims the lowest bit that is not set. Which one it is depends on timing, and nothing may depend on it but addresses.
@@ -70,8 +66,7 @@ bool BlockCholesky::Analyse(int num_nodes, int block, std::span<const std::array
   num_nodes_ = num_nodes;
   block_ = block;
   pairs_.assign(pairs.begin(), pairs.end());
-  kernels_ = &BestFrontKernels().For(block);
-  analysis_.Analyse(num_nodes, pairs, &elimination_, block);
+  analysis_.Analyse(num_nodes, pairs, &elimination_);
   PlaceFronts();
   return true;
 }
@@ -86,7 +81,7 @@ void BlockCholesky::PlaceFronts() {
   lines_size_ = 0;
   for (int s = 0; s < count; ++s) {
     const Front front((e.columns(s) + e.below(s)) * block_, e.columns(s) * block_, block_);
-    panels += static_cast<size_t>(front.PanelSize());
+    panels += front.PanelSize();
     widest = std::max(widest, front.k);
     lines_size_ = std::max(lines_size_, static_cast<size_t>(front.EndLine()));
     fronts_.push_back(front);
@@ -99,8 +94,8 @@ void BlockCholesky::PlaceFronts() {
     const int begin = e.task_start[t], end = top ? count : e.task_start[t + 1];
     plan_.Clear();
     for (int s = begin; s < end; ++s) {
-      const size_t size = static_cast<size_t>(fronts_[s].UpdateSize());
-      scratch_size_ = std::max(scratch_size_, static_cast<size_t>(fronts_[s].ScratchSize()));
+      const size_t size = fronts_[s].UpdateSize();
+      scratch_size_ = std::max(scratch_size_, fronts_[s].ScratchSize());
       if (LeavesTask(s)) {
         update_at_[s] = updates;
         updates += size;
@@ -121,7 +116,6 @@ void BlockCholesky::PlaceFronts() {
   updates_.Resize(updates);
   regions_.Resize(region_size_ * e.num_tasks());
   scratch_.Resize(scratch_size_ * (e.num_tasks() + 1));
-  panels_size_ = panels;
   top_nodes_ = num_nodes_ - e.first[e.top()];
   carry_size_ = static_cast<size_t>(RoundUp(top_nodes_ * block_));
   lines_.Resize(lines_size_ * (e.num_tasks() + 1));
@@ -152,7 +146,7 @@ BlockPlace BlockCholesky::BlockAt(int a, int b) {
   const int s = e.supernode_of[column];
   const Front& front = fronts_[s];
   const int line = front.lead + FrontRow(e, s, row) * block_, at_column = (column - e.first[s]) * block_;
-  return {front.panel + line + at_column * front.panel_stride, front.panel_stride, pb > pa};
+  return {front.panel + line + at_column * front.panel_stride, static_cast<int>(front.panel_stride), pb > pa};
 }
 
 // Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A few columns at a time, so that
@@ -160,13 +154,13 @@ BlockPlace BlockCholesky::BlockAt(int a, int b) {
 void BlockCholesky::AddChildren(int s, int from, int end) {
   const Elimination& e = elimination_;
   const Front& front = fronts_[s];
-  const int step = std::max(1, kNearCache / (front.panel_stride * block_));
+  const int step = std::max(1, kNearCache / (static_cast<int>(front.panel_stride) * block_));
   for (int begin = from; begin < end; begin += step) {
     const int stop = std::min(begin + step, end);
     for (int node = begin; node < stop; ++node) {
       const bool in_panel = node < e.columns(s);
       if (!in_panel && front.fresh) break;
-      const int stride = in_panel ? front.panel_stride : front.update_stride;
+      const ptrdiff_t stride = in_panel ? front.panel_stride : front.update_stride;
       const int column = node * block_ - (in_panel ? 0 : front.k);
       const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
       double* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;

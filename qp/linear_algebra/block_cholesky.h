@@ -27,7 +27,7 @@ struct BlockPlace {
   bool transposed;  // rows belong to the second node asked for; false: to the first
 };
 
-// Numbers from an address that a whole vector starts at. Keeps its memory, and what was in it.
+// Numbers from an address that a whole vector starts at. Keeps its memory; where it grows all are zero.
 class AlignedNumbers {
  public:
   void Resize(size_t size);
@@ -40,7 +40,7 @@ class AlignedNumbers {
 
 class BlockCholesky {
  public:
-  // block: unknowns per node, 1, 3, 6 or 12. pairs: as EliminationAnalysis. Returns false if all stayed as it was.
+  // block: unknowns per node, 6 or 12. pairs: as EliminationAnalysis. Returns false if all stayed as it was.
   bool Analyse(int num_nodes, int block, std::span<const std::array<int, 2>> pairs);
 
   // The block of nodes a, b (a == b: diagonal, lower triangle used). The pair must have been in `pairs`.
@@ -58,10 +58,8 @@ class BlockCholesky {
   void Solve(double* x);
 
   const Elimination& elimination() const { return elimination_; }
-  int block() const { return block_; }
   // Additions and multiplications of a factorisation.
   double Flops() const { return elimination_.flops_per_cubed_block * block_ * block_ * block_; }
-  size_t FactorSize() const { return panels_size_; }  // numbers stored
 
  private:
   // Address space for the update matrices of fronts that are worked off in order: a front's own is needed while its
@@ -89,7 +87,7 @@ class BlockCholesky {
   int FactoriseShared(int s, parallel::PieceRef fill);
   double* RowsAt(int node, double* carry);
   void Gather(int s, double* lines, double* carry);
-  void Forward(int begin, int end, double* lines, double* carry);  // carry: null in the top
+  void Forward(int begin, int end, double* lines, double* carry);  // carry: null in the top, and where there is none
   void Backward(int begin, int end, double* lines, bool shared);
 
   EliminationAnalysis analysis_;
@@ -102,12 +100,12 @@ class BlockCholesky {
   std::vector<size_t>
       update_at_;  // per supernode: into updates_ if it leaves its task or is in the top, else into a region
   AlignedNumbers panels_, updates_, regions_, scratch_, lines_, carries_;
-  size_t panels_size_ = 0, region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
+  size_t region_size_ = 0, scratch_size_ = 0, lines_size_ = 0, carry_size_ = 0;
   int top_nodes_ = 0;
   std::vector<double> signs_;     // of the widest panel
   std::vector<int> replaced_;     // pivots, per task
   std::vector<double> permuted_;  // right side in elimination order
-  const FrontKernels* kernels_ = nullptr;
+  const FrontKernels* kernels_ = &BestFrontKernels();
 };
 
 }  // namespace islet::qp

@@ -9,9 +9,6 @@ namespace {
 
 constexpr int kDenseNodes = 6;              // up to 36 unknowns, 72 with two fields
 constexpr double kWorthDissecting = 0.8e6;  // [ns] of a factorisation in the order of minimum degree
-// Of the model's time, with 3x3 blocks. Measured on 1,000 balls (2,000 to 3,000 pairs, model 1 to 2.2 ms): dissecting took 1.8 to
-// 2.7 ms of the analysis and made no factorisation of 0.6 to 1.3 ms faster.
-constexpr double kSmallBlockShare = 0.125;
 
 }  // namespace
 
@@ -221,8 +218,7 @@ void EliminationAnalysis::Complete(Elimination* e) {
   tasks_.Cut(e);
 }
 
-void EliminationAnalysis::Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out,
-                                  int block) {
+void EliminationAnalysis::Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out) {
   out->num_nodes = num_nodes;
   if (num_nodes > 0 && num_nodes <= kDenseNodes) {
     // One dense front in the given order: for a handful of bodies the bookkeeping of sparsity costs more than it saves.
@@ -241,7 +237,7 @@ void EliminationAnalysis::Analyse(int num_nodes, std::span<const std::array<int,
   MakeGraph(num_nodes, pairs);
   minimum_degree_.Order({start_, adjacency_}, &out->order);
   Complete(out);
-  if (out->model_time * (block < 6 ? kSmallBlockShare : 1) > kWorthDissecting) {
+  if (out->model_time > kWorthDissecting) {
     other_.num_nodes = num_nodes;
     nested_dissection_.Order({start_, adjacency_}, &other_.order);
     Complete(&other_);

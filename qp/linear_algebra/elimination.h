@@ -1,5 +1,5 @@
 // Symbolic phase of the multifrontal factorisation: which bodies are eliminated together, into fronts of which rows, and
-// which parts are independent. Works on bodies, not on scalars: one node stands for a block of 3, 6 or 12 unknowns.
+// which parts are independent. Works on bodies, not on scalars: one node stands for a block of 6 or 12 unknowns.
 //
 //   in:  number of bodies and the pairs that share a contact      out: supernodes, children first, with their row structure
 //   Kept as long as the graph stays the same: an interior-point method factorises the same pattern ten to forty times.
@@ -59,8 +59,8 @@ double FrontTime(int columns, int below);
 class EliminationAnalysis {
  public:
   // pairs: nodes joined by at least one contact; repeated pairs and both orders allowed. A handful of nodes make one
-  // dense front. block: unknowns per node, which decides what searching for a better order may cost.
-  void Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out, int block = 6);
+  // dense front.
+  void Analyse(int num_nodes, std::span<const std::array<int, 2>> pairs, Elimination* out);
 
  private:
   struct Run {

@@ -1,39 +1,28 @@
 #include "qp/linear_algebra/front_kernels.h"
 
-#include <cstdlib>
-#include <cstring>
-#include <initializer_list>
+#include "qp/build_facts.h"
 
 namespace islet::qp {
 
-extern const FrontKernelSet kSse2Kernels;
-#ifdef ISLET_WIDE_KERNELS
-extern const FrontKernelSet kAvx2Kernels;
-extern const FrontKernelSet kAvx512Kernels;
-#endif
+extern const FrontKernels kSse2Kernels, kAvx2Kernels, kAvx512Kernels;
 
-const FrontKernelSet* FindFrontKernels(const char* name) {
-#ifdef ISLET_WIDE_KERNELS
-  const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  if (std::strcmp(name, "avx2") == 0) return avx2 ? &kAvx2Kernels : nullptr;
-  if (std::strcmp(name, "avx512") == 0) {
-    return avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") ? &kAvx512Kernels : nullptr;
-  }
-#endif
-  return std::strcmp(name, "sse2") == 0 ? &kSse2Kernels : nullptr;
-}
+namespace {
 
-const FrontKernelSet& BestFrontKernels() {
-  static const FrontKernelSet& best = []() -> const FrontKernelSet& {
-    if (const char* wanted = std::getenv("ISLET_KERNELS")) {
-      if (const FrontKernelSet* set = FindFrontKernels(wanted)) return *set;
-    }
-    for (const char* name : {"avx512", "avx2"}) {
-      if (const FrontKernelSet* set = FindFrontKernels(name)) return *set;
-    }
-    return kSse2Kernels;
-  }();
-  return best;
+constexpr const FrontKernels* kFrontKernels[] = {
+    &kSse2Kernels,
+#ifdef ISLET_WIDE_KERNELS
+    &kAvx2Kernels,
+    &kAvx512Kernels,
+#endif
+};
+
+}  // namespace
+
+const FrontKernels& BestFrontKernels() { return *kFrontKernels[ChosenKernelWidth()]; }
+
+const FrontKernels* FindFrontKernels(const char* name) {
+  const int width = KernelWidth(name);
+  return width < 0 ? nullptr : kFrontKernels[width];
 }
 
 }  // namespace islet::qp

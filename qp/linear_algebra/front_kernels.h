@@ -1,7 +1,7 @@
 // Dense kernels of the multifrontal factorisation, on one front. Compiled for several vector widths; the widest that
 // the machine has is chosen once, at run time, so the library itself stays portable.
 //
-// A front of n rows and k eliminated columns (k <= n, both multiples of the block size) is stored as
+// A front of n rows and k eliminated columns (k <= n, both multiples of the block size, 6 or 12) is stored as
 //   panel   n x k, column-major: [L11; L21] after the factorisation, the diagonal of L11 inverted
 //   update  (n-k) x (n-k), column-major: Schur complement, lower triangle valid
 // Entry (r, c) of the panel is at panel[lead + r + c * panel_stride]; `lead` makes row k start a whole vector, as column
@@ -13,6 +13,8 @@
 // LDL^T of a symmetric quasi-definite matrix otherwise [Van95].
 //   threads: kernels on disjoint lines (or columns) of one front may run side by side; the bits do not depend on the split
 #pragma once
+
+#include <cstddef>
 
 namespace islet::qp {
 
@@ -31,10 +33,10 @@ struct Front {
         panel_stride(OddStride(lead + rows)),
         update_stride(OddStride(rows - columns)) {}
 
-  int PanelSize() const { return panel_stride * k; }
-  int UpdateSize() const { return update_stride * (n - k); }
+  size_t PanelSize() const { return static_cast<size_t>(panel_stride * k); }
+  size_t UpdateSize() const { return static_cast<size_t>(update_stride * (n - k)); }
   // Numbers of scratch: rows of the panel block, transposed; its own triangle; its inverted pivots.
-  int ScratchSize() const {
+  size_t ScratchSize() const {
     const int width = k < kPanelBlock ? k : kPanelBlock;
     return RoundUp(width * (n + width + block + 1));
   }
@@ -44,10 +46,10 @@ struct Front {
   int UpdateBegin(int j) const { return RoundDown(lead + j + BlockColumns(j)); }
 
   int n, k, block;
-  int lead, panel_stride, update_stride;
-  bool fresh = false;             // the update matrix holds nothing yet and is overwritten
-  double tiny = 0;                // least pivot
-  const double* signs = nullptr;  // k numbers
+  int lead;
+  ptrdiff_t panel_stride, update_stride;  // wide: a column of a huge front begins beyond what an int can count
+  bool fresh = false;                     // the update matrix holds nothing yet and is overwritten
+  const double* signs = nullptr;          // k numbers
   double* panel = nullptr;
   double* update = nullptr;  // unused if n == k
   double* scratch = nullptr;
@@ -59,9 +61,10 @@ struct ContactProduct {
   int contact;      // into an array of 3 x 3 numbers each
 };
 
+// The kernels of one vector width.
 struct FrontKernels {
   // Eliminates the k columns of the panel and subtracts their outer product from the update matrix. Returns the number of
-  // pivots that had to be replaced because their sign was wrong or they were not above `tiny` (0 in a healthy one).
+  // pivots that had to be replaced because their sign was wrong or they were zero (0 in a healthy one).
   int (*factorise)(const Front& front);
   // The same in parts, for j = 0, kPanelBlock, ... < k: eliminate, then solve_lines over SolveBegin(j) .. EndLine(), then
   // update_lines over UpdateBegin(j) .. EndLine(), the two latter in any split at multiples of kVector.
@@ -88,17 +91,10 @@ struct FrontKernels {
                        double* out, int stride);
 };
 
-// The kernels of one vector width, by the number of columns that are handled together.
-struct FrontKernelSet {
-  const char* name;
-  const FrontKernels *one, *three, *six;
-  const FrontKernels& For(int block) const { return block % 6 == 0 ? *six : block % 3 == 0 ? *three : *one; }
-};
-
-// The widest set that this machine can run. ISLET_KERNELS=sse2|avx2|avx512 in the environment chooses a narrower one.
-const FrontKernelSet& BestFrontKernels();
+// The set of the chosen width (build_facts.h).
+const FrontKernels& BestFrontKernels();
 
 // The set of that name, or null if this machine or build has none.
-const FrontKernelSet* FindFrontKernels(const char* name);
+const FrontKernels* FindFrontKernels(const char* name);
 
 }  // namespace islet::qp

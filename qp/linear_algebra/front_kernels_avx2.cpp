@@ -2,5 +2,4 @@
 #define ISLET_LANES 4
 #define ISLET_TILE 2
 #define ISLET_KERNEL_SET kAvx2Kernels
-#define ISLET_KERNEL_NAME "avx2"
 #include "qp/linear_algebra/front_kernels_impl.h"

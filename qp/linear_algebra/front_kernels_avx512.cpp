@@ -2,5 +2,4 @@
 #define ISLET_LANES 8
 #define ISLET_TILE 3
 #define ISLET_KERNEL_SET kAvx512Kernels
-#define ISLET_KERNEL_NAME "avx512"
 #include "qp/linear_algebra/front_kernels_impl.h"

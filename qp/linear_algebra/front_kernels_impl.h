@@ -3,7 +3,7 @@
 // intrinsics is used here: an inline function of a shared header, compiled with wider vectors, could be chosen by the linker for
 // everyone. (Those of front_kernels.h are integer arithmetic on constants, the same for all.)
 //
-// N is the number of columns handled together: the block size, at most 6. Every kernel works on whole vectors: what lies
+// A group of kColumns is handled together. Every kernel works on whole vectors: what lies
 // above the diagonal and below the last row is scratch, so there are no remainder loops. Each number is made by the same
 // operations in the same order however the lines are split.
 #include "qp/linear_algebra/front_factorise_impl.h"
@@ -28,12 +28,12 @@ ISLET_INLINE void AddLine(const double* from, int count, double* to) {
 #endif
 }
 
-template <int N>
 void ExtendAdd(const Front& parent, int m, const int* to, const double* child, int begin, int end) {
-  const int block = N == 3 ? 3 : parent.block, child_stride = OddStride(m * block), columns = parent.k / block;
+  const int block = parent.block, columns = parent.k / block;
+  const ptrdiff_t child_stride = OddStride(m * block);
   for (int j = begin; j < end; ++j) {
     const bool in_panel = to[j] < columns;
-    const int stride = in_panel ? parent.panel_stride : parent.update_stride;
+    const ptrdiff_t stride = in_panel ? parent.panel_stride : parent.update_stride;
     double* out = in_panel ? parent.panel + parent.lead + to[j] * block * stride
                            : parent.update + (to[j] - columns) * block * stride - parent.k;
     const double* in = child + j * block * child_stride;
@@ -72,14 +72,11 @@ void AddProducts(int count, const ContactProduct* products, const double* rows, 
     for (int i = 0; i < 6; ++i) out[i + j * stride] += sign * sum[j][i];
 }
 
-template <int N>
-constexpr FrontKernels kKernelsFor = {&FactoriseFront<N>, &Eliminate<N>,       &SolveLines<N>,    &UpdateLines<N>,
-                                      &ExtendAdd<N>,      &ForwardFront<N>,    &BackwardFront<N>, &ForwardBlock<N>,
-                                      &ForwardLines<N>,   &BackwardColumns<N>, &BackwardBlock<N>, &AddProducts};
-
 }  // namespace
 
-extern const FrontKernelSet ISLET_KERNEL_SET;
-const FrontKernelSet ISLET_KERNEL_SET = {ISLET_KERNEL_NAME, &kKernelsFor<1>, &kKernelsFor<3>, &kKernelsFor<6>};
+extern const FrontKernels ISLET_KERNEL_SET;
+const FrontKernels ISLET_KERNEL_SET = {&FactoriseFront, &Eliminate,       &SolveLines,    &UpdateLines,
+                                       &ExtendAdd,      &ForwardFront,    &BackwardFront, &ForwardBlock,
+                                       &ForwardLines,   &BackwardColumns, &BackwardBlock, &AddProducts};
 
 }  // namespace islet::qp

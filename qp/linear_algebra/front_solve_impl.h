@@ -13,32 +13,31 @@ ISLET_INLINE __m256i FirstLanes(int count) {
 }
 #endif
 
-// x -= columns j .. j+N-1 times value, for the lines [from, to).
-template <int N>
-ISLET_INLINE void SubtractColumns(const double* columns, int stride, const double* value, int from, int to, double* x) {
+// x -= columns times their values, for the lines [from, to).
+ISLET_INLINE void SubtractColumns(const double* columns, ptrdiff_t stride, const double* value, int from, int to,
+                                  double* x) {
   for (int line = from; line < to; line += kLanes) {
     Vec sum = Load(x + line);
-    for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
+    for (int p = 0; p < kColumns; ++p) sum = MultiplyAdd(Load(columns + line + p * stride), -value[p], sum);
     Store(x + line, sum);
   }
 }
 
-// Solves the triangle of columns j .. j+N-1 in place; then the lines up to `end` of the vector that it ends in.
-template <int N>
+// Solves the triangle of a panel block in place, group by group; then the lines up to `end` of the vector that it ends in.
 void ForwardBlock(const Front& f, int j, double* x) {
   const int stop = j + f.BlockColumns(j), end = f.SolveBegin(j);
-  for (int c = j; c < stop; c += N) {
+  for (int c = j; c < stop; c += kColumns) {
     const double* l = f.panel + c * f.panel_stride;
     double* own = x + f.lead + c;
-    double value[N];
-    for (int p = 0; p < N; ++p) value[p] = own[p];
-    for (int p = 0; p < N; ++p) {
+    double value[kColumns];
+    for (int p = 0; p < kColumns; ++p) value[p] = own[p];
+    for (int p = 0; p < kColumns; ++p) {
       const double* column = l + f.lead + c + p * f.panel_stride;
       value[p] *= column[p];
-      for (int q = p + 1; q < N; ++q) value[q] -= column[q] * value[p];
+      for (int q = p + 1; q < kColumns; ++q) value[q] -= column[q] * value[p];
     }
-    for (int p = 0; p < N; ++p) own[p] = value[p];
-    const int first = f.lead + c + N, line = RoundDown(first);
+    for (int p = 0; p < kColumns; ++p) own[p] = value[p];
+    const int first = f.lead + c + kColumns, line = RoundDown(first);
     if (line >= end) continue;
 #if ISLET_LANES == 4
     // Whole vectors: what lies before the first line stays as it is, without a detour through memory.
@@ -46,24 +45,23 @@ void ForwardBlock(const Front& f, int j, double* x) {
     for (; whole < first; whole += kLanes) {
       const Vec before = Load(x + whole);
       Vec sum = before;
-      for (int p = 0; p < N; ++p) sum = MultiplyAdd(Load(l + whole + p * f.panel_stride), -value[p], sum);
+      for (int p = 0; p < kColumns; ++p) sum = MultiplyAdd(Load(l + whole + p * f.panel_stride), -value[p], sum);
       Store(x + whole, (decltype(sum < sum))FirstLanes(first - whole) ? before : sum);
     }
-    SubtractColumns<N>(l, f.panel_stride, value, whole, end, x);
+    SubtractColumns(l, f.panel_stride, value, whole, end, x);
 #else
     double kept[kVector];  // whole vectors: what is overwritten before the first line is put back
     for (int q = 0; q < first - line; ++q) kept[q] = x[line + q];
-    SubtractColumns<N>(l, f.panel_stride, value, line, end, x);
+    SubtractColumns(l, f.panel_stride, value, line, end, x);
     for (int q = 0; q < first - line; ++q) x[line + q] = kept[q];
 #endif
   }
 }
 
-template <int N>
 void ForwardLines(const Front& f, int j, int from, int to, double* x) {
   const int stop = j + f.BlockColumns(j);
-  for (int c = j; c < stop; c += N)
-    SubtractColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
+  for (int c = j; c < stop; c += kColumns)
+    SubtractColumns(f.panel + c * f.panel_stride, f.panel_stride, x + f.lead + c, from, to, x);
 }
 
 // Lanes from .. to-1 of what is at p, zeros elsewhere; p may hold anything there.
@@ -90,11 +88,10 @@ ISLET_INLINE Vec SumsOfPairs(Vec a, Vec b, Vec c, Vec d) {
 #endif
 
 // Of kVector numbers each, ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)).
-template <int N>
-ISLET_INLINE void AddPairs(const Vec (&sums)[N][kVector / kLanes], double* out) {
+ISLET_INLINE void AddPairs(const Vec (&sums)[kColumns][kVector / kLanes], double* out) {
 #if ISLET_LANES == 8
   Vec all[8] = {}, pairs[4], fours[2];
-  for (int p = 0; p < N; ++p) all[p] = sums[p][0];
+  for (int p = 0; p < kColumns; ++p) all[p] = sums[p][0];
   for (int i = 0; i < 4; ++i)
     pairs[i] = ISLET_SHUFFLE(all[2 * i], all[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14) +
                ISLET_SHUFFLE(all[2 * i], all[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
@@ -103,19 +100,19 @@ ISLET_INLINE void AddPairs(const Vec (&sums)[N][kVector / kLanes], double* out) 
                ISLET_SHUFFLE(pairs[2 * i], pairs[2 * i + 1], 2, 3, 10, 11, 6, 7, 14, 15);
   const Vec sum = ISLET_SHUFFLE(fours[0], fours[1], 0, 1, 2, 3, 8, 9, 10, 11) +
                   ISLET_SHUFFLE(fours[0], fours[1], 4, 5, 6, 7, 12, 13, 14, 15);
-  for (int p = 0; p < N; ++p) out[p] = sum[p];
+  for (int p = 0; p < kColumns; ++p) out[p] = sum[p];
 #elif ISLET_LANES == 4
-  for (int i = 0; i < N; i += 4) {
+  for (int i = 0; i < kColumns; i += 4) {
     Vec sum[2];
     for (int t = 0; t < 2; ++t) {
-      const auto of = [&](int p) { return p < N ? sums[p][t] : Vec{}; };
+      const auto of = [&](int p) { return p < kColumns ? sums[p][t] : Vec{}; };
       sum[t] = SumsOfPairs(of(i), of(i + 1), of(i + 2), of(i + 3));
     }
     const Vec all = sum[0] + sum[1];
-    for (int p = i; p < N && p < i + 4; ++p) out[p] = all[p - i];
+    for (int p = i; p < kColumns && p < i + 4; ++p) out[p] = all[p - i];
   }
 #else
-  for (int p = 0; p < N; ++p) {
+  for (int p = 0; p < kColumns; ++p) {
     double pair[4];
     for (int t = 0; t < 4; ++t) pair[t] = sums[p][t][0] + sums[p][t][1];
     out[p] = (pair[0] + pair[1]) + (pair[2] + pair[3]);
@@ -126,16 +123,15 @@ ISLET_INLINE void AddPairs(const Vec (&sums)[N][kVector / kLanes], double* out) 
 
 // sum[p] = sum of column p times x over the lines [from, end). A sum for each place in the widest vector, then in pairs, so that the bits
 // are those of any other width.
-template <int N>
-ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x, int from, int end, double* sum) {
+ISLET_INLINE void DotColumns(const double* columns, ptrdiff_t stride, const double* x, int from, int end, double* sum) {
   constexpr int kParts = kVector / kLanes;
-  Vec sums[N][kParts] = {};
+  Vec sums[kColumns][kParts] = {};
   const auto add = [&](int line, const auto& load) {  // line: a multiple of kVector
     for (int t = 0; t < kParts; ++t) {
       const int first = line + t * kLanes;
       if (first + kLanes <= from || first >= end) continue;
       const Vec v = load(x, first);
-      for (int p = 0; p < N; ++p) sums[p][t] += load(columns + p * stride, first) * v;
+      for (int p = 0; p < kColumns; ++p) sums[p][t] += load(columns + p * stride, first) * v;
     }
   };
   const auto some = [&](const double* p, int first) {
@@ -146,53 +142,49 @@ ISLET_INLINE void DotColumns(const double* columns, int stride, const double* x,
   if (line < from) add(line, some), line += kVector;
   for (; line + kVector <= end; line += kVector) add(line, whole);
   if (line < end) add(line, some);
-  AddPairs<N>(sums, sum);
+  AddPairs(sums, sum);
 }
 
 // x[c] -= (column c below the panel block at j) x.
-template <int N>
 void BackwardColumns(const Front& f, int j, int from, int to, double* x) {
   const int first = f.lead + j + f.BlockColumns(j), end = f.lead + f.n;
   if (first == end) return;
-  for (int c = from; c < to; c += N) {
-    double sum[N];
-    DotColumns<N>(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
-    for (int p = 0; p < N; ++p) x[f.lead + c + p] -= sum[p];
+  for (int c = from; c < to; c += kColumns) {
+    double sum[kColumns];
+    DotColumns(f.panel + c * f.panel_stride, f.panel_stride, x, first, end, sum);
+    for (int p = 0; p < kColumns; ++p) x[f.lead + c + p] -= sum[p];
   }
 }
 
-template <int N>
 void BackwardBlock(const Front& f, int j, double* x) {
   const int stop = j + f.BlockColumns(j);
-  for (int c = stop - N; c >= j; c -= N) {
+  for (int c = stop - kColumns; c >= j; c -= kColumns) {
     const double* l = f.panel + f.lead + c * f.panel_stride;
     double* own = x + f.lead;
-    double sum[N] = {};
-    if (c + N < stop) DotColumns<N>(l - f.lead, f.panel_stride, x, f.lead + c + N, f.lead + stop, sum);
-    double value[N];
-    for (int p = 0; p < N; ++p) value[p] = own[c + p] - sum[p];
-    for (int p = N - 1; p >= 0; --p) {  // the one found last is taken off last: only it is waited for
+    double sum[kColumns] = {};
+    if (c + kColumns < stop) DotColumns(l - f.lead, f.panel_stride, x, f.lead + c + kColumns, f.lead + stop, sum);
+    double value[kColumns];
+    for (int p = 0; p < kColumns; ++p) value[p] = own[c + p] - sum[p];
+    for (int p = kColumns - 1; p >= 0; --p) {  // the one found last is taken off last: only it is waited for
       const double* column = l + p * f.panel_stride;
-      for (int q = N - 1; q > p; --q) value[p] -= column[c + q] * value[q];
+      for (int q = kColumns - 1; q > p; --q) value[p] -= column[c + q] * value[q];
       value[p] *= column[c + p];
     }
-    for (int p = 0; p < N; ++p) own[c + p] = value[p];
+    for (int p = 0; p < kColumns; ++p) own[c + p] = value[p];
   }
 }
 
-template <int N>
 void ForwardFront(const Front& f, double* x) {
   for (int j = 0; j < f.k; j += kPanelBlock) {
-    ForwardBlock<N>(f, j, x);
-    ForwardLines<N>(f, j, f.SolveBegin(j), f.EndLine(), x);
+    ForwardBlock(f, j, x);
+    ForwardLines(f, j, f.SolveBegin(j), f.EndLine(), x);
   }
 }
 
-template <int N>
 void BackwardFront(const Front& f, double* x) {
   for (int j = (f.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
-    BackwardColumns<N>(f, j, j, j + f.BlockColumns(j), x);
-    BackwardBlock<N>(f, j, x);
+    BackwardColumns(f, j, j, j + f.BlockColumns(j), x);
+    BackwardBlock(f, j, x);
   }
 }
 

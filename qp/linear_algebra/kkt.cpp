@@ -153,9 +153,8 @@ void KktSystem::AddBlock(const Block& block, const double* d) {
                          stride);
 }
 
-int KktSystem::Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e) {
-  assert(pair_of_.size() == problem.contacts.size());
-  static_cast<void>(problem);
+int KktSystem::Factorise(const std::vector<Matrix3>& d, const std::vector<double>& e) {
+  assert(pair_of_.size() == d.size());
   if (num_fields_ == 2) {
     normal_blocks_.assign(std::max<size_t>(1, e.size()), Matrix3::Zero());
     for (size_t c = 0; c < e.size(); ++c) normal_blocks_[c](0, 0) = e[c];

@@ -1,4 +1,4 @@
-// The Newton matrix of the interior-point method, reduced to the bodies.
+// The Newton matrix of the interior points, and of the other methods that have one: reduced to the bodies.
 //
 // One field (convex models), unknown v:            Two fields (kinetic model), unknowns v and p = multiplier of momentum:
 //   S = M + sum_c J_c^T D_c J_c                       S = [ M + sum_c N_c^T E_c N_c        -M              ]
@@ -28,9 +28,9 @@ class KktSystem {
   // num_fields: 1 or 2.
   void Prepare(const Problem& problem, int num_fields);
 
-  // problem: the one that was prepared. D: one symmetric block per contact. E: one number per contact, unused with one
+  // Of the problem that was prepared. D: one symmetric block per contact. E: one number per contact, unused with one
   // field. Returns the number of pivots that had to be replaced (0 in a healthy factorisation).
-  int Factorise(const Problem& problem, const std::vector<Matrix3>& d, const std::vector<double>& e);
+  int Factorise(const std::vector<Matrix3>& d, const std::vector<double>& e);
 
   // x <- S^-1 x by the last factorisation; unknowns body by body, field by field: x[(6 num_fields) body + 6 field + i].
   void Solve(double* x);
@@ -57,7 +57,7 @@ class KktSystem {
   void AddBlock(const Block& block, const double* d);
 
   int num_fields_ = 1;
-  const FrontKernels* kernels_ = &BestFrontKernels().For(6);
+  const FrontKernels* kernels_ = &BestFrontKernels();
   BlockCholesky cholesky_;
   std::vector<std::array<int, 2>> pairs_;  // of bodies in contact, ascending, each once
   std::vector<int> pair_of_;               // per contact: into pairs_, -1 if one side is immovable

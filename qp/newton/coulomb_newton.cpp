@@ -6,6 +6,7 @@
 
 #include "qp/body_algebra.h"
 #include "qp/newton/proximal.h"
+#include "qp/slip.h"
 
 namespace islet::qp {
 namespace {
@@ -34,7 +35,7 @@ double CoulombNewton::Residual() {
     Vector3 u = ContactVelocity(contact, v_.data());
     u[0] -= contact.target;
     pulls_[c] = (centre_[c] - stiffness * u) / (1 + stiffness * contact.compliance);
-    impulses_[c] = SpringLaw(pulls_[c], contact.friction);
+    impulses_[c] = CutToCone(pulls_[c], contact.friction);
     AddForce(contact, 6, 0, 1, impulses_[c], &residual_);
   }
   return std::sqrt(Dot(residual_, residual_) / total_mass_);
@@ -84,7 +85,7 @@ void CoulombNewton::FindDirection() {
       column[i] = cosines[i] * above + sines[i] * column[i + 1];
       column[i + 1] = cosines[i] * column[i + 1] - sines[i] * above;
     }
-    const double length = std::hypot(column[k], left);
+    const double length = std::sqrt(column[k] * column[k] + left * left);
     if (!(length > 0)) break;
     cosines[k] = column[k] / length, sines[k] = left / length;
     column[k] = length;
@@ -114,7 +115,7 @@ bool CoulombNewton::Step(double aim, int most) {
       plain_slopes_[c] = slopes_[c];
       plain_slopes_[c].bottomLeftCorner<2, 1>().setZero();
     }
-    system_.Factorise(*problem_, plain_slopes_, {});
+    system_.Factorise(plain_slopes_, {});
     ++factorisations_;
     FindDirection();
     from_ = v_;

@@ -58,7 +58,7 @@ void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
     body.inertia = body.mass * Matrix3::Identity();
   }
   system_.Prepare(problem, 1);
-  system_.Factorise(problem, weights_, {});
+  system_.Factorise(weights_, {});
 }
 
 void LeastChange::Multiply(const std::vector<double>& w, std::vector<double>* aw) const {

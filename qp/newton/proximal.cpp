@@ -1,8 +1,8 @@
 #include "qp/newton/proximal.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
@@ -12,18 +12,10 @@ constexpr double kPace = 5;    // by which springs become stiffer, or softer
 constexpr int kEasy = 4;       // Newton steps of a proximal step that may become stiffer
 constexpr int kPatience = 20;  // steps without a better answer: on the way to it the map may rise for a while
 
-double Tangent(const Vector3& x) { return std::sqrt(x[1] * x[1] + x[2] * x[2]); }
-
 }  // namespace
 
-Vector3 SpringLaw(const Vector3& pull, double friction) {
-  if (pull[0] <= 0) return Vector3::Zero();
-  const double tangent = Tangent(pull), share = tangent > friction * pull[0] ? friction * pull[0] / tangent : 1;
-  return {pull[0], share * pull[1], share * pull[2]};
-}
-
 Matrix3 SpringSlope(const Vector3& pull, double friction) {
-  const double tangent = Tangent(pull);
+  const double tangent = TangentSize(pull);
   Matrix3 slope = Matrix3::Zero();
   if (pull[0] <= 0) return slope;
   if (tangent < friction * pull[0]) return Matrix3::Identity();

@@ -1,6 +1,6 @@
 // What the proximal methods of exact friction share: the law of a contact on a spring, and how stiff the springs are.   [Roc76, AC91]
 //
-//   one step, from impulses j':  j = L(j' - t (u - b n)),  L: x_n cut at 0, then x_t cut at the disc of radius mu x_n
+//   one step, from impulses j':  j = L(j' - t (u - b n)),  L: CutToCone of slip.h
 //
 // Repeated, the springs relax, and where impulses stay what they were, they are exact. t decides about nothing but the pace.
 //   threads: pure functions; one pace per solve
@@ -15,9 +15,7 @@ namespace islet::qp {
 inline constexpr int kSearchHalvings = 8;
 inline constexpr double kLeastDescent = 1e-4;
 
-Vector3 SpringLaw(const Vector3& pull, double friction);
-
-// An element of its generalised derivative. The first column below the diagonal is what a normal pull does to friction.
+// Of CutToCone, an element of the generalised derivative. The first column below the diagonal is what a normal pull does to friction.
 Matrix3 SpringSlope(const Vector3& pull, double friction);
 
 // Steps that gained and were short make the springs stiffer, those that failed softer: what they may be then grows as fast again. They are

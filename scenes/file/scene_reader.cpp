@@ -338,8 +338,7 @@ class SceneReader {
         .repetition = {}};
     BodyDefinition& d = entry.definition;
     if (const auto f = given.Get("name")) entry.name = ReadName(*f);
-    static constexpr std::array kKinds{"fixed", "kinematic", "dynamic"};
-    if (const auto f = given.Get("kind")) d.kind = static_cast<BodyKind>(f->Choice(kKinds));
+    if (const auto f = given.Get("kind")) d.kind = Chosen(*f, kBodyKinds);
     ReadMass(given, &d);
     if (const auto f = given.Get("rotation")) d.rotation_WB = ReadRotation(*f);
     if (const auto f = given.Get("velocity")) d.linear_velocity_W = Velocity(*f, d.kind);

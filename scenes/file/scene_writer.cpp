@@ -116,28 +116,20 @@ Quaternion BeforeNormalizing(const Quaternion& q) {
                          Number(q.y()) + ", " + Number(q.z()) + ")");
 }
 
-template <typename T, size_t n>
-std::string Quoted(T value, const std::array<std::pair<const char*, T>, n>& names) {
-  for (const auto& [name, choice] : names)
-    if (choice == value) return Quote(name);
-  throw std::logic_error("a setting without a name");
-}
-
 std::string EffortText(const Effort& effort) {
-  for (const auto& [name, known] : kEfforts)
-    if (effort.sweeps == known.sweeps && effort.newton == known.newton) return Quote(name);
-  return std::to_string(effort.sweeps);
+  const char* const name = NameIn(kEfforts, effort);
+  return name ? Quote(name) : std::to_string(effort.sweeps);
 }
 
 // Those that differ from the default.
 std::string SettingsText(const Settings& s) {
   const Settings usual;
   Line line;
-  if (s.model != usual.model) line.Add("model", Quoted(s.model, kModels));
-  if (s.cone != usual.cone) line.Add("cone", Quoted(s.cone, kCones));
-  if (s.bounce_law != usual.bounce_law) line.Add("bounce", Quoted(s.bounce_law, kBounceLaws));
+  if (s.model != usual.model) line.Add("model", Quote(NameIn(kModels, s.model)));
+  if (s.cone != usual.cone) line.Add("cone", Quote(NameIn(kCones, s.cone)));
+  if (s.bounce_law != usual.bounce_law) line.Add("bounce", Quote(NameIn(kBounceLaws, s.bounce_law)));
   if (s.bounce_limit != usual.bounce_limit) line.Add("bounce_limit", std::to_string(s.bounce_limit));
-  if (s.freezing != usual.freezing) line.Add("freeze", Quoted(s.freezing, kFreezings));
+  if (s.freezing != usual.freezing) line.Add("freeze", Quote(NameIn(kFreezings, s.freezing)));
   if (s.freeze_count != usual.freeze_count) line.Add("freeze_count", std::to_string(s.freeze_count));
   if (s.freeze_seconds != usual.freeze_seconds) line.Add("freeze_seconds", Number(s.freeze_seconds));
   if (s.freeze_travel != usual.freeze_travel) line.Add("freeze_travel", Number(s.freeze_travel));

@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <utility>
 
 #include "scenes/film/film_head.h"
 #include "scenes/film/frame_code.h"
@@ -24,10 +23,6 @@ std::string CheckedHead(const std::string& path, const FilmHead& head) {
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(path + ": cannot be recorded: " + error.what());
   }
-}
-
-std::uint64_t SizeOf(const FilmFrame& frame) {
-  return sizeof frame + FrameBytes(frame.poses.size(), frame.contacts.size());
 }
 
 }  // namespace
@@ -98,22 +93,6 @@ bool FilmReader::Next(FilmFrame* frame) {
   if (NextChunk(&chunk) || file_.left_over() > 0) file_.Refuse(behind, "the recording goes on behind its end");
   stopped_by_ = stopped_by;
   return false;
-}
-
-Film ReadFilm(const std::string& path, std::uint64_t most) {
-  FilmReader reader(path);
-  Film film;
-  film.head = reader.head();
-  std::uint64_t size = 0;  // [bytes]
-  for (FilmFrame frame; reader.Next(&frame);) {
-    size += SizeOf(frame);
-    if (size > most)
-      throw std::invalid_argument(path + ": " + std::to_string(film.frames.size() + 1) + " frames need more than " +
-                                  std::to_string(most >> 20) + " MB of memory");
-    film.frames.push_back(std::move(frame));
-  }
-  film.stopped_by = reader.stopped_by();
-  return film;
 }
 
 }  // namespace islet

@@ -10,7 +10,6 @@
 
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "scenes/film/chunk_file.h"
 #include "scenes/film/film.h"
@@ -52,14 +51,5 @@ class FilmReader {
   int frames_ = 0;
   std::string stopped_by_;
 };
-
-struct Film {
-  FilmHead head;
-  std::vector<FilmFrame> frames;
-  std::string stopped_by;  // empty: cut off
-};
-
-// As a whole. most: [bytes] of frames in memory; a longer film is refused, read it by FilmReader.
-Film ReadFilm(const std::string& path, std::uint64_t most = std::uint64_t{1} << 30);
 
 }  // namespace islet

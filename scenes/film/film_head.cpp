@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "engine/shape_data.h"
+#include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
@@ -30,8 +31,6 @@ constexpr std::array<std::pair<const char*, ShapeKind>, 6> kShapeKinds{{{"sphere
                                                                         {"hull", ShapeKind::kConvexHull},
                                                                         {"capsule", ShapeKind::kCapsule},
                                                                         {"cylinder", ShapeKind::kCylinder}}};
-constexpr std::array<std::pair<const char*, BodyKind>, 3> kBodyKinds{
-    {{"fixed", BodyKind::kFixed}, {"kinematic", BodyKind::kKinematic}, {"dynamic", BodyKind::kDynamic}}};
 
 [[noreturn]] void Refuse(const std::string& key, const std::string& rule, const Json& value) {
   std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -41,8 +40,7 @@ constexpr std::array<std::pair<const char*, BodyKind>, 3> kBodyKinds{
 
 template <typename T, size_t n>
 const char* NameOf(T value, const std::array<std::pair<const char*, T>, n>& names) {
-  for (const auto& [name, kind] : names)
-    if (kind == value) return name;
+  if (const char* const name = NameIn(names, value)) return name;
   throw std::invalid_argument("a custom shape is a function, which a recording cannot hold");
 }
 
@@ -79,9 +77,7 @@ std::string Text(const Json& value, const std::string& key) {
 
 template <typename T, size_t n>
 T Choice(const Json& value, const std::string& key, const std::array<std::pair<const char*, T>, n>& names) {
-  const std::string text = Text(value, key);
-  for (const auto& [name, kind] : names)
-    if (text == name) return kind;
+  if (const std::optional<T> kind = ValueIn(names, Text(value, key))) return *kind;
   Refuse(key, "is of no known kind", value);
 }
 

@@ -4,10 +4,10 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <stdexcept>
 
 #include "scenes/effort_option.h"
 #include "scenes/interrupt.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
 #include "scenes/terminal_line.h"
 #include "scenes/verify/verify_report.h"
@@ -17,12 +17,9 @@ namespace islet {
 namespace {
 
 VerifyBase CheckOptions(const VerifyOptions& o) {
-  const auto require = [](bool good, const char* option, const auto& value, const char* rule) {
-    if (!good) throw std::invalid_argument(fmt::format("{} must be {}; got {}", option, rule, value));
-  };
-  require(o.tolerance >= 1e-15 && o.tolerance <= 0.1, "--tolerance", o.tolerance, "in [1e-15, 0.1]");
-  if (o.threads) require(*o.threads >= 0 && *o.threads <= 1024, "--threads", *o.threads, "from 0 to 1024");
-  require(o.group_bodies >= 0, "--group-bodies", o.group_bodies, "at least 0");
+  RequireTolerance(o.tolerance);
+  RequireThreads(o.threads);
+  RequireRange("--group-bodies", o.group_bodies, o.group_bodies >= 0, "at least 0");
   if (!o.report.empty() && o.report != "-") CheckWritable("--report", o.report);
   return {o.tolerance, ParseEffort(o.effort), o.threads.value_or(0), o.group_bodies, o.quick};
 }

@@ -10,6 +10,7 @@
 
 #include "scenes/interrupt.h"
 #include "scenes/seconds_option.h"
+#include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
@@ -44,10 +45,8 @@ std::vector<std::string> Choose(const char* option, const std::string& list,
 
 Settings EngineSettings(const std::string& model, const std::string& freeze, const VerifyBase& base) {
   Settings engine = model == "paper" ? Settings::Paper() : Settings{};
-  if (model == "coulomb") engine.model = Model::kCoulomb;
-  if (model == "convex") engine.model = Model::kConvex;
-  if (model == "kinetic") engine.model = Model::kKinetic;
-  if (model != "paper") engine.freezing = freeze == "off" ? Freezing::kOff : Freezing::kCertified;
+  engine.model = ValueIn(kModels, model).value_or(engine.model);
+  engine.freezing = *ValueIn(kFreezings, freeze);
   engine.effort = base.effort;
   engine.tolerance = base.tolerance;
   engine.threads = base.threads;

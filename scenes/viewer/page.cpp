@@ -85,12 +85,4 @@ void PageWriter::Finish(const std::string& stopped_by) {
   if (!out_.flush()) throw std::runtime_error("cannot write the page");
 }
 
-void WritePage(std::ostream& out, const FilmHead& head, std::span<const FilmFrame> frames,
-               const std::string& stopped_by, PageOptions options) {
-  options.expected_frames = static_cast<int>(frames.size());
-  PageWriter writer(&out, head, options);
-  for (const FilmFrame& frame : frames) writer.Add(frame);
-  writer.Finish(stopped_by);
-}
-
 }  // namespace islet

@@ -9,7 +9,6 @@
 #pragma once
 
 #include <iosfwd>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -54,8 +53,5 @@ class PageWriter {
   size_t contact_bytes_ = 0;       // that were used
   double contact_size_ = 16;       // [bytes] of the page that a contact took in the last chunk
 };
-
-void WritePage(std::ostream& out, const FilmHead& head, std::span<const FilmFrame> frames,
-               const std::string& stopped_by, PageOptions options = {});
 
 }  // namespace islet

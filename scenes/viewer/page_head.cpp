@@ -1,49 +1,60 @@
 #include "scenes/viewer/page_head.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <vector>
+
+#include "scenes/setting_names.h"
 
 namespace islet {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array kNumberNames{"number",
-                                  "time",
-                                  "accuracy",
-                                  "contacts",
-                                  "islands",
-                                  "awake",
-                                  "frozen",
-                                  "step_seconds",
-                                  "detect",
-                                  "cut_islands",
-                                  "pq",
-                                  "collision_qp",
-                                  "static_qp",
-                                  "freeze",
-                                  "move",
-                                  "kinetic",
-                                  "potential",
-                                  "coulomb_map",
-                                  "penetration",
-                                  "energy_created",
-                                  "momentum_unexplained",
-                                  "angular_momentum_unexplained",
-                                  "sides_changed",
-                                  "overlapping",
-                                  "missed",
-                                  "unsolved",
-                                  "failed",
-                                  "hash_high",
-                                  "hash_low"};
+// visit(name, value) of the numbers of a frame, in the order of the curves.
+template <typename Visit>
+void VisitNumbers(const FilmFrame& frame, const Visit& visit) {
+  const FilmNumbers& n = frame.numbers;
+  const StageSeconds& s = n.stages;
+  const float accuracy = frame.accuracy.empty() ? 0 : *std::max_element(frame.accuracy.begin(), frame.accuracy.end());
+  visit("number", frame.number);
+  visit("time", frame.time);
+  visit("accuracy", accuracy);
+  visit("contacts", n.contacts);
+  visit("islands", n.islands);
+  visit("awake", n.awake);
+  visit("frozen", n.frozen);
+  visit("step_seconds", n.step_seconds);
+  visit("detect", s.detect);
+  visit("cut_islands", s.islands);
+  visit("pq", s.pq);
+  visit("collision_qp", s.collision_qp);
+  visit("static_qp", s.static_qp);
+  visit("freeze", s.freeze);
+  visit("move", s.move);
+  visit("kinetic", n.kinetic);
+  visit("potential", n.potential);
+  visit("coulomb_map", n.coulomb_map);
+  visit("penetration", n.penetration);
+  visit("energy_created", n.energy_created);
+  visit("momentum_unexplained", n.momentum_unexplained);
+  visit("angular_momentum_unexplained", n.angular_momentum_unexplained);
+  visit("sides_changed", n.sides_changed);
+  visit("overlapping", n.overlapping);
+  visit("missed", n.missed);
+  visit("unsolved", n.unsolved);
+  visit("failed", n.failed);
+  visit("hash_high", static_cast<double>(frame.state_hash >> 32));
+  visit("hash_low", static_cast<double>(frame.state_hash & 0xffffffff));
+}
 
-constexpr const char* NameOf(BodyKind kind) {
-  return kind == BodyKind::kFixed ? "fixed" : kind == BodyKind::kKinematic ? "kinematic" : "dynamic";
+std::vector<const char*> NumberNames() {
+  std::vector<const char*> names;
+  VisitNumbers({}, [&](const char* name, double) { names.push_back(name); });
+  return names;
 }
 
 Json ToJson(const Vector3& v) { return {v.x(), v.y(), v.z()}; }
@@ -88,46 +99,15 @@ void CheckPageHead(const FilmHead& head) {
 }
 
 void AppendNumbers(const FilmFrame& frame, std::vector<double>* numbers) {
-  const FilmNumbers& n = frame.numbers;
-  const StageSeconds& s = n.stages;
-  const float accuracy = frame.accuracy.empty() ? 0 : *std::max_element(frame.accuracy.begin(), frame.accuracy.end());
-  const std::array<double, kNumberNames.size()> all{double(frame.number),
-                                                    frame.time,
-                                                    double{accuracy},
-                                                    double(n.contacts),
-                                                    double(n.islands),
-                                                    double(n.awake),
-                                                    double(n.frozen),
-                                                    n.step_seconds,
-                                                    s.detect,
-                                                    s.islands,
-                                                    s.pq,
-                                                    s.collision_qp,
-                                                    s.static_qp,
-                                                    s.freeze,
-                                                    s.move,
-                                                    n.kinetic,
-                                                    n.potential,
-                                                    n.coulomb_map,
-                                                    n.penetration,
-                                                    n.energy_created,
-                                                    n.momentum_unexplained,
-                                                    n.angular_momentum_unexplained,
-                                                    double(n.sides_changed),
-                                                    double(n.overlapping),
-                                                    double(n.missed),
-                                                    double(n.unsolved),
-                                                    double(n.failed),
-                                                    double(frame.state_hash >> 32),
-                                                    double(frame.state_hash & 0xffffffff)};
-  numbers->insert(numbers->end(), all.begin(), all.end());
+  VisitNumbers(frame, [&](const char*, double value) { numbers->push_back(value); });
 }
 
 std::string NumberBytes(const std::vector<double>& numbers) {
   std::string bytes;
   bytes.reserve(8 * numbers.size());
-  for (size_t name = 0; name < kNumberNames.size(); ++name) {
-    for (size_t at = name; at < numbers.size(); at += kNumberNames.size()) {
+  const size_t names = NumberNames().size();
+  for (size_t name = 0; name < names; ++name) {
+    for (size_t at = name; at < numbers.size(); at += names) {
       std::uint64_t bits;
       std::memcpy(&bits, &numbers[at], 8);
       for (int shift = 0; shift < 64; shift += 8) bytes.push_back(static_cast<char>(bits >> shift & 255));
@@ -154,13 +134,13 @@ std::string PageHeadJson(const FilmHead& head, const PageChunk& sum, const std::
   Json shapes = Json::array(), kinds = Json::array(), masses = Json::array();
   for (const FilmBody& body : head.bodies) {
     shapes.push_back(body.shape);
-    kinds.push_back(NameOf(body.kind));
+    kinds.push_back(NameIn(kBodyKinds, body.kind));
     masses.push_back(body.mass);
   }
   json["bodies"] = {{"shape", shapes}, {"kind", kinds}, {"mass", masses}};
   json["frames"] = sum.frames;
   json["chunks"] = chunk_sizes;
-  json["numbers"] = kNumberNames;
+  json["numbers"] = NumberNames();
   json["steps"] = {{"position", position_step}, {"rotation", kRotationStep}};
   json["errors"] = {{"position", sum.position_error}, {"rotation", sum.rotation_error}};
   json["contacts"] = {{"all", sum.contacts_all}, {"kept", sum.contacts_kept}, {"frames_cut", sum.frames_cut}};

@@ -32,7 +32,9 @@ const std::string& Path() {
 
 void Read() {
   try {
-    islet::ReadFilm(Path(), 100 << 20);
+    islet::FilmFrame frame;
+    for (islet::FilmReader whole(Path()); whole.Next(&frame);) {
+    }
     islet::FilmReader reader(Path());
     islet::FilmToGlb(&reader);
   } catch (const std::invalid_argument&) {

@@ -19,8 +19,7 @@ int FrozenInFrame(const char* story, int freeze_count) {
     const std::vector<double> energy{*f == 'f' ? 1.0 : 0.4}, threshold{0.5};
     const std::vector<std::uint8_t> touches{static_cast<std::uint8_t>(*f != 'a')},
         may{static_cast<std::uint8_t>(*f != 'w')};
-    const int newly = UpdateFreezing({energy, threshold, touches, may}, freeze_count, counters, frozen);
-    EXPECT_EQ(newly, frozen[0]);
+    UpdateFreezing({energy, threshold, touches, may}, freeze_count, counters, frozen);
     if (frozen[0]) return frame;
   }
   return 0;
@@ -43,7 +42,8 @@ TEST(UpdateFreezing, EnergyAtTheThresholdIsNotStill) {
   std::vector<std::uint8_t> frozen(1, 0);
   const std::vector<double> energy{0.5}, threshold{0.5};
   const std::vector<std::uint8_t> yes{1};
-  EXPECT_EQ(UpdateFreezing({energy, threshold, yes, yes}, 1, counters, frozen), 0);
+  UpdateFreezing({energy, threshold, yes, yes}, 1, counters, frozen);
+  EXPECT_EQ(frozen[0], 0);
   EXPECT_EQ(counters[0], 0);
 }
 
@@ -52,7 +52,7 @@ TEST(UpdateFreezing, LeavesFrozenBodiesAlone) {
   std::vector<std::uint8_t> frozen{1, 0};
   const std::vector<double> energy{9, 9}, threshold{1, 1};
   const std::vector<std::uint8_t> no{0, 0};
-  EXPECT_EQ(UpdateFreezing({energy, threshold, no, no}, 1, counters, frozen), 0);
+  UpdateFreezing({energy, threshold, no, no}, 1, counters, frozen);
   EXPECT_EQ(frozen, (std::vector<std::uint8_t>{1, 0}));
   EXPECT_EQ(counters, (std::vector<int>{7, 0}));
 }
@@ -67,16 +67,15 @@ TEST(UpdateFreezing, BodiesAreIndependent) {
   for (int frame = 0; frame < 40; ++frame) {
     std::vector<double> energy(n), threshold(n, 1);
     std::vector<std::uint8_t> touches(n), may(n);
-    int expected = 0;
     for (size_t i = 0; i < n; ++i) {
       energy[i] = mostly(rng) ? 0.5 : 2;
       touches[i] = mostly(rng);
       may[i] = mostly(rng);
       if (frozen_alone[i]) continue;
       alone[i] = energy[i] < 1 && touches[i] && may[i] ? alone[i] + 1 : 0;
-      if (alone[i] > 3) frozen_alone[i] = 1, ++expected;
+      if (alone[i] > 3) frozen_alone[i] = 1;
     }
-    EXPECT_EQ(UpdateFreezing({energy, threshold, touches, may}, 3, counters, frozen), expected);
+    UpdateFreezing({energy, threshold, touches, may}, 3, counters, frozen);
     EXPECT_EQ(frozen, frozen_alone);
     EXPECT_EQ(counters, alone);
   }

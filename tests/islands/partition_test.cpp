@@ -19,8 +19,14 @@ using Ints = std::vector<int>;
 
 Ints ToVector(std::span<const int> values) { return {values.begin(), values.end()}; }
 
+Partition Build(const Graph& graph) {
+  Partition partition;
+  BuildPartition(graph, &partition);
+  return partition;
+}
+
 TEST(Partition, EmptyGraphHasNoIslands) {
-  const Partition partition = BuildPartition({});
+  const Partition partition = Build({});
   EXPECT_EQ(partition.num_islands(), 0);
   EXPECT_EQ(partition.body_start, Ints{0});
   EXPECT_TRUE(partition.contacts.empty());
@@ -29,7 +35,7 @@ TEST(Partition, EmptyGraphHasNoIslands) {
 
 TEST(Partition, BodyWithoutContactsIsAnIsland) {
   const Flags cut = {0, 1, 0};
-  const Partition partition = BuildPartition({cut, {}});
+  const Partition partition = Build({cut, {}});
   ASSERT_EQ(partition.num_islands(), 2);
   EXPECT_EQ(ToVector(partition.bodies_of(0)), Ints{0});
   EXPECT_EQ(ToVector(partition.bodies_of(1)), Ints{2});
@@ -41,7 +47,7 @@ TEST(Partition, BodyWithoutContactsIsAnIsland) {
 TEST(Partition, DrawingOfTheHeader) {
   const Flags cut = {0, 0, 0, 1, 0, 1, 0, 0};
   const Pairs contacts = {{7, 5}, {2, 3}, {3, 5}, {4, 7}, {2, 6}, {1, 2}, {3, 4}};
-  const Partition partition = BuildPartition({cut, contacts});
+  const Partition partition = Build({cut, contacts});
   ASSERT_EQ(partition.num_islands(), 3);
   EXPECT_EQ(ToVector(partition.bodies_of(0)), Ints{0});
   EXPECT_EQ(ToVector(partition.bodies_of(1)), (Ints{1, 2, 6}));
@@ -53,17 +59,17 @@ TEST(Partition, DrawingOfTheHeader) {
 
 TEST(Partition, FloorDoesNotJoinTwoStacks) {
   const Pairs contacts = {{0, 1}, {1, 2}, {0, 3}, {3, 4}};
-  EXPECT_EQ(BuildPartition({Flags{1, 0, 0, 0, 0}, contacts}).num_islands(), 2);
-  EXPECT_EQ(BuildPartition({Flags{0, 0, 0, 0, 0}, contacts}).num_islands(), 1);
+  EXPECT_EQ(Build({Flags{1, 0, 0, 0, 0}, contacts}).num_islands(), 2);
+  EXPECT_EQ(Build({Flags{0, 0, 0, 0, 0}, contacts}).num_islands(), 1);
 }
 
 TEST(Partition, SecondCutRefinesTheFirst) {
   Pairs chain;
   for (int body = 0; body + 1 < 10; ++body) chain.emplace_back(body, body + 1);
   Flags cut(10, 0);
-  const Partition coarse = BuildPartition({cut, chain});
+  const Partition coarse = Build({cut, chain});
   cut[4] = 1;
-  const Partition fine = BuildPartition({cut, chain});
+  const Partition fine = Build({cut, chain});
   EXPECT_EQ(coarse.num_islands(), 1);
   ASSERT_EQ(fine.num_islands(), 2);
   EXPECT_EQ(ToVector(fine.contacts_of(0)), (Ints{0, 1, 2, 3}));  // 3-4 ends on the cut and belongs to the uncut side
@@ -112,7 +118,7 @@ Ints FloodIslands(const RandomGraph& graph) {
 TEST(Partition, AgreesWithFloodFill) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     const RandomGraph graph = MakeRandomGraph(40, static_cast<int>(seed % 60), seed);
-    const Partition partition = BuildPartition({graph.cut, graph.contacts});
+    const Partition partition = Build({graph.cut, graph.contacts});
     EXPECT_EQ(partition.body_to_island, FloodIslands(graph)) << "seed " << seed;
     EXPECT_NO_THROW(CheckPartition({graph.cut, graph.contacts}, partition)) << "seed " << seed;
   }
@@ -120,11 +126,11 @@ TEST(Partition, AgreesWithFloodFill) {
 
 TEST(Partition, OrderAndDirectionOfContactsDoNotMoveBodies) {
   RandomGraph graph = MakeRandomGraph(300, 260, 11);
-  const Partition before = BuildPartition({graph.cut, graph.contacts});
+  const Partition before = Build({graph.cut, graph.contacts});
   std::mt19937 random(12);
   std::shuffle(graph.contacts.begin(), graph.contacts.end(), random);
   for (auto& [a, b] : graph.contacts) std::swap(a, b);
-  const Partition after = BuildPartition({graph.cut, graph.contacts});
+  const Partition after = Build({graph.cut, graph.contacts});
   EXPECT_EQ(before.bodies, after.bodies);
   EXPECT_EQ(before.body_start, after.body_start);
   EXPECT_EQ(before.contact_start, after.contact_start);
@@ -136,7 +142,7 @@ TEST(Partition, ReusedMemoryGivesTheSameAndAllocatesNothing) {
 #endif
   const RandomGraph large = MakeRandomGraph(500, 700, 1);
   const RandomGraph small = MakeRandomGraph(100, 90, 2);
-  const Partition fresh = BuildPartition({small.cut, small.contacts});
+  const Partition fresh = Build({small.cut, small.contacts});
   Partition partition;
   BuildPartition({Flags(500, 0), large.contacts}, &partition);  // most bodies and contacts kept
   BuildPartition({Flags(500, 0), {}}, &partition);              // most islands
@@ -151,7 +157,7 @@ TEST(CheckPartition, FindsEveryKindOfDamage) {
   const Flags cut = {0, 0, 1, 0, 0, 0};
   const Pairs contacts = {{0, 1}, {1, 2}, {2, 3}, {3, 4}};
   const Graph graph = {cut, contacts};
-  const Partition good = BuildPartition(graph);
+  const Partition good = Build(graph);
   ASSERT_EQ(good.num_islands(), 3);
   ASSERT_NO_THROW(CheckPartition(graph, good));
   const auto expect_caught = [&](auto damage) {

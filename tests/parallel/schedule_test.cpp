@@ -21,12 +21,11 @@ Schedule Make(const std::vector<double>& costs, double batch_cost) {
   return schedule;
 }
 
-TEST(LargestFirst, SortsAndKeepsTheOrderOfEqualCosts) {
-  EXPECT_EQ(LargestFirst(std::vector<double>{}), Ints{});
-  EXPECT_EQ(LargestFirst(std::vector<double>{1, 5, 5, 2, 5, 1}), (Ints{1, 2, 4, 3, 0, 5}));
+TEST(Schedule, SortsAndKeepsTheOrderOfEqualCosts) {
+  EXPECT_EQ(Make({1, 5, 5, 2, 5, 1}, 0).order, (Ints{1, 2, 4, 3, 0, 5}));
 }
 
-TEST(LargestFirst, AgreesWithStableSort) {
+TEST(Schedule, AgreesWithStableSort) {
   std::mt19937 random(3);
   std::uniform_int_distribution<int> cost(0, 9);
   std::vector<double> costs(1000);
@@ -34,7 +33,7 @@ TEST(LargestFirst, AgreesWithStableSort) {
   Ints expected(costs.size());
   for (int i = 0; i < 1000; ++i) expected[i] = i;
   std::stable_sort(expected.begin(), expected.end(), [&](int a, int b) { return costs[a] > costs[b]; });
-  EXPECT_EQ(LargestFirst(costs), expected);
+  EXPECT_EQ(Make(costs, 0).order, expected);
 }
 
 TEST(Schedule, NoTasksNoBatches) {

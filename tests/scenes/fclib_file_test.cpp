@@ -209,7 +209,7 @@ TEST(FclibFile, NamesTheDataSetThatIsWrong) {
             ": /fclib_local/vectors/q: does not hold real numbers");
   EXPECT_EQ(replaced("/fclib_local/vectors/q", {-1, NAN, 0}), ": /fclib_local/vectors/q: number 1 is nan");
   EXPECT_EQ(replaced("/fclib_local/vectors/q", {-1, 0}), ": /fclib_local/vectors/q: has 2 numbers, should have 3");
-  EXPECT_EQ(replaced("/fclib_local/vectors/mu", {-0.5}), ": /fclib_local/vectors/mu: number 0 is -0.500000");
+  EXPECT_EQ(replaced("/fclib_local/vectors/mu", {-0.5}), ": /fclib_local/vectors/mu: number 0 is -0.5");
   EXPECT_EQ(replaced("/fclib_local/vectors/mu", {0.5, 0.5}), ": /fclib_local/vectors/mu: has 2 numbers, should have 1");
   EXPECT_EQ(replaced("/fclib_local/W/x", {1, 0.5, 0.5, INFINITY, 3}), ": /fclib_local/W/x: number 3 is inf");
   EXPECT_EQ(replaced("/fclib_local/W/x", {1, 0.5}), ": /fclib_local/W/x: has 2 numbers, should have 5");

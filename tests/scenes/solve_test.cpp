@@ -167,7 +167,7 @@ TEST(ExportFclib, RoundTrip) {
     const FclibExample example = ToFclib(named.problem, solution);
     const SolveProblem problem = PrepareProblem("p", example.problem);
     ASSERT_TRUE(problem.rigid);
-    EXPECT_LE(problem.bodies, named.problem.num_bodies());  // less those that nothing touches
+    EXPECT_LE(static_cast<int>(problem.touched.size()), named.problem.num_bodies());  // less those that nothing touches
     EXPECT_EQ(problem.asymmetry, 0);
     for (const bool sparse : {true, false}) {
       const SolveAnswer answer = SolveBy(sparse, problem, {Model::kConvex, Cone::kCircular, 1e-7});

@@ -8,12 +8,28 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "engine/shape_data.h"
 #include "scenes/film/film_file.h"
 #include "tests/support/worlds.h"
 
 namespace islet::testing {
+
+struct Film {
+  FilmHead head;
+  std::vector<FilmFrame> frames;
+  std::string stopped_by;  // empty: cut off
+};
+
+inline Film ReadFilm(const std::string& path) {
+  FilmReader reader(path);
+  Film film;
+  film.head = reader.head();
+  for (FilmFrame frame; reader.Next(&frame);) film.frames.push_back(frame);
+  film.stopped_by = reader.stopped_by();
+  return film;
+}
 
 inline std::string ReadBytes(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

@@ -47,7 +47,7 @@ void CheckAgainstDense(const Problem& problem, int fields, Random* random, qp::K
     e.push_back(random->Uniform(0.1, 10));
   }
   kkt->Prepare(problem, fields);
-  const int replaced = kkt->Factorise(problem, d, e);
+  const int replaced = kkt->Factorise(d, e);
   const MatrixXd s = DenseSystem(problem, fields, d, e);
   const int n = 6 * problem.num_bodies();
   const VectorXd b = VectorXd::NullaryExpr(s.rows(), [&] { return random->Uniform(-1, 1); });
@@ -91,7 +91,7 @@ TEST(Kkt, RepeatedUseAllocatesNothing) {
   kkt.Prepare(problem, 1);
   const AllocationCounter counter;
   kkt.Prepare(problem, 1);
-  kkt.Factorise(problem, d, e);
+  kkt.Factorise(d, e);
   kkt.Solve(x.data());
   EXPECT_EQ(counter.count(), 0);
 }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "qp/slip.h"
 #include "qp/smallness.h"
 
 namespace islet::testing {
@@ -20,7 +21,7 @@ TEST(Proximal, LawOfAContactOnASpring) {
   } cases[] = {{0.5, {-1, 3, 4}, {0, 0, 0}},    {0.5, {0, 3, 4}, {0, 0, 0}}, {0.5, {4, 1, -1}, {4, 1, -1}},
                {0.5, {4, 6, 8}, {4, 1.2, 1.6}}, {0, {2, 0, 0}, {2, 0, 0}},   {0, {2, 1, 0}, {2, 0, 0}}};
   for (const auto& [friction, pull, impulse] : cases)
-    EXPECT_LT((qp::SpringLaw(pull, friction) - impulse).norm(), 1e-15) << friction << " " << pull.transpose();
+    EXPECT_LT((qp::CutToCone(pull, friction) - impulse).norm(), 1e-15) << friction << " " << pull.transpose();
 }
 
 // Against differences, where the law is smooth; without friction a contact that presses yields along its normal alone.
@@ -29,7 +30,7 @@ TEST(Proximal, SlopeIsThatOfTheLaw) {
     Matrix3 differences;
     for (int k = 0; k < 3; ++k) {
       const Vector3 step = 1e-6 * Vector3::Unit(k);
-      differences.col(k) = (qp::SpringLaw(pull + step, 0.5) - qp::SpringLaw(pull - step, 0.5)) / 2e-6;
+      differences.col(k) = (qp::CutToCone(pull + step, 0.5) - qp::CutToCone(pull - step, 0.5)) / 2e-6;
     }
     EXPECT_LT((qp::SpringSlope(pull, 0.5) - differences).norm(), 1e-9) << pull.transpose();
   }

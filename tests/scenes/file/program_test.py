@@ -50,7 +50,7 @@ expect(hash_of("jam.json", "--threads", 1) == hash_of("jam.json", "--threads", 2
 # What is refused: status 2, one line that names it, nothing written.
 rejected = [
     (["export", "stak"], 'no "stak"'),
-    (["export", "stack", "--count", 0], "--count must be from 1"),
+    (["export", "stack", "--count", 0], "count: must be from 1"),
     (["export", "stack", "--out", "nowhere/x.json"], "nowhere/x.json"),
     (["run", "absent.json"], "absent.json: cannot be read: No such file"),
     (["run", scratch / "."], "is a folder"),
@@ -61,7 +61,8 @@ rejected = [
     (["run", root / "scenes/samples/lid.json", "--probes", "nowhere/p.csv"], "nowhere/p.csv"),
     (["run", root / "scenes/samples/lid.json", "--probes", "p.csv", "--report", "./p.csv"], "same file"),
     (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
-    (["run", "stack.json", "--report", "./stack.json"], "the scene file itself: ./stack.json"),
+    *((["run", "stack.json", option, "./stack.json"], f"{option}: an output goes to the scene file itself: ./stack.json")
+      for option in ["--report", "--frames-csv", "--trace", "--record", "--html"]),
     (["check", "absent.json"], "absent.json: cannot be read"),
     (["export", "stack.json"], "built-in ones are exported, files are not; got stack.json"),
 ]

@@ -15,6 +15,7 @@ namespace islet {
 namespace {
 
 using testing::AllShapes;
+using testing::Film;
 using testing::Scratch;
 using testing::Write;
 

@@ -19,8 +19,10 @@ namespace islet {
 namespace {
 
 using testing::ExpectSame;
+using testing::Film;
 using ::testing::HasSubstr;
 using testing::ReadBytes;
+using testing::ReadFilm;
 using testing::Scratch;
 using testing::Write;
 using testing::WriteBytes;

@@ -49,9 +49,16 @@ TestFilm RunFilm(int steps, std::string name = "shapes") {
   return film;
 }
 
+void WritePage(const TestFilm& film, PageOptions options, std::ostream* out) {
+  options.expected_frames = static_cast<int>(film.frames.size());
+  PageWriter writer(out, film.head, options);
+  for (const FilmFrame& frame : film.frames) writer.Add(frame);
+  writer.Finish("frames");
+}
+
 std::string PageOf(const TestFilm& film, const PageOptions& options = {}) {
   std::ostringstream out;
-  WritePage(out, film.head, film.frames, "frames", options);
+  WritePage(film, options, &out);
   return out.str();
 }
 
@@ -283,7 +290,7 @@ TEST(Page, AStreamThatFailsIsTold) {
   const TestFilm film = RunFilm(1);
   std::ostringstream out;
   out.setstate(std::ios::badbit);
-  EXPECT_THROW(WritePage(out, film.head, film.frames, "frames"), std::runtime_error);
+  EXPECT_THROW(WritePage(film, {}, &out), std::runtime_error);
 }
 
 }  // namespace
