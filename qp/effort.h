@@ -8,7 +8,7 @@ struct Effort {
   int sweeps = 0;       // visits of every contact, on islands of more than 32 bodies that are no towers
   bool newton = false;  // these islands go on by Newton's method; smaller ones always do
 
-  friend bool operator==(const Effort&, const Effort&) = default;
+  friend bool operator==(const Effort& x, const Effort& y) { return x.sweeps == y.sweeps && x.newton == y.newton; }
 };
 
 inline constexpr Effort kQuickEffort{20, false},  // games, first looks

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 namespace islet::qp {
 
@@ -27,8 +26,6 @@ inline constexpr int kNumRungs = static_cast<int>(Rung::kReach) + 1;            
 inline constexpr const char* kRungNames[kNumRungs] = {"nothing", "closed_form",    "column",     "held", "sweeps",
                                                       "newton",  "interior_point", "kept_pairs", "reach"};
 static_assert(kRungNames[kNumRungs - 1] != nullptr);
-// The same without those of detection.
-inline constexpr std::span<const char* const> kProblemRungNames{kRungNames, kNumProblemRungs};
 
 // Which rungs may be used. The interior point always may; a problem without contacts is not asked.
 class Ladder {

@@ -21,7 +21,8 @@ void FrameLog::AddNames(const char* prefix, int rungs) {
   const auto out = std::back_inserter(text_);
   for (int r = 0; r < rungs; ++r) fmt::format_to(out, ",{}{}", prefix, qp::kRungNames[r]);
   fmt::format_to(out, ",{0}escalations,{0}seconds_in_vain", prefix);
-  for (const char* rung : qp::kProblemRungNames) fmt::format_to(out, ",{}{}_escalations", prefix, rung);
+  for (int rung = 0; rung < qp::kNumProblemRungs; ++rung)
+    fmt::format_to(out, ",{}{}_escalations", prefix, qp::kRungNames[rung]);
 }
 
 void FrameLog::Add(const StepReport& r, double step_seconds) {

@@ -230,7 +230,8 @@ class Study {
     std::string columns =
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
         "energy_end,penetration_max,contacts_mean,frozen_end,failed,missed,escalations,vain_s,";
-    for (const char* rung : qp::kProblemRungNames) columns += rung + std::string("_n,") + rung + "_s,";
+    for (int rung = 0; rung < qp::kNumProblemRungs; ++rung)
+      columns += qp::kRungNames[rung] + std::string("_n,") + qp::kRungNames[rung] + "_s,";
     return columns + "kept_pairs,spared_detections,state_hash";
   }
 

@@ -374,7 +374,7 @@ double DistanceBound(const RandomPair& pair) {
 bool IsEdgePair(const Contact& contact) { return contact.feature >> 30 == 2; }
 bool IsClosestPair(const Contact& contact) { return contact.feature >> 30 == 3; }
 
-class RandomPolytopes : public testing::TestWithParam<bool> {};
+class RandomPolytopes : public ::testing::TestWithParam<bool> {};
 
 TEST_P(RandomPolytopes, GapsAreThoseOfTheBestAxis) {
   Rng rng(GetParam() ? 21 : 22);
@@ -524,7 +524,7 @@ TEST_P(RandomPolytopes, NoPointIsRepeated) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(BoxesAndHulls, RandomPolytopes, testing::Values(false, true),
+INSTANTIATE_TEST_SUITE_P(BoxesAndHulls, RandomPolytopes, ::testing::Values(false, true),
                          [](const auto& parameter) { return parameter.param ? "Hulls" : "Boxes"; });
 
 // Of round hulls few edges can carry the best axis, and the others are left out unseen: none may be missed.
