@@ -61,6 +61,7 @@ inline double SlightApproach(const Contact& contact, const Vector3& gravity_W, d
 inline constexpr auto EarlierPair = [](const auto& x, const auto& y) {
   return std::tie(x.body_a, x.body_b) < std::tie(y.body_a, y.body_b);
 };
+// Whether both are of one pair.
 inline constexpr auto SamePair = [](const auto& x, const auto& y) {
   return x.body_a == y.body_a && x.body_b == y.body_b;
 };

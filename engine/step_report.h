@@ -141,6 +141,7 @@ struct StepReport {
   int pieces = 0;             // into which the steps of small groups were cut, together
   double unstepped = 0;       // [s] for which a group stood still since no way on was found, the longest
   int overlapping = 0;        // pairs of bodies that are inside of each other at the end, by a fiftieth of a size
+  // Adds an island, and counts its contacts.
   void Add(const IslandReport& island);
   // Adds the report of the same step's next part: counts and times add up, the worse of each judgement stays, what is told of the
   // end of the step is the later one's.
