@@ -209,7 +209,8 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
       NextTargets(*h);
       Carry(*h, false);
       Fly(*h);
-      if (*cut) *h = EndAtBlow(*h, *h, dt_ - time_of_piece_);
+      // The blow has moved. A little later at most: the way was searched up to h.
+      if (*cut) *h = EndAtBlow(*h, *h, std::min((1 + kBrief) * *h, dt_ - time_of_piece_));
       DetectEnd();
       double moment = *h;
       if (!*cut && HitsEarlier() && (moment = FindMeeting(*h)) < *h) {
