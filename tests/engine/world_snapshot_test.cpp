@@ -1,11 +1,11 @@
 #include "engine/world_snapshot.h"
 
-#include <optional>
-#include <vector>
-
+#include <algorithm>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -206,6 +206,36 @@ TEST(WorldSnapshot, DamagedBytesAreRefused) {
   EXPECT_NE(RefusalOf(other).find("version 99"), std::string::npos);
   alien[0] = std::byte{'x'};
   EXPECT_NE(RefusalOf(alien).find("none of islet's"), std::string::npos);
+}
+
+// A made-up snapshot whose checksum is right: a box with an edge to a ninth corner would be read past the end of its corners.
+TEST(WorldSnapshot, MadeUpPolytopesAreRefused) {
+  World world(Threads(1));
+  world.Add(Cube({0, 0, 1}));
+  std::vector<std::byte> bytes = world.Save().ToBytes();
+  constexpr size_t kHead = 32;  // magic, version, length, checksum
+  const auto number = [&](size_t at, size_t size) {
+    std::uint64_t value = 0;
+    std::memcpy(&value, &bytes[at], size);
+    return value;
+  };
+  size_t edges = kHead;
+  const auto is_edges = [&](size_t at) {
+    if (number(at, 8) != 12) return false;
+    for (size_t k = 0; k < 24; ++k)
+      if (number(at + 8 + 4 * k, 4) > 7) return false;
+    return true;
+  };
+  while (edges + 8 + 96 < bytes.size() && !is_edges(edges)) ++edges;
+  ASSERT_LT(edges + 8 + 96, bytes.size());
+  bytes[edges + 8] = std::byte{8};
+  std::uint64_t state = 0x243f6a8885a308d3u;
+  for (size_t i = kHead; i < bytes.size(); i += 8) {
+    state = (state ^ number(i, std::min<size_t>(8, bytes.size() - i))) * 0x9e3779b97f4a7c15u;
+    state ^= state >> 32;
+  }
+  std::memcpy(&bytes[kHead - 8], &state, 8);
+  EXPECT_EQ(RefusalOf(bytes), "snapshot: an edge has no such vertex");
 }
 
 // With nothing but poses and velocities a world of the same bodies goes on as the first one did, from any frame.
