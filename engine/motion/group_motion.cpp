@@ -275,10 +275,15 @@ bool GroupMotion::JoinStrays(double dt) {
   job_of_.assign(crowd_.size(), -1);
   for (size_t k = 0; k < num_jobs_; ++k)
     for (const int i : jobs_[k].members) job_of_[i] = static_cast<int>(k);
+  return JoinParted([&](int i, int k) { return Met(dt, i, k); });
+}
+
+// Joins those parted pairs of which that holds. Returns whether there were any.
+template <typename Holds>
+bool GroupMotion::JoinParted(const Holds& holds) {
   const size_t before = joined_.size();
-  for (const auto& [i, k] : parted)
-    if (job_of_[i] < 0 || job_of_[k] < 0 || Met(dt, i, k))
-      joined_.emplace_back(i, k);  // where a crowd goes is not known yet
+  for (const auto& [i, k] : groups_.parted())
+    if (holds(i, k)) joined_.emplace_back(i, k);
   std::sort(joined_.begin(), joined_.end());
   return joined_.size() > before;
 }
@@ -313,9 +318,12 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
     gave_up_[i] = memory->crowded[i] > 0 && races == Races::kRefused ? kBefore : 0;
   for (int round = 0; round < kRounds && !kept; ++round) {
     const auto find = [&] {
-      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
-      if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
-      MakeJobs(dt, bodies, shapes, *memory);
+      do {
+        groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
+        if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
+        MakeJobs(dt, bodies, shapes, *memory);
+        // Where a crowd goes is not known yet: who may meet it goes with it.
+      } while (any_crowd_ && JoinParted([&](int i, int k) { return crowd_[i] || crowd_[k]; }));
     };
     find();
     if (any_crowd_) {

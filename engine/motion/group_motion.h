@@ -90,6 +90,8 @@ class GroupMotion {
   bool KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes);
   bool Met(double dt, int i, int k);
   bool JoinStrays(double dt);
+  template <typename Holds>
+  bool JoinParted(const Holds& holds);
   bool LeaveToCrowd(GroupMemory* memory);
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
