@@ -102,9 +102,8 @@ void Stepper::Commit(double t, double h) {
   last_ = end_;
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
-    Contact contact = held_[c];
+    Contact contact = AsActed(c);
     contact.surface_W = held_of_[c].belt_W;
-    contact.point_W = acted_at_[c];
     if (follows_[c] >= 0) {
       carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
       // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,

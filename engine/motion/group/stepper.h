@@ -90,6 +90,7 @@ class Stepper {
   void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
   void DetectEnd();
+  Contact AsActed(size_t held) const;
   void FollowHeld();
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   const Contact* ClosedAtStart(size_t at_end) const;
@@ -101,6 +102,7 @@ class Stepper {
   bool Touches(int pair) const;
   double ClosedGap(int pair) const;
   double GapBefore(int pair) const;
+  double GapToMeet(size_t at_end, const Contact* start) const;
   double PushOut(int pair) const;
   double FreshOverlap() const;
   double DeepestSinceStart() const;

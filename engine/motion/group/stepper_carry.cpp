@@ -236,8 +236,7 @@ void Stepper::NextTargets(double h) {
       Face(held, middle_[a].position_W, middle_[b].position_W, &contact);
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
-    const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
-    double target = u - (contact.gap - (1 - PushOut(pair)) * before) / h;
+    double target = u - (contact.gap - GapToMeet(e, start)) / h;
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     contact.surface_W += WallSlip(contact, group_->bodies, off_, ways_);
     next_.push_back(contact);
@@ -252,13 +251,12 @@ void Stepper::NextTargets(double h) {
       continue;
     Held old = held_of_[c];
     ++old.age;
-    Contact contact = held_[c];
-    contact.point_W = acted_at_[c];
+    Contact contact = AsActed(c);
     const auto way = [&](int i) -> Vector3 {
-      return CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kEnd) -
-             CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kStart);
+      return CarriedWith(i, contact.point_W, Moment::kMiddle, Moment::kEnd) -
+             CarriedWith(i, contact.point_W, Moment::kMiddle, Moment::kStart);
     };
-    const double parted = held_[c].normal_W.dot(way(contact.body_b) - way(contact.body_a));
+    const double parted = contact.normal_W.dot(way(contact.body_b) - way(contact.body_a));
     TurnLever(parted / h, 0, CourseOf(contact.body_a), CourseOf(contact.body_b), Size(group_->pairs[old.pair]),
               &contact);
     const Vector3 u = MeanVelocity(contact.body_b, contact.point_W) - MeanVelocity(contact.body_a, contact.point_W);

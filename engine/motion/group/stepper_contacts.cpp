@@ -63,7 +63,7 @@ void Stepper::DetectEnd() {
     for (size_t c = 0; c < held_.size(); ++c) {
       if (held_of_[c].pair != static_cast<int>(p) || impulse_W_[c].isZero(0)) continue;
       const auto at_end = [&](int i) -> Vector3 {
-        return CarriedWith(i, held_[c].point_W, Moment::kMiddle, Moment::kEnd);
+        return CarriedWith(i, acted_at_[c], Moment::kMiddle, Moment::kEnd);
       };
       const double parted = held_[c].normal_W.dot(at_end(held_[c].body_b) - at_end(held_[c].body_a));
       reach = std::max(reach, kNearby * Size(group_->pairs[p]) + std::abs(parted));
@@ -119,14 +119,22 @@ double Stepper::DeepestSinceStart() const {
   return worst;
 }
 
+// [m] with which a contact that presses ends the piece: its own as the piece began, if it was closed then (start), or the pair's.
+double Stepper::GapToMeet(size_t at_end, const Contact* start) const {
+  const int pair = end_pair_[at_end];
+  const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
+  return (1 - PushOut(pair)) * before;
+}
+
 // Of a size: what the piece missed of gap(x1) = gap(x0), or >=, by. Infinite where something pressed a pair that it left open.
 double Stepper::Missed() const {
   double worst = 0;
   for (size_t e = 0; e < end_.size(); ++e) {
     const int pair = end_pair_[e];
-    const double size = Size(group_->pairs[pair]), before = GapBefore(pair);
-    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e)) worst = std::max(worst, (before - end_[e].gap) / size);
-    const double rose = end_[e].gap - (1 - PushOut(pair)) * before;
+    const double size = Size(group_->pairs[pair]);
+    if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e))
+      worst = std::max(worst, (GapBefore(pair) - end_[e].gap) / size);
+    const double rose = end_[e].gap - GapToMeet(e, ClosedAtStart(e));
     if (rose > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, rose / size);
   }
   for (size_t c = 0; c < held_.size(); ++c)
@@ -162,12 +170,18 @@ int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, st
   return found < 0 ? -1 : static_cast<int>(first - there.begin()) + found;
 }
 
+// A held contact where its impulse acted. Its problem had it there only if its bodies went as far as was foreseen.
+Contact Stepper::AsActed(size_t held) const {
+  Contact contact = held_[held];
+  contact.point_W = acted_at_[held];
+  return contact;
+}
+
 // Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
 void Stepper::FollowHeld() {
   follows_.assign(held_.size(), -1);
-  for (size_t c = 0; c < held_.size(); ++c) {
-    follows_[c] = FindAt(held_of_[c].pair, held_[c], Moment::kMiddle, Moment::kEnd, end_);
-  }
+  for (size_t c = 0; c < held_.size(); ++c)
+    follows_[c] = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kEnd, end_);
 }
 
 // Who takes back at the end what a held contact gave too much: itself, or another of its pair.

@@ -113,7 +113,7 @@ double Stepper::MostFriction(size_t c) const {
 // [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall whose velocity the user changed: its speed is
 // that of the middle of the step (ride.h).
 Vector3 Stepper::SlipAtStart(size_t c) const {
-  const int found = FindAt(held_of_[c].pair, held_[c], Moment::kMiddle, Moment::kStart, now_);
+  const int found = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kStart, now_);
   if (found < 0 || !closed_[found]) return Vector3::Zero();
   const Contact& contact = now_[found];
   const Body &a = group_->bodies[contact.body_a], &b = group_->bodies[contact.body_b];
