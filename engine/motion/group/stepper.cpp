@@ -12,6 +12,7 @@ namespace islet::motion {
 namespace {
 
 constexpr int kLevels = 10;      // times that a piece is halved
+constexpr double kHelps = 0.9;   // of a gain: halving that leaves more does not help
 constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within a piece
 
 }  // namespace
@@ -254,7 +255,11 @@ bool Stepper::Piece(Progress* p) {
     pays_.assign(group_->pairs.size(), false);
     return true;
   }
-  if (may_halve && (deep || (gains_ && !yields))) {
+  // What a gain has of the length of its piece halves with it. What it has not, the step may keep as far as the ledger lets it pass.
+  if (growth_ > kHelps * p->refused && p->refused > 0) p->granted = std::max(p->granted, growth_);
+  const bool helps = growth_ > std::min((1 + kBrief) * p->granted, Ledger::kMostEnergy / dt_);
+  if (may_halve && (deep || (gains_ && !yields && helps))) {
+    p->refused = deep ? 0 : growth_;
     ++p->level;
     p->most = 0.5 * h;
     return true;
@@ -270,6 +275,7 @@ bool Stepper::Piece(Progress* p) {
     }
   }
   Commit(p->t, h);
+  p->refused = 0;
   p->before = h;
   p->t += h;
   cuts_ += cut;

@@ -65,6 +65,7 @@ class Stepper {
     double before = 0;  // [s] length of the last one
     int level = 0;      // how often pieces were halved
     int events = 0;     // slips and supports that ended
+    double refused = 0, granted = 0;  // [1/s] gain of the piece that was halved for it; what halving does not lessen
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece
 
@@ -208,6 +209,7 @@ class Stepper {
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false;    // some of them more than allowed
+  double growth_ = 0;     // [1/s] of what they had: most that some gained beyond that
   bool creates_ = false;  // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
