@@ -11,9 +11,8 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kLevels = 10;      // times that a piece is halved
-constexpr double kHelps = 0.9;   // of a gain: halving that leaves more does not help
-constexpr int kGuardRounds = 4;  // of looking for pairs that meet slowly within a piece
+constexpr int kLevels = 10;     // times that a piece is halved
+constexpr double kHelps = 0.9;  // of a gain: halving that leaves more does not help
 
 }  // namespace
 
@@ -178,7 +177,7 @@ double Stepper::FindCourse(double h) {
   freed_.assign(group_->pairs.size(), kStays);
   guards_.clear();
   guard_of_.clear();
-  for (int round = 0; round < kGuardRounds; ++round) {
+  for (int round = 0; round < kPasses; ++round) {
     SelectHeld(h);
     for (size_t g = 0; g < guards_.size(); ++g) {
       const int pair = guard_of_[g].pair;

@@ -59,12 +59,12 @@ class Stepper {
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
-  struct Progress {     // of the step
-    double t = 0;       // [s] done
-    double most = 0;    // [s] length of the next piece
-    double before = 0;  // [s] length of the last one
-    int level = 0;      // how often pieces were halved
-    int events = 0;     // slips and supports that ended
+  struct Progress {                   // of the step
+    double t = 0;                     // [s] done
+    double most = 0;                  // [s] length of the next piece
+    double before = 0;                // [s] length of the last one
+    int level = 0;                    // how often pieces were halved
+    int events = 0;                   // slips and supports that ended
     double refused = 0, granted = 0;  // [1/s] gain of the piece that was halved for it; what halving does not lessen
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece

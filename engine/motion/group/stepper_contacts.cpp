@@ -62,9 +62,7 @@ void Stepper::DetectEnd() {
     double reach = 4 * settings_.overlap_tolerance * Size(group_->pairs[p]);
     for (size_t c = 0; c < held_.size(); ++c) {
       if (held_of_[c].pair != static_cast<int>(p) || impulse_W_[c].isZero(0)) continue;
-      const auto at_end = [&](int i) -> Vector3 {
-        return CarriedWith(i, acted_at_[c], Moment::kMiddle, Moment::kEnd);
-      };
+      const auto at_end = [&](int i) -> Vector3 { return CarriedWith(i, acted_at_[c], Moment::kMiddle, Moment::kEnd); };
       const double parted = held_[c].normal_W.dot(at_end(held_[c].body_b) - at_end(held_[c].body_a));
       reach = std::max(reach, kNearby * Size(group_->pairs[p]) + std::abs(parted));
     }
