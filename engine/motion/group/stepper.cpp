@@ -11,8 +11,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kLevels = 10;     // times that a piece is halved
-constexpr double kHelps = 0.9;  // of a gain: halving that leaves more does not help
+constexpr int kLevels = 10;  // times that a piece is halved
 
 }  // namespace
 
@@ -254,17 +253,13 @@ bool Stepper::Piece(Progress* p) {
     pays_.assign(group_->pairs.size(), false);
     return true;
   }
-  // What a gain has of the length of its piece halves with it. What it has not, the step may keep as far as the ledger lets it pass.
-  if (growth_ > kHelps * p->refused && p->refused > 0) p->granted = std::max(p->granted, growth_);
-  const bool helps = growth_ > std::min((1 + kBrief) * p->granted, Ledger::kMostEnergy / dt_);
-  if (may_halve && (deep || (gains_ && !yields && helps))) {
-    p->refused = deep ? 0 : growth_;
+  if (may_halve && (deep || (gains_ && !yields))) {
     ++p->level;
     p->most = 0.5 * h;
     return true;
   }
   if (deep || (creates_ && !yields)) return false;
-  if (p->events < budget_) {
+  if (work_ < group_->most_work / 2) {  // a step is one without them, too
     // Impulses of a piece before that was that short are no forces.
     const double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
     if (end < h) {
@@ -274,7 +269,6 @@ bool Stepper::Piece(Progress* p) {
     }
   }
   Commit(p->t, h);
-  p->refused = 0;
   p->before = h;
   p->t += h;
   cuts_ += cut;

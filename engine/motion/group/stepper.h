@@ -59,13 +59,12 @@ class Stepper {
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
-  struct Progress {                   // of the step
-    double t = 0;                     // [s] done
-    double most = 0;                  // [s] length of the next piece
-    double before = 0;                // [s] length of the last one
-    int level = 0;                    // how often pieces were halved
-    int events = 0;                   // slips and supports that ended
-    double refused = 0, granted = 0;  // [1/s] gain of the piece that was halved for it; what halving does not lessen
+  struct Progress {     // of the step
+    double t = 0;       // [s] done
+    double most = 0;    // [s] length of the next piece
+    double before = 0;  // [s] length of the last one
+    int level = 0;      // how often pieces were halved
+    int events = 0;     // slips and supports that ended
   };
   enum class Moment { kStart, kMiddle, kEnd };  // of a piece
 
@@ -209,7 +208,6 @@ class Stepper {
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false;    // some of them more than allowed
-  double growth_ = 0;     // [1/s] of what they had: most that some gained beyond that
   bool creates_ = false;  // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back

@@ -70,7 +70,6 @@ void Stepper::KeepAccounts(double h) {
   }
   islands::BuildPartition({cut_, edges_}, &partition_);
   gains_ = creates_ = false;
-  growth_ = 0;
   for (int island = 0; island < partition_.num_islands(); ++island) {
     Account sum;
     for (const int i : partition_.bodies_of(island)) {
@@ -79,7 +78,6 @@ void Stepper::KeepAccounts(double h) {
       sum.allowed += accounts_[i].allowed;
     }
     gains_ = gains_ || sum.gain > sum.allowed;
-    if (sum.gain > sum.allowed) growth_ = std::max(growth_, (sum.gain - sum.allowed) / (sum.at_hand * h));
     creates_ = creates_ || sum.gain > sum.allowed + Ledger::kMostEnergy * sum.at_hand;
   }
 }
