@@ -457,6 +457,85 @@ TEST(Stepper, WhatRollsOnFacetsDoesNotSink) {
   }
 }
 
+// A cylinder that rolls across a narrow table, its axis at an angle to it, meets it along another part of its side all the time. It may lie
+// by one end a hair deeper. If each end of the line kept its own gap, it would be lifted as it goes, gain energy, and go with the crowd.
+TEST(Stepper, WhatLiesUnevenlyRollsAsIfItLayEvenly) {
+  constexpr double kRadius = 0.15, kSpeed = 0.3, kYaw = 1;
+  const Vector3 ahead(std::cos(kYaw), std::sin(kYaw), 0);
+  for (const double tilt : {0.0, 1e-6, -1e-6, 3e-6, -3e-6, 1e-5, -1e-5})
+    for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+      World world(Grouped());
+      world.Add({.shape = Shape::Box({0.5, 0.15, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, 0, -0.5}});
+      BodyDefinition rolls{.shape = Shape::Cylinder(kRadius, 0.3)};
+      rolls.mass = 2;
+      rolls.position_W.z() = kRadius * (1 - std::abs(tilt));
+      rolls.rotation_WB = Quaternion(Eigen::AngleAxisd(kYaw, Vector3::UnitZ()) *
+                                     Eigen::AngleAxisd(std::numbers::pi / 2 + tilt, Vector3::UnitX()));
+      rolls.linear_velocity_W = kSpeed * ahead;
+      rolls.angular_velocity_W = kSpeed / kRadius * Vector3::UnitZ().cross(ahead);
+      world.Add(rolls);
+      for (int i = 0; i < 8; ++i) {
+        const StepReport report = testing::Step(&world, dt);
+        EXPECT_EQ(report.motion_failures, 0) << tilt << ' ' << dt;
+        EXPECT_LE(report.pieces, 5) << tilt << ' ' << dt;  // the first one finds where it presses
+        EXPECT_GT(report.pieces, 0) << tilt << ' ' << dt << " went with the crowd";
+      }
+      EXPECT_NEAR(world.body(1).linear_velocity_W.norm(), kSpeed, 1e-4 * kSpeed) << tilt << ' ' << dt;
+    }
+}
+
+// Contacts of a pair that overlap by different depths: what presses keeps its own, and one pass of the piece is enough. When each was held
+// against the deepest of its pair, no number of passes was.
+TEST(Stepper, UnevenOverlapsTakeNoPasses) {
+  for (const double tilt : {1e-5, 1e-4, 1e-3}) {
+    World world(Grouped());
+    world.Add(Floor(0.5, 0));
+    BodyDefinition box = Cube({0, 0, 0.5}, 0.5, 0);
+    box.position_W.z() = 0.5 * std::cos(tilt) - 0.5 * std::sin(tilt);
+    box.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitY()));
+    world.Add(box);
+    for (int i = 0; i < 8; ++i) {
+      const StepReport report = testing::Step(&world, 1.0 / 60);
+      EXPECT_LE(report.motion_passes, 2) << tilt << ' ' << i;
+      EXPECT_LE(report.pieces, 2) << tilt << ' ' << i;
+    }
+    EXPECT_LT(world.body(1).linear_velocity_W.norm() + world.body(1).angular_velocity_W.norm(), 1e-6) << tilt;
+  }
+}
+
+// A cube that leans on two others in a corner, as a heap of 27 bodies had left it: by overlaps and gaps of 1e-6 to 1e-4. It is stepped by the
+// law, and costs a piece a step from the second one on.
+TEST(Stepper, WhatLeansInAHeapComesToRest) {
+  World world(Grouped());
+  const auto wall = [&](const Vector3& half, const Vector3& position) {
+    world.Add({.shape = Shape::Box(half), .kind = BodyKind::kFixed, .position_W = position});
+  };
+  wall({2.5, 2.5, 0.5}, {0, 0, -0.5});
+  wall({0.5, 2.5, 3}, {2.5, 0, 3});
+  wall({1.99, 0.5, 3}, {0, 2.5, 3});
+  const auto box = [&](const Vector3& half, double mass, const Vector3& position, const Quaternion& rotation) {
+    BodyDefinition d{.shape = Shape::Box(half), .position_W = position, .rotation_WB = rotation, .restitution = 0.3};
+    d.mass = mass;
+    world.Add(d);
+  };
+  box({0.32574207892609619, 0.33488013037456915, 0.34763377029918102}, 2.336,
+      {0.51768136054307712, 1.285588938994042, 0.32574250194523263},
+      {0.58978962487365572, -0.39005492491931854, 0.5897954732843117, 0.39005980776146632});
+  box({0.3, 0.3, 0.3}, 0.252, {1.2205234005282486, 1.2561987977147808, 0.30001410079701163},
+      {0.077689433058584362, 0.077645767869691379, 0.70283345653769236, 0.70282331997041869});
+  box({0.30801593726264664, 0.25737397286362423, 0.13312949861296239}, 0.226,
+      {-0.065347140049998906, 1.6880172213984681, 0.31187055107715811},
+      {0.27051244821240789, -0.65330653355860802, -0.65333136932083991, -0.27050269949322348});
+  box({0.3, 0.3, 0.3}, 4.087, {1.6069135080591113, 1.0754747215497118, 0.88004897178552854},
+      {0.6591194527584826, 0.10669778136994902, 0.059146154133601234, 0.74207739683761653});
+  for (int i = 0; i < 8; ++i) {
+    const StepReport report = testing::Step(&world, 1.0 / 60);
+    EXPECT_GT(report.pieces, 0) << i << " went with the crowd";
+    EXPECT_TRUE(i == 0 || report.pieces <= 2) << i;
+  }
+  for (const Body& b : world.bodies()) EXPECT_LT(b.linear_velocity_W.norm(), 1e-6);
+}
+
 // Balls on a plate that is pushed roll with 2/7 of its acceleration. With levers of a first pass that lag behind them the plate tilted by 1e-9
 // a step, and velocities were off by 3e-6.
 TEST(Stepper, BallsRollOnAPlateThatSpeedsUp) {
