@@ -107,7 +107,7 @@ void Stepper::Commit(double t, double h) {
       carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
       // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,
       // and what rests would not balance.
-      last_[follows_[c]].point_W = Carried(held_of_[c].pair, acted_at_[c], Moment::kMiddle, Moment::kEnd);
+      last_[follows_[c]].point_W = Carried(contact, Moment::kMiddle, Moment::kEnd);
     }
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }

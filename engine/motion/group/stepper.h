@@ -138,7 +138,7 @@ class Stepper {
   Vector3 MeanVelocity(int i, const Vector3& point) const;
   Vector3 MeanSpin(int i) const;
   Vector3 CarriedWith(int i, const Vector3& point, Moment from, Moment to) const;
-  Vector3 Carried(int pair, const Vector3& point, Moment from, Moment to) const;
+  Vector3 Carried(const Contact& contact, Moment from, Moment to) const;
   Vector3 Shared(const Contact& contact, const Vector3& of_a, const Vector3& of_b) const;
   Vector3 CentreAhead(int i, double h) const;
   Vector3 PointAhead(int i, const Contact& contact, double h) const;

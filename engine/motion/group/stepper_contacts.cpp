@@ -164,7 +164,10 @@ int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, st
   const double far = kSamePlace * Size(group_->pairs[pair]);
   const double around = kTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
   const double moved = std::max(around, far + 0.5 * (with_a - with_b).norm());
-  const int found = FindAgain({first, last}, contact.feature, 0.5 * (with_a + with_b), moved, far);
+  int found = FindAgain({first, last}, contact.feature, Shared(contact, with_a, with_b), moved, far);
+  // A corner that slides goes with its body, whatever the other does.
+  for (const Vector3& place : {with_a, with_b})
+    if (found < 0) found = FindAgain({first, last}, contact.feature, place, around, far);
   return found < 0 ? -1 : static_cast<int>(first - there.begin()) + found;
 }
 
@@ -186,7 +189,7 @@ void Stepper::FollowHeld() {
 int Stepper::HeirOf(size_t held) const {
   if (follows_[held] >= 0) return follows_[held];
   const auto [first, last] = std::equal_range(end_.begin(), end_.end(), held_[held], EarlierPair);
-  const Vector3 there = Carried(held_of_[held].pair, acted_at_[held], Moment::kMiddle, Moment::kEnd);
+  const Vector3 there = Carried(AsActed(held), Moment::kMiddle, Moment::kEnd);
   const int heir = FindHeir({first, last}, held_[held].normal_W, there);
   return heir < 0 ? -1 : static_cast<int>(first - end_.begin()) + heir;
 }

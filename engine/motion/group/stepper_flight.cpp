@@ -140,9 +140,9 @@ Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to
   return y.position_W + SeenAs(i, y) * (SeenAs(i, x).conjugate() * (point - x.position_W));
 }
 
-Vector3 Stepper::Carried(int pair, const Vector3& point, Moment from, Moment to) const {
-  const auto [a, b] = group_->pairs[pair];
-  return 0.5 * (CarriedWith(a, point, from, to) + CarriedWith(b, point, from, to));
+Vector3 Stepper::Carried(const Contact& contact, Moment from, Moment to) const {
+  return Shared(contact, CarriedWith(contact.body_a, contact.point_W, from, to),
+                CarriedWith(contact.body_b, contact.point_W, from, to));
 }
 
 bool Stepper::TurnInThemselves(int pair) const {

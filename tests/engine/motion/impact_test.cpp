@@ -227,7 +227,7 @@ TEST(Impact, RockingDoesNotDependOnASpeedAlong) {
         BodyDefinition box{.shape = Shape::Box({0.05, 0.1, 0.4})};
         box.rotation_WB = Quaternion(Eigen::AngleAxisd(tilt, Vector3::UnitY()));
         box.position_W.z() = 0.4 * std::cos(tilt) + 0.05 * std::sin(tilt);
-        box.linear_velocity_W.x() = 20.0 * (u - 1);
+        box.linear_velocity_W.x() = 60.0 * (u - 1);
         box.mass = 1;
         box.friction = 0;
         world.Add(box);
