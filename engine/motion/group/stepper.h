@@ -196,7 +196,7 @@ class Stepper {
   double twist_ = 0;              // [m/s^2] of them: what torques make a point
   double floor_ = 0;              // [m/s] least v_ref
   double brief_ = 0;              // [s] what is over that soon is none
-  int budget_ = 0;        // blows in this step at which they have to be faster; other ends of pieces that are met
+  int budget_ = 0;        // blows in this step at which they have to be faster
   int cuts_ = 0;          // pieces that ended at one
   int work_ = 0;          // so far
   double threshold_ = 0;  // [m/s] approaches below it are none
