@@ -200,8 +200,11 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   const bool moves = LeversMove(*h) || NormalsMove() || SinksFreely();
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
   int pass = 1;
+  lifts_ = true;
   for (double enough = kTouching;; enough = kExact) {
-    while (pass < kPasses && (missed > enough || (pass == 1 && moves))) {
+    const bool gained = enough == kExact;  // then nothing is lifted that gets no deeper than its pair is
+    while (pass < kPasses && (missed > enough || (pass == 1 && moves) || (gained && lifts_))) {
+      lifts_ = !gained;
       ++out_->passes;
       redone = true;
       NextTargets(*h);
@@ -216,7 +219,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
         *h = EndAtBlow(*h, moment, *h);
         DetectEnd();
       }
-      missed = std::max(Missed(), enough == kExact ? Shifted() : 0);
+      missed = std::max(Missed(), gained ? Shifted() : 0);
       ++pass;
     }
     const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kTouching || (redone && WayIsBarred(*h));
@@ -227,7 +230,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
     if (*cut) Strike();
     KeepAccounts(*h);
     missed = std::max(missed, Shifted());
-    if (!gains_ || missed <= kExact || pass >= kPasses) return deep;
+    if (!gains_ || (missed <= kExact && !lifts_) || pass >= kPasses) return deep;
   }
 }
 

@@ -196,10 +196,10 @@ class Stepper {
   double twist_ = 0;              // [m/s^2] of them: what torques make a point
   double floor_ = 0;              // [m/s] least v_ref
   double brief_ = 0;              // [s] what is over that soon is none
-  int budget_ = 0;        // blows in this step at which they have to be faster
-  int cuts_ = 0;          // pieces that ended at one
-  int work_ = 0;          // so far
-  double threshold_ = 0;  // [m/s] approaches below it are none
+  int budget_ = 0;                // blows in this step at which they have to be faster
+  int cuts_ = 0;                  // pieces that ended at one
+  int work_ = 0;                  // so far
+  double threshold_ = 0;          // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
@@ -208,6 +208,7 @@ class Stepper {
       yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
   std::vector<Account> accounts_;
   bool gains_ = false;    // some of them more than allowed
+  bool lifts_ = true;     // what is closed keeps its gap; else it may get as deep as its pair is
   bool creates_ = false;  // more than the ledger lets pass
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back

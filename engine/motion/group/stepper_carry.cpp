@@ -237,8 +237,8 @@ void Stepper::NextTargets(double h) {
     }
     const double u = contact.normal_W.dot(MeanVelocity(b, contact.point_W) - MeanVelocity(a, contact.point_W));
     double target = u - (contact.gap - GapToMeet(e, start)) / h;
-    // Nothing is lifted as long as it gets no deeper than its pair is: a cylinder that lies by one end a hair deeper would roll uphill.
-    if (start) target = std::max(std::min(target, 0.0), u - (contact.gap - GapToMeet(e, nullptr)) / h);
+    // A cylinder that lies by one end a hair deeper would roll uphill.
+    if (start && !lifts_) target = std::max(std::min(target, 0.0), u - (contact.gap - GapToMeet(e, nullptr)) / h);
     target = yields_[pair] > 0 ? -yields_[pair] : std::min(target, kFastest * floor_);
     contact.surface_W += WallSlip(contact, group_->bodies, off_, ways_);
     next_.push_back(contact);
