@@ -25,6 +25,13 @@ Vector3 MeanAxis(const Vector3& a, const Vector3& b) {
   return (a.dot(b) < 0 ? Vector3(a - b) : Vector3(a + b)).normalized();
 }
 
+// Across a normal and an axis. None where the axis stands on the contact's plane, or rounding would choose it: it may have faced the contact at
+// another time of the piece.
+Vector3 Across(const Vector3& normal_W, const Vector3& axis_W) {
+  const Vector3 across = normal_W.cross(axis_W);
+  return across.norm() > kTilts ? Vector3(across.normalized()) : Vector3(Vector3::Zero());
+}
+
 bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
 
 void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
@@ -228,10 +235,10 @@ void FaceAxes(const Vector3& centre_a, const Vector3& axis_a, const Vector3& cen
               Contact* contact) {
   if (axis_a.isZero(0) && axis_b.isZero(0)) return;
   const Vector3& n = contact->normal_W;
-  const Vector3 across_a = n.cross(axis_a).normalized(), across_b = n.cross(axis_b).normalized();
+  const Vector3 across_a = Across(n, axis_a), across_b = Across(n, axis_b);
   const double off_a = (contact->point_W - centre_a).dot(across_a), off_b = (contact->point_W - centre_b).dot(across_b);
   Vector3 off = off_a * across_a + off_b * across_b;
-  if (!axis_a.isZero(0) && !axis_b.isZero(0)) {
+  if (!across_a.isZero(0) && !across_b.isZero(0)) {
     const double cosine = across_a.dot(across_b), square = 1 - cosine * cosine;
     const Vector3 to_both = ((off_a - cosine * off_b) * across_a + (off_b - cosine * off_a) * across_b) / square;
     // Where axes are all but parallel only a place far away is on both.
@@ -280,7 +287,7 @@ void TurnLever(double opening, double turn, const Course& a, const Course& b, do
   const Vector3 spin = b.mean_spin_W - a.mean_spin_W;
   Vector3 along = n.cross(spin);
   for (const Vector3& axis : {a.axis_W, b.axis_W}) {
-    const Vector3 across = n.cross(axis).normalized();
+    const Vector3 across = Across(n, axis);
     along -= along.dot(across) * across;
   }
   if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * size * along.norm())
