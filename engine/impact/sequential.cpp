@@ -8,6 +8,7 @@
 
 #include <Eigen/LU>
 
+#include "qp/natural_map.h"
 #include "qp/smallness.h"
 
 namespace islet {
@@ -173,7 +174,11 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
   settings.effort = {kMostSweeps, true};
   settings.velocity_scale = approach;
   tie_solver_.Solve(problem, settings, &solution);
-  if (solution.status != qp::Status::kSolved) return INFINITY;
+  // What misses by less than an approach that is none is an answer, too: no friction at all is a worse one.
+  if (solution.status != qp::Status::kSolved &&
+      !(solution.status == qp::Status::kInaccurate &&
+        qp::CoulombMap(problem, solution.velocities, solution.impulses).max <= threshold_))
+    return INFINITY;
   double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];

@@ -484,6 +484,34 @@ TEST(Stepper, WhatLiesUnevenlyRollsAsIfItLayEvenly) {
     }
 }
 
+// A capsule that slides upright on its tip, and spins, takes its impulse at the tip, however the plane lies in space: rounding gave its axis a
+// side to fall to, and the impulse acted up to half of its height away.
+TEST(Stepper, CapsuleOnItsTipIsPressedThere) {
+  constexpr double kRadius = 0.05, kHalf = 0.2, kSpin = 5;
+  SplitMix64 random(4);
+  for (int k = 0; k < 60; ++k) {
+    const Quaternion turn = random.Rotation(3);
+    Settings settings = Grouped();
+    settings.gravity = turn * Vector3(0, 0, -kGravity);
+    World world(settings);
+    BodyDefinition floor = Floor(0.2, 0);
+    floor.rotation_WB = turn;
+    world.Add(floor);
+    BodyDefinition capsule{.shape = Shape::Capsule(kRadius, kHalf), .rotation_WB = turn};
+    capsule.mass = 1;
+    capsule.friction = 0.2;
+    capsule.restitution = 0;
+    capsule.position_W = turn * Vector3(0, 0, kRadius + kHalf);
+    capsule.linear_velocity_W = turn * Vector3(2, 0, 0);
+    capsule.angular_velocity_W = turn * Vector3(0, 0, kSpin);
+    world.Add(capsule);
+    testing::Step(&world, 1.0 / 60);
+    const Vector3 spin = turn.conjugate() * world.body(1).angular_velocity_W;
+    EXPECT_NEAR(spin.z(), kSpin, 1e-3) << k;
+    for (const Contact& c : world.resolved_contacts()) EXPECT_NEAR((turn.conjugate() * c.point_W).z(), 0, 1e-4) << k;
+  }
+}
+
 // Contacts of a pair that overlap by different depths: what presses keeps its own, and one pass of the piece is enough. When each was held
 // against the deepest of its pair, no number of passes was.
 TEST(Stepper, UnevenOverlapsTakeNoPasses) {
