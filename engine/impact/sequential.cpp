@@ -164,15 +164,23 @@ void SequentialResolver::GatherTies(std::span<const int> group_contacts, const C
 // there is none. Sweeps in some order would favour who comes first: where friction leaves several answers, what is symmetric would not stay so.
 double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts,
                                      double friction_share) {
-  const double approach = -queue_.top_key();
-  for (size_t k = 0; k < tied_.size(); ++k)
+  const auto before_of = [&](const qp::ContactTerm& contact) {
+    Vector3 before = contact.drift;
+    if (contact.body_a >= 0) before += contact.jacobian_a * tied_problem_.bodies[contact.body_a].velocity;
+    if (contact.body_b >= 0) before += contact.jacobian_b * tied_problem_.bodies[contact.body_b].velocity;
+    return before;
+  };
+  double fastest = 0;  // [m/s] slips included: what slides fast is no more exact than its slip
+  for (size_t k = 0; k < tied_.size(); ++k) {
     tied_problem_.contacts[k].friction = friction_share * contacts[group_contacts[tied_[k]]].friction;
+    fastest = std::max(fastest, before_of(tied_problem_.contacts[k]).norm());
+  }
   const qp::Problem& problem = tied_problem_;
   qp::Solution& solution = tied_solution_;
   qp::Settings settings;
   settings.tolerance = kNegligible;
   settings.effort = {kMostSweeps, true};
-  settings.velocity_scale = approach;
+  settings.velocity_scale = fastest;
   tie_solver_.Solve(problem, settings, &solution);
   // What misses by less than an approach that is none is an answer, too: no friction at all is a worse one.
   if (solution.status != qp::Status::kSolved &&
@@ -182,10 +190,7 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
   double gain = 0, work = 0, left = 0;  // [J]; left: of what rested no better than that
   for (size_t k = 0; k < tied_.size(); ++k) {
     const qp::ContactTerm& contact = tied_problem_.contacts[k];
-    Vector3 before = contact.drift;
-    if (contact.body_a >= 0) before += contact.jacobian_a * tied_problem_.bodies[contact.body_a].velocity;
-    if (contact.body_b >= 0) before += contact.jacobian_b * tied_problem_.bodies[contact.body_b].velocity;
-    const Vector3 after = qp::ContactVelocity(contact, tied_solution_.velocities.data()),
+    const Vector3 before = before_of(contact), after = qp::ContactVelocity(contact, tied_solution_.velocities.data()),
                   &j = tied_solution_.impulses[k];
     gain += 0.5 * j.dot(before + after);
     work += std::abs(j.dot(before));
