@@ -124,11 +124,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
 
 // Joins what comes near in groups of more than `most`. Marks the groups that are small, or have a part that is not: such a group needs no
 // more looks, nor does a pair that is joined by others.
-void Groups::JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+void Groups::JoinNear(size_t alone, size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
                       std::span<const std::pair<int, int>> joined, std::span<const std::uint8_t> stays) {
   whole_.assign(partition_.num_islands(), 1);
   for (int g = 0; g < size(); ++g)
-    whole_[g] = bodies_of(g).size() <= most || std::any_of(bodies_of(g).begin(), bodies_of(g).end(),
+    whole_[g] = bodies_of(g).size() <= alone || std::any_of(bodies_of(g).begin(), bodies_of(g).end(),
                                                            [&](int i) { return !stays.empty() && stays[i] != 0; });
   if (!AnyParted()) return;
   parents_.resize(bodies.size());
@@ -153,7 +153,7 @@ bool Groups::AnyParted() const {
 
 void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
                   std::span<const std::pair<int, int>> joined) {
-  JoinNear(most, dt, bodies, shapes, joined, {});
+  JoinNear(1, most, dt, bodies, shapes, joined, {});
   if (!AnyParted()) return;
   unsorted_.clear();
   for (const auto& pair : pairs_) {
@@ -166,7 +166,7 @@ void Groups::Part(size_t most, double dt, std::span<const Body> bodies, std::spa
 
 bool Groups::PartsInHalf(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
                          std::span<const std::uint8_t> stays) {
-  JoinNear(most, 0.5 * dt, bodies, shapes, {}, stays);
+  JoinNear(most, most, 0.5 * dt, bodies, shapes, {}, stays);
   return AnyParted();
 }
 

@@ -58,7 +58,7 @@ class Groups {
   int GroupOf(const std::pair<int, int>& pair) const {
     return partition_.body_to_island[cut_[pair.first] ? pair.second : pair.first];
   }
-  void JoinNear(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+  void JoinNear(size_t alone, size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
                 std::span<const std::pair<int, int>> joined, std::span<const std::uint8_t> stays);
   bool AnyParted() const;
   void SortPairs(size_t num_bodies);

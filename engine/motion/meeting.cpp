@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/geometry/support.h"
+#include "engine/motion/tuning.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -131,7 +132,8 @@ bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
   const Vector3 from = apart(0), way = apart(h) - from;
   const double length = way.squaredNorm(), along = length > 0 ? std::clamp(-from.dot(way) / length, 0.0, 1.0) : 0;
   if ((from + along * way).norm() - bend > query.a->radius() + query.b->radius() + query.gap) return false;
-  return meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
+  const double turn = h * std::max(query.path_a.FastestTurn(h), query.path_b.FastestTurn(h));
+  return turn > kTurn || meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
 }
 
 // [s] at least until a contact of the last look, at t, is at the floor: as fast as it goes now, since what turns bends away.

@@ -53,6 +53,8 @@ struct Path {
   Path From(double t) const { return {At(t), VelocityAt(t), half_acceleration_W, RateAt(t), half_change_W, radius}; }
   Vector3 VelocityAt(double t) const { return velocity_W + 2 * t * half_acceleration_W; }
   Vector3 RateAt(double t) const { return rate_W + 2 * t * half_change_W; }
+  // [rad/s] fastest that it turns until then; 0 for what turns in itself.
+  double FastestTurn(double end) const { return radius == 0 ? 0 : std::max(rate_W.norm(), RateAt(end).norm()); }
   // [m/s] fastest that the turn moves a point from t to `end`.
   double TurnSpeed(double t, double end) const {
     return radius == 0 ? 0 : radius * std::max(RateAt(t).norm(), RateAt(end).norm());

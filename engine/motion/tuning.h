@@ -8,6 +8,7 @@ namespace islet::motion {
 inline constexpr int kPasses = 8;        // of the carrying problem in a piece
 inline constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back, where friction and blows pay for it
 inline constexpr double kFastest = 20;   // times the least v_ref: what a way out of an overlap, or a turn, may ask for
+inline constexpr double kTurn = 0.5;     // [rad] of a piece, where something is near
 inline constexpr double kTouching =
     5e-6;  // of a size: how exactly gaps of what touches meet their end; half of it: bodies have met
 

@@ -38,7 +38,6 @@ class Stepper {
  private:
   // A solved contact is worth so many looks at a pair, a look so many pairs passed over.
   static constexpr int kSolveWork = 32;
-  static constexpr double kTurn = 0.5;        // [rad] of a piece, where something is near
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
   static constexpr double kBrief = 1.0 / 64;  // of a step, for each body that moves: what is over that soon is none
 
