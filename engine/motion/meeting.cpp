@@ -76,7 +76,7 @@ double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3
   return least;
 }
 
-double Meeting::First(const MeetingQuery& query) {
+double Meeting::First(const MeetingQuery& query, double until) {
   const double h = query.duration;
   double t = 0, reach = kFar, floor = query.gap - query.deep;
   Vector3 normal = Vector3::UnitZ();
@@ -98,10 +98,10 @@ double Meeting::First(const MeetingQuery& query) {
     if (closing <= 0) return h;
     const double seen = std::exchange(t, t + std::max(gap - floor, 0.0) / closing);
     if (glances && gap >= query.gap + query.deep) t = Glance(query, seen, t, gap, floor, normal);
-    if (t >= h) return h;
+    if (t >= std::min(h, until)) return h;
     reach = closing * (h - t) + 2 * query.deep;
   }
-  return AlongTouch(query, t, normal, floor);
+  return AlongTouch(query, t, until, normal, floor);
 }
 
 double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
@@ -153,10 +153,10 @@ double Meeting::Soonest(const MeetingQuery& query, double t, double floor) const
 
 // What touches and turns is looked at each time that it may have moved by half a size, so nothing passes through in between, and where one of
 // its corners may be at the floor.
-double Meeting::AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor) {
+double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor) {
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   GapAt(query, t, kFar, &normal);
-  for (int k = 0; t < h; ++k) {
+  for (int k = 0; t < std::min(h, until); ++k) {
     const double closing = ClosingSpeed(query, t, normal);
     double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
     next = std::min(next, t + std::max(Soonest(query, t, floor), h / kTouches));

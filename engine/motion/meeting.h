@@ -7,6 +7,7 @@
 //   threads: one Meeting per thread (scratch)    allocation: none after warm-up
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -36,8 +37,8 @@ struct MeetingQuery {
 
 class Meeting {
  public:
-  // [s] after which the gap is below gap - deep, at most by as much again; duration if it never is.
-  double First(const MeetingQuery& query);
+  // [s] after which the gap is below gap - deep, at most by as much again; duration if it never is, or not before `until`.
+  double First(const MeetingQuery& query, double until = INFINITY);
   // [m] between the bodies as they begin; far more than reach where it is more than that.
   double GapAtStart(const MeetingQuery& query, double reach);
   // How often gaps were looked at so far.
@@ -46,7 +47,7 @@ class Meeting {
  private:
   double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
   double Soonest(const MeetingQuery& query, double t, double floor) const;
-  double AlongTouch(const MeetingQuery& query, double t, Vector3 normal, double floor);
+  double AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;
   std::int64_t looks_ = 0;

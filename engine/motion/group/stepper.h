@@ -39,6 +39,7 @@ class Stepper {
   // A solved contact is worth so many looks at a pair, a look so many pairs passed over.
   static constexpr int kSolveWork = 32;
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
+  static constexpr double kTogether = 1e-4;   // of a size: what is this near to a blow takes part, as in a flat landing
   static constexpr double kBrief = 1.0 / 64;  // of a step, for each body that moves: what is over that soon is none
 
   struct Held {  // a contact that carries in this piece
@@ -49,6 +50,11 @@ class Stepper {
     Vector3 belt_W;         // [m/s] the contact's own surface velocity
     bool faces_a, faces_b;  // the axes of its bodies
     int age = 0;            // passes since it was last seen
+  };
+  struct SlowMeeting {  // within the piece, and no blow
+    int pair;
+    double time;  // [s]
+    MeetingQuery query;
   };
   struct Guarded {  // a pair that meets within the piece
     int pair;
@@ -148,11 +154,12 @@ class Stepper {
 
   // stepper_meeting.cpp: who meets whom on the way.
   double FindMeeting(double h);
-  MeetingQuery WayOf(int number, double h, double until, double gap, double deep) const;
+  MeetingQuery WayOf(int number, double h, double gap, double deep) const;
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
-  double First(const MeetingQuery& query);
+  double First(const MeetingQuery& query, double until);
   bool WayIsBarred(double h);
-  void Guard(int number, double t, const Path& a, const Path& b);
+  void Probe(const MeetingQuery& query, const GroupPair& pair, double t);
+  void Guard(const SlowMeeting& slow);
   double EndAtBlow(double h, double moment, double most);
   double GapOfBlow(int pair) const;
 
@@ -241,6 +248,7 @@ class Stepper {
   bool met_ = false;  // something on the way that was searched, and no blow
   std::vector<Contact> guards_;
   std::vector<Guarded> guard_of_;
+  std::vector<SlowMeeting> slow_;
   // Scratch of contact problems.
   std::vector<Body> posed_, trial_;
   std::vector<Contact> problem_;

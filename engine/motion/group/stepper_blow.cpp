@@ -12,8 +12,6 @@ namespace {
 
 // of a size: gap below which a contact is closed beside one that presses, or about to hit
 constexpr double kMet = 1e-8;
-// of a size: what is this near to a blow takes part, or a flat landing were one of corners
-constexpr double kTogether = 1e-4;
 // restitution below which a blow is as brief: what does not rebound rocks over to where it did not press
 constexpr double kRocks = 0.25;
 

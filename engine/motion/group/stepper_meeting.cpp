@@ -13,11 +13,12 @@ constexpr double kThrough = 0.25;  // of a size: an overlap on the way through a
 
 }  // namespace
 
-// [s] of the first blow within the piece, h if there is none.
+// [s] of the first blow within the piece, h if there is none. What is found of a pair does not depend on who was looked at before it.
 double Stepper::FindMeeting(double h) {
   double first = h;
   cut_pair_ = -1;
   returned_ = guarded_ = met_ = false;
+  slow_.clear();
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
@@ -25,30 +26,31 @@ double Stepper::FindMeeting(double h) {
     // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
     const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
     const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kTouching;
-    const MeetingQuery query = WayOf(static_cast<int>(p), h, first, GapOfBlow(static_cast<int>(p)),
+    const MeetingQuery query = WayOf(static_cast<int>(p), h, GapOfBlow(static_cast<int>(p)),
                                      stays  ? kTouching
                                      : sunk ? kExact
                                             : 0.5 * kTouching);
-    const Path &a = query.path_a, &b = query.path_b;
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
-    double t = First(query);
+    double t = First(query, first);
     if (t >= first) continue;
-    if (!MetInABlow(query, static_cast<int>(p), &t) ||
-        static_cast<int>(p) == grazing_) {  // too slow: it carries when it is there
-      met_ = true;
-      if (freed_[p] == kLeaves) freed_[p] = kReturns, returned_ = true;
-      Guard(static_cast<int>(p), t, a, b);
+    if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {
+      slow_.push_back({static_cast<int>(p), t, query});
       continue;
     }
     first = t;
     cut_pair_ = static_cast<int>(p);
   }
+  for (const SlowMeeting& slow : slow_) {  // too slow for a blow: it carries when it is there
+    if (slow.time >= first) continue;
+    met_ = true;
+    if (freed_[slow.pair] == kLeaves) freed_[slow.pair] = kReturns, returned_ = true;
+    Guard(slow);
+  }
   return first;
 }
 
 // Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
-// blow: t goes back to where what is fast was as deep as the piece found it, and the contacts there are in probe_. A rebound that comes
-// back before it is open was none. A point that is none where it would have met is new: the lowest one of a rim that tips about others.
+// blow: t goes back to where what is fast was as deep as the piece found it. A rebound that comes back before it is open was none. A point that is none where it would have met is new: the lowest one of a rim that tips about others.
 bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
   const GroupPair& pair = group_->pairs[number];
   const double closed = kExact * Size(pair);
@@ -56,15 +58,14 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
   std::uint32_t feature = 0;  // of what is fastest then
   for (int round = 0; round < kHalvings; ++round) {
     ++work_;
-    probe_.clear();
+    Probe(query, pair, *t);
     const Pose at_a = query.path_a.At(*t), at_b = query.path_b.At(*t);
-    CollideShapes(*query.a, at_a.placement(), *query.b, at_b.placement(), 40 * kTouching * Size(pair), &probe_);
     double fastest = 0, back = 0;
     bool found = false;
     std::uint32_t fast = 0;
-    for (Contact& c : probe_) {
+    for (const Contact& c : probe_) {
       found = found || c.feature == feature;
-      Mix(pair, &c);
+      if (c.gap > kTogether * Size(pair)) continue;  // it is on its way
       const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
         return path.VelocityAt(*t) + path.RateAt(*t).cross(c.point_W - at.position_W);
       };
@@ -87,17 +88,25 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
   return true;
 }
 
-double Stepper::First(const MeetingQuery& query) {
+// What of the pair is near at that moment of its way.
+void Stepper::Probe(const MeetingQuery& query, const GroupPair& pair, double t) {
+  probe_.clear();
+  CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(),
+                40 * kTouching * Size(pair), &probe_);
+  for (Contact& c : probe_) Mix(pair, &c);
+}
+
+double Stepper::First(const MeetingQuery& query, double until) {
   const std::int64_t before = meeting_.looks();
-  const double first = meeting_.First(query);
+  const double first = meeting_.First(query, until);
   work_ += static_cast<int>(meeting_.looks() - before);
   return first;
 }
 
 // The query of a pair's way in the piece.
-MeetingQuery Stepper::WayOf(int number, double h, double until, double gap, double deep) const {
+MeetingQuery Stepper::WayOf(int number, double h, double gap, double deep) const {
   const GroupPair& pair = group_->pairs[number];
-  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), until, gap,
+  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), h, gap,
           deep * Size(pair)};
 }
 
@@ -107,18 +116,21 @@ bool Stepper::WayIsBarred(double h) {
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const int pair = static_cast<int>(p);
-    const MeetingQuery way = WayOf(pair, h, h, GapBefore(pair), kThrough);
-    if (way.Farthest() > 0.5 * way.deep && First(way) < h) return true;
+    const MeetingQuery way = WayOf(pair, h, GapBefore(pair), kThrough);
+    if (way.Farthest() > 0.5 * way.deep && First(way, h) < h) return true;
   }
   return false;
 }
 
 // A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
 // these points have where the piece begins.
-void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
+void Stepper::Guard(const SlowMeeting& slow) {
   for (const Guarded& guard : guard_of_)
-    if (guard.pair == number) return;
-  const Pose at_a = a.At(t), at_b = b.At(t);
+    if (guard.pair == slow.pair) return;
+  const Path &a = slow.query.path_a, &b = slow.query.path_b;
+  const Pose at_a = a.At(slow.time), at_b = b.At(slow.time);
+  const GroupPair& pair = group_->pairs[slow.pair];
+  Probe(slow.query, pair, slow.time);
   for (Contact c : probe_) {
     const auto at_start = [&](const Vector3& point, const Pose& now, const Path& path) -> Vector3 {
       return path.start.position_W + path.start.rotation_WB * (now.rotation_WB.conjugate() * (point - now.position_W));
@@ -127,10 +139,10 @@ void Stepper::Guard(int number, double t, const Path& a, const Path& b) {
     const double gap = c.normal_W.dot(at_start(c.point_W + half, at_b, b) - at_start(c.point_W - half, at_a, a));
     const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W),
                   with_b = c.point_W - (at_b.position_W - b.start.position_W);
-    c.body_a = group_->pairs[number].a;
-    c.body_b = group_->pairs[number].b;
+    c.body_a = pair.a;
+    c.body_b = pair.b;
     guard_of_.push_back(
-        {number, gap, FacesAxis(*group_->shapes[c.body_a], at_a, c), FacesAxis(*group_->shapes[c.body_b], at_b, c)});
+        {slow.pair, gap, FacesAxis(*group_->shapes[c.body_a], at_a, c), FacesAxis(*group_->shapes[c.body_b], at_b, c)});
     c.point_W = Shared(c, with_a, with_b);
     guards_.push_back(c);
     guarded_ = true;
