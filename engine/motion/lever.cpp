@@ -280,7 +280,8 @@ Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) 
 
 void TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact) {
   const Vector3& n = contact->normal_W;
-  const double off = opening - n.dot(b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W));
+  const Vector3 u = b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W);
+  const double off = opening - n.dot(u);
   if (a.sphere || b.sphere) return RollLever(a.sphere ? a : b, a, b, off, turn, contact);
   if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W))
     return RollBetween(a, b, opening, turn, contact);
@@ -290,8 +291,12 @@ void TurnLever(double opening, double turn, const Course& a, const Course& b, do
     const Vector3 across = Across(n, axis);
     along -= along.dot(across) * across;
   }
+  const Vector3 slip = u - n.dot(u) * n;
   if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * size * along.norm())
     contact->point_W += off / along.squaredNorm() * along;
+  else if (std::abs(off) <
+           kTilts * slip.norm())  // an edge on a face, at the face's own edge: it is across both that they press
+    contact->normal_W = (n + off / slip.squaredNorm() * slip).normalized();
 }
 
 }  // namespace islet::motion

@@ -201,8 +201,10 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
   int pass = 1;
   lifts_ = true;
-  for (double enough = kTouching;; enough = kExact) {
-    const bool gained = enough == kExact;  // then nothing is lifted that gets no deeper than its pair is
+  // Where pieces before have missed as much as the step may, this one misses nothing.
+  double enough = DeepestSinceStart() > kTouching ? kExact : kTouching;
+  for (bool gained = false;;
+       gained = true, enough = kExact) {  // then nothing is lifted that gets no deeper than its pair is
     while (pass < kPasses && (missed > enough || (pass == 1 && moves) || (gained && lifts_))) {
       lifts_ = !gained;
       ++out_->passes;
@@ -213,16 +215,23 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
       // The blow has moved. A little later at most: the way was searched up to h.
       if (*cut) *h = EndAtBlow(*h, *h, std::min((1 + kBrief) * *h, dt_ - time_of_piece_));
       DetectEnd();
-      double moment = *h;
-      if (!*cut && HitsEarlier() && (moment = FindMeeting(*h)) < *h) {
-        *cut = true;
-        *h = EndAtBlow(*h, moment, *h);
-        DetectEnd();
+      if (HitsEarlier()) {
+        const int blow = cut_pair_;
+        const double moment = FindMeeting(*h);
+        if (moment < *h) {
+          *cut = true;
+          *h = EndAtBlow(*h, moment, *h);
+          DetectEnd();
+        } else {
+          cut_pair_ = blow;
+        }
       }
       missed = std::max(Missed(), gained ? Shifted() : 0);
       ++pass;
     }
-    const bool deep = std::max(FreshOverlap(), DeepestSinceStart()) > kTouching || (redone && WayIsBarred(*h));
+    const double fresh = FreshOverlap();
+    const bool deep =
+        fresh > kTouching || (fresh > kExact && DeepestSinceStart() > kTouching) || (redone && WayIsBarred(*h));
     if (deep && may_halve) return true;
     Settle();
     struck_ = false;
@@ -277,7 +286,7 @@ bool Stepper::Piece(Progress* p) {
   cuts_ += cut;
   SeeWhoPays(h);
   grazing_ = cut && !struck_ && HasMet(cut_pair_) ? cut_pair_ : -1;
-  p->most = p->level == 0 ? dt_ : 2 * h;
+  p->most = p->level == 0 ? dt_ : 2 * std::max(h, p->most);
   p->level = std::max(0, p->level - 1);
   return true;
 }
