@@ -278,25 +278,34 @@ Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) 
   return body.middle.position_W + mean + (chord > 0 ? radius / chord - 1 : 0) * across;
 }
 
-void TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact) {
+bool TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact) {
   const Vector3& n = contact->normal_W;
-  const Vector3 u = b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W);
-  const double off = opening - n.dot(u);
-  if (a.sphere || b.sphere) return RollLever(a.sphere ? a : b, a, b, off, turn, contact);
-  if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W))
-    return RollBetween(a, b, opening, turn, contact);
+  const double off = opening - Opening(a, b, *contact);
+  if (a.sphere || b.sphere) {
+    RollLever(a.sphere ? a : b, a, b, off, turn, contact);
+    return true;
+  }
+  if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W)) {
+    RollBetween(a, b, opening, turn, contact);
+    return true;
+  }
   const Vector3 spin = b.mean_spin_W - a.mean_spin_W;
   Vector3 along = n.cross(spin);
   for (const Vector3& axis : {a.axis_W, b.axis_W}) {
     const Vector3 across = Across(n, axis);
     along -= along.dot(across) * across;
   }
-  const Vector3 slip = u - n.dot(u) * n;
-  if (along.norm() > kTilts * spin.norm() && std::abs(off) < kFarthestLever * size * along.norm())
-    contact->point_W += off / along.squaredNorm() * along;
-  else if (std::abs(off) <
-           kTilts * slip.norm())  // an edge on a face, at the face's own edge: it is across both that they press
-    contact->normal_W = (n + off / slip.squaredNorm() * slip).normalized();
+  if (along.norm() <= kTilts * spin.norm() || std::abs(off) >= kFarthestLever * size * along.norm()) return false;
+  contact->point_W += off / along.squaredNorm() * along;
+  return true;
+}
+
+void LeanNormal(double opening, const Course& a, const Course& b, Contact* contact) {
+  const Vector3& n = contact->normal_W;
+  const double off = opening - Opening(a, b, *contact);
+  Vector3 slip = b.MeanVelocity(contact->point_W) - a.MeanVelocity(contact->point_W);
+  slip -= n.dot(slip) * n;
+  if (std::abs(off) < kTilts * slip.norm()) contact->normal_W = (n + off / slip.squaredNorm() * slip).normalized();
 }
 
 }  // namespace islet::motion

@@ -141,7 +141,10 @@ Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double of
 // gradient [Gonz96]): its point is moved in its plane to where the mean velocity opens it as fast as its gap did change. That of a sphere
 // is moved around it with its normal, no farther than that turned, since its normal impulse must not spin it; one that faces an axis along that
 // alone.
-// opening: [m/s]. turn: [rad] by which its normal does in the piece. size: [m] of the smaller body.
-void TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact);
+// opening: [m/s]. turn: [rad] by which its normal does in the piece. size: [m] of the smaller body. Returns whether there is such a point near.
+bool TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact);
+// The same by a normal that leans against the slip, by 1e-3 at most. Where an edge slides over the edge of a face they press across both, and
+// the face's normal is off by the slope of the one. Between bodies with faces that spin alike no point would do.
+void LeanNormal(double opening, const Course& a, const Course& b, Contact* contact);
 
 }  // namespace islet::motion

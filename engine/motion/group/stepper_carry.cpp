@@ -223,7 +223,10 @@ void Stepper::NextTargets(double h) {
       Course course_a = CourseOf(a), course_b = CourseOf(b);
       course_a.axis_W = AxisOf(a, faces_a);
       course_b.axis_W = AxisOf(b, faces_b);
-      TurnLever((contact.gap - start->gap) / h, turn, course_a, course_b, Size(group_->pairs[pair]), &contact);
+      const double opening = (contact.gap - start->gap) / h;
+      if (!TurnLever(opening, turn, course_a, course_b, Size(group_->pairs[pair]), &contact) &&
+          !group_->shapes[a]->HasAxis() && !group_->shapes[b]->HasAxis())
+        LeanNormal(opening, course_a, course_b, &contact);
     } else if (TurnInThemselves(pair)) {
       probe_.clear();  // what turns in itself takes no spin from a normal impulse: along the line halfway, it gets none
       CollideShapes(*group_->shapes[a], middle_[a].placement(), *group_->shapes[b], middle_[b].placement(), kFar,
