@@ -1,0 +1,79 @@
+// Who shares the pieces of a step: whoever comes near whom, by the ways that they go.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/world.h"
+#include "tests/support/worlds.h"
+
+namespace islet {
+namespace {
+
+using testing::Awake;
+using testing::Ball;
+using testing::Floor;
+
+// A domino rocks back onto its other edge within the step; another stands 18 cm beside it. Together with their floor they move at this speed.
+Body RockingDomino(double speed, bool another) {
+  World world(Awake());
+  BodyDefinition floor = Floor(0.5, 0);
+  floor.kind = BodyKind::kKinematic;
+  floor.linear_velocity_W = {speed, 0, 0};
+  world.Add(floor);
+  BodyDefinition domino{.shape = Shape::Box({0.02, 0.1, 0.2}), .mass = 1, .friction = 0.5, .restitution = 0};
+  domino.position_W = {0.000341, 0, 0.200121};
+  domino.rotation_WB = testing::Turn(2 * std::asin(0.003129), Vector3::UnitY());
+  domino.linear_velocity_W = {speed - 0.049787, 0, -0.004664};
+  domino.angular_velocity_W = {0, -0.248784, 0};
+  const int rocks = world.Add(domino);
+  domino.position_W = {0.186466, -0.005704, 0.2};
+  domino.rotation_WB = testing::Turn(2 * std::asin(0.056729), Vector3::UnitZ());
+  domino.linear_velocity_W = {speed, 0, 0};
+  domino.angular_velocity_W = Vector3::Zero();
+  if (another) world.Add(domino);
+  testing::Step(&world, 1.0 / 30);
+  return world.body(rocks);
+}
+
+// The boxes that they sweep meet where both are fast. They share no piece even so, or one would miss its landing.
+TEST(Groups, WhoComesNearNobodyIsSteppedAlone) {
+  for (const double speed : {0.0, 4.0, 20.0}) {
+    const Body alone = RockingDomino(speed, false), beside = RockingDomino(speed, true);
+    EXPECT_EQ(alone.linear_velocity_W, beside.linear_velocity_W) << speed;
+    EXPECT_EQ(alone.angular_velocity_W, beside.angular_velocity_W) << speed;
+    EXPECT_NEAR(alone.angular_velocity_W.y(), -0.2796, 2e-4) << speed;  // as by a hundred short steps
+  }
+}
+
+// A ball leaves its neighbour, rebounds from a wall, and comes back within the step: on its free way it would not. It gives the neighbour all
+// that it has, and that one a third.
+TEST(Groups, WhoMeetsAfterABlowIsSteppedTogether) {
+  constexpr double kSpeed = 6, kRadius = 0.1, kGap = 0.05, kStep = 1.0 / 20;
+  for (const bool frozen : {false, true}) {
+    Settings settings;
+    settings.threads = 1;
+    settings.gravity.setZero();
+    settings.freezing = frozen ? Freezing::kCertified : Freezing::kOff;
+    World world(settings);
+    world.Add({.shape = Shape::Box({0.5, 1, 1}),
+               .kind = BodyKind::kFixed,
+               .position_W = {kRadius + kGap + 0.5, 0, 0},
+               .friction = 0,
+               .restitution = 1});
+    const int first = world.Add(Ball({0, 0, 0}, kRadius, 0, 1));
+    const int second = world.Add(Ball({-2 * kRadius - kGap, 0, 0}, kRadius, 0, 1));
+    const int third = world.Add(Ball({-4 * kRadius - 2 * kGap, 0, 0}, kRadius, 0, 1));
+    if (frozen)
+      for (int i = 0; i < 60; ++i) testing::Step(&world, kStep);
+    world.SetVelocity(first, {kSpeed, 0, 0}, Vector3::Zero());
+    EXPECT_FALSE(world.Step(kStep).Failed());
+    EXPECT_NEAR(world.body(first).linear_velocity_W.x(), 0, 1e-9 * kSpeed);
+    EXPECT_NEAR(world.body(second).linear_velocity_W.x(), 0, 1e-9 * kSpeed);
+    EXPECT_NEAR(world.body(third).linear_velocity_W.x(), -kSpeed, 1e-9 * kSpeed);
+    const double way = kSpeed * kStep - 4 * kGap;  // to the wall, back, and over both gaps
+    EXPECT_NEAR(world.body(third).position_W.x(), -4 * kRadius - 2 * kGap - way, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace islet
