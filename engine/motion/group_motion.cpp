@@ -188,9 +188,7 @@ void GroupMotion::MakeJobs(double dt, std::span<const Body> bodies, std::span<co
   Job* const end = old + num_before_;
   for (Job& job : std::span(jobs_).first(num_jobs_)) {
     while (old != end && old->members[0] < job.members[0]) ++old;
-    if (job.done || old == end || !old->done ||
-        (!groups_.parted().empty() && !old->outcome.record_paths && !old->rests))
-      continue;
+    if (job.done || old == end || !old->done) continue;
     if (old->members == job.members && old->group.numbers == job.group.numbers &&
         old->group.pairs.size() == job.group.pairs.size() && old->mark == job.mark)
       std::swap(job, *old);
@@ -205,7 +203,6 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::s
       for (Body& b : job.group.bodies) b.frozen = false;
       job.outcome.Clear();
       job.outcome.record = record;
-      job.outcome.record_paths = !groups_.parted().empty();
       workers_[worker].stepper.Step(dt, settings_, mix, &job.group, &job.outcome);
       for (const int i : job.members) spent_[i] += races_ == Races::kRefused ? 0 : job.outcome.work;
       job.done = true;
@@ -216,13 +213,22 @@ void GroupMotion::RunJobs(double dt, const MixMaterial& mix, bool record, std::s
 
 // Whether all bodies of a group did; those that did not get more room.
 bool GroupMotion::KeptToRooms(const Job& job, std::span<const Body> bodies, std::span<const Shape> shapes) {
+  const size_t count = job.group.bodies.size();
   bool kept = true;
-  for (size_t k = 0; k < job.group.bodies.size(); ++k) {
+  for (size_t k = 0; k < count; ++k) {
     const Body& b = job.group.bodies[k];
     const int i = job.group.numbers[k];
-    if (!b.Moves() || groups_.StaysInRoom(b, shapes[i], i)) continue;
-    rooms_[i] = std::max(rooms_[i], (b.position_W - bodies[i].position_W).norm() + 0.5 * b.radius);
-    kept = false;
+    if (!b.Moves()) continue;
+    double begin = 0, farthest = 0;
+    bool stays = true;
+    for (size_t piece = 0; piece < job.outcome.ends.size(); ++piece) {
+      const Path& path = job.outcome.paths[piece * count + k];
+      const double duration = job.outcome.ends[piece] - std::exchange(begin, job.outcome.ends[piece]);
+      stays = stays && groups_.StaysInRoom(path, duration, shapes[i], i);
+      farthest = std::max(farthest, (path.At(duration).position_W - bodies[i].position_W).norm());
+    }
+    if (!stays) rooms_[i] = std::max(rooms_[i], farthest + b.radius);
+    kept = kept && stays;
   }
   return kept;
 }

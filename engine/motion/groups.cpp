@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
+#include "engine/motion/lever.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 #include "islands/disjoint_sets.h"
@@ -62,9 +64,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
       way = dt * body.linear_velocity_W;
       room += gravity_W.norm() * dt * dt;
       if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
-      if (shapes[i].kind() != ShapeKind::kSphere)
-        room += std::min(1.0, 1.2 * dt * VisibleSpin(shapes[i], body.rotation_WB, body.angular_velocity_W).norm()) *
-                shapes[i].radius();
+      if (shapes[i].kind() != ShapeKind::kSphere) {
+        double spin = VisibleSpin(shapes[i], body.rotation_WB, body.angular_velocity_W).norm();
+        if (!body.torque_W.isZero(0)) spin += dt * SpinOf(body, body.rotation_WB, body.torque_W).norm();
+        room += std::min(1.0, 1.2 * dt * spin) * shapes[i].radius();
+      }
     }
     const Vector3 margin = Vector3::Constant(room);
     rooms_[i] = {now.lower.cwiseMin(now.lower + way) - margin, now.upper.cwiseMax(now.upper + way) + margin};
@@ -129,7 +133,7 @@ void Groups::JoinNear(size_t alone, size_t most, double dt, std::span<const Body
   whole_.assign(partition_.num_islands(), 1);
   for (int g = 0; g < size(); ++g)
     whole_[g] = bodies_of(g).size() <= alone || std::any_of(bodies_of(g).begin(), bodies_of(g).end(),
-                                                           [&](int i) { return !stays.empty() && stays[i] != 0; });
+                                                            [&](int i) { return !stays.empty() && stays[i] != 0; });
   if (!AnyParted()) return;
   parents_.resize(bodies.size());
   members_.assign(bodies.size(), 1);
@@ -170,14 +174,16 @@ bool Groups::PartsInHalf(size_t most, double dt, std::span<const Body> bodies, s
   return AnyParted();
 }
 
-// Whether two bodies come within the margin of each other on their free ways. Both fall alike, or one does not fall, and the margin of the
-// rooms holds for it.
+// Whether two bodies come within the margin of each other on their free ways, under the user's forces. Both fall alike.
 bool Groups::ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes) {
   const auto path = [&](int n) -> Path {
     const Body& b = bodies[n];
     const double radius = shapes[n].kind() == ShapeKind::kSphere ? 0 : shapes[n].radius();
     const Vector3 spin = VisibleSpin(shapes[n], b.rotation_WB, b.angular_velocity_W);
-    return {{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), spin, Vector3::Zero(), radius};
+    Path way{{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), spin, Vector3::Zero(), radius};
+    if (!b.force_W.isZero(0)) way.half_acceleration_W = 0.5 / b.mass * b.force_W;
+    if (!b.torque_W.isZero(0)) way.half_change_W = 0.5 * SpinOf(b, b.rotation_WB, b.torque_W);
+    return way;
   };
   const double margin = kMargin * (shapes[i].size() + shapes[k].size());
   return motion::ComeNear({&shapes[i], &shapes[k], path(i), path(k), dt, margin, 0.5 * margin}, &meeting_);
@@ -198,8 +204,17 @@ void Groups::SortPairs(size_t num_bodies) {
   }
 }
 
-bool Groups::StaysInRoom(const Body& body, const Shape& shape, int number) const {
-  return rooms_[number].Contains(BoxAround(shape, body.position_W, body.rotation_WB));
+bool Groups::StaysInRoom(const Path& path, double duration, const Shape& shape, int number) const {
+  const Pose begin = path.start, end = path.At(duration);
+  const Box first = BoxAround(shape, begin.position_W, begin.rotation_WB),
+            last = BoxAround(shape, end.position_W, end.rotation_WB);
+  const Vector3 low = begin.position_W.cwiseMin(end.position_W), high = begin.position_W.cwiseMax(end.position_W),
+                reach = Vector3::Constant(shape.radius());
+  const double turn = std::min(std::numbers::pi, duration * path.FastestTurn(duration)),
+               bends = 0.25 * duration * duration * path.half_acceleration_W.norm();
+  const Vector3 bow = Vector3::Constant(shape.radius() * (1 - std::cos(0.5 * turn))), bend = Vector3::Constant(bends);
+  return rooms_[number].Contains({(first.lower.cwiseMin(last.lower) - bow).cwiseMax(low - reach) - bend,
+                                  (first.upper.cwiseMax(last.upper) + bow).cwiseMin(high + reach) + bend});
 }
 
 }  // namespace islet::motion

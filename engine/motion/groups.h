@@ -50,8 +50,8 @@ class Groups {
     return pairs_[partition_.contacts[partition_.contact_start[group] + k]];
   }
 
-  // Whether the body, where it is now, is within the room that it had.
-  bool StaysInRoom(const Body& body, const Shape& shape, int number) const;
+  // Whether a body that goes this path for that long [s] is within its room all the time.
+  bool StaysInRoom(const Path& path, double duration, const Shape& shape, int number) const;
 
  private:
   bool IsCut(const std::pair<int, int>& pair) const { return cut_[pair.first] || cut_[pair.second]; }

@@ -45,7 +45,6 @@ struct GroupOutcome {
   std::vector<Vector3> touching_force_W;
   std::vector<ResponseOutcome> carried, settled, struck;  // answers of the contact problems
   bool record = false;                                    // in: whether records are wanted
-  bool record_paths = false;                              // in: the same of paths
   std::vector<double> ends;                               // [s] of the pieces that were done
   std::vector<Path> paths;                                // of all bodies in the first of them, then in the next
   std::vector<ProblemRecord> records;

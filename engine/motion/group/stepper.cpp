@@ -19,7 +19,7 @@ void GroupOutcome::Clear() {
   pieces = bounces = passes = 0;
   unstepped = overlap = 0;
   overlapping = 0;
-  restitution_lowered = record = record_paths = false;
+  restitution_lowered = record = false;
   impulses.clear();
   ends.clear();
   paths.clear();
@@ -117,10 +117,8 @@ void Stepper::Commit(double t, double h) {
     if (!settle_W_[e].isZero(0)) out_->impulses.push_back({end_[e], settle_W_[e], t + h, 0, carried_at_[e]});
     if (!strike_W_[e].isZero(0)) out_->impulses.push_back({end_[e], strike_W_[e], t + h, 0});
   }
-  if (out_->record_paths) {
-    out_->ends.push_back(t + h);
-    for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
-  }
+  out_->ends.push_back(t + h);
+  for (int i = 0; i < static_cast<int>(state_.size()); ++i) out_->paths.push_back(PathOf(i, h));
   state_ = end_state_;
   now_ = end_;
   now_pair_ = end_pair_;

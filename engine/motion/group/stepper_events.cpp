@@ -43,16 +43,19 @@ double Stepper::SupportEnds(double h) {
   bool found = false;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
-    if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])) ||
-        ClosedAt(pair, h, h) > 0)
+    if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])))
       continue;
+    const bool sinks = ClosedAt(pair, h, h) > 0;
+    if (sinks && !IsOpenAtEnd(pair)) continue;  // it rolls around an edge
     const size_t closed = ClosedAt(pair, 0, 0);
-    double until = 0, from = h;
+    double until = 0, from = sinks || closed == 0 ? 0 : h;
     while (from - until > kBrief * kBrief * dt_) {
       const double t = 0.5 * (until + from);
       (ClosedAt(pair, t, t) < closed ? from : until) = t;
     }
     if (ClosedAt(pair, until, h) > 0) continue;
+    // Forces that do not turn with what tips part it from its edge too soon: half of the piece tells more.
+    if (h > kBrief * dt_) until = std::max(until, 0.5 * h);
     if (until > 0 && until < first) first = until, found = true;
   }
   return found ? first : h;

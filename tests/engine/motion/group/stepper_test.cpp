@@ -281,7 +281,6 @@ TEST(Stepper, TellsTheWaysThatBodiesTook) {
   group.shapes = {&floor, &ball};
   group.pairs = {{0, 1}};
   motion::GroupOutcome outcome;
-  outcome.record_paths = true;
   const motion::MixMaterial mix = [](Contact* contact, const Body&, const Body& b) {
     contact->friction = 0.5;
     contact->restitution = b.restitution;
