@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "engine/motion/lever.h"
@@ -210,9 +209,10 @@ bool Groups::StaysInRoom(const Path& path, double duration, const Shape& shape, 
             last = BoxAround(shape, end.position_W, end.rotation_WB);
   const Vector3 low = begin.position_W.cwiseMin(end.position_W), high = begin.position_W.cwiseMax(end.position_W),
                 reach = Vector3::Constant(shape.radius());
-  const double turn = std::min(std::numbers::pi, duration * path.FastestTurn(duration)),
+  const double turn = duration * path.FastestTurn(duration),
                bends = 0.25 * duration * duration * path.half_acceleration_W.norm();
-  const Vector3 bow = Vector3::Constant(shape.radius() * (1 - std::cos(0.5 * turn))), bend = Vector3::Constant(bends);
+  const Vector3 bow = Vector3::Constant(shape.radius() * std::min(1.0, 0.125 * turn * turn)),
+                bend = Vector3::Constant(bends);
   return rooms_[number].Contains({(first.lower.cwiseMin(last.lower) - bow).cwiseMax(low - reach) - bend,
                                   (first.upper.cwiseMax(last.upper) + bow).cwiseMin(high + reach) + bend});
 }

@@ -249,6 +249,7 @@ bool Stepper::Piece(Progress* p) {
   const double rest = dt_ - p->t;
   double h = ChooseLength(std::min(rest, p->most));
   if (rest - h < 0.2 * h && p->events == 0) h = std::min(rest, 1.2 * h);
+  if (h < kBrief * dt_) pays_.assign(group_->pairs.size(), false);  // a fifth of an overlap at once would be a blow
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
