@@ -75,5 +75,29 @@ TEST(Groups, WhoMeetsAfterABlowIsSteppedTogether) {
   }
 }
 
+// A rod is turned by its user from one side of a ball to the other, in one step. It begins and ends beside the ball, at rest.
+TEST(Groups, WhoIsTurnedByTheUserMeetsWhatIsOnItsWay) {
+  constexpr double kHalf = 0.1, kThin = 0.004, kMass = 0.05;
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    BodyDefinition rod{.shape = Shape::Box({kHalf, kThin, kThin}), .mass = kMass, .friction = 0, .restitution = 0.5};
+    rod.rotation_WB = testing::Turn(M_PI / 6, Vector3::UnitZ());
+    const int turned = world.Add(rod);
+    BodyDefinition ball = Ball({0.97 * kHalf, 0, 0}, 0.004, 0, 0.5);
+    ball.mass = 0.005;
+    const int met = world.Add(ball);
+    const double inertia = kMass * (kHalf * kHalf + kThin * kThin) / 3;
+    world.SetForce(turned, Vector3::Zero(), {0, 0, -inertia * 2 * (M_PI / 3) / (dt * dt)});
+    EXPECT_FALSE(world.Step(dt).Failed());
+    // It meets the ball by its side, where it has turned by that much under a constant torque, as a free rod does.
+    const double arm = 0.97 * kHalf, angle = M_PI / 6 - (kThin + 0.004) / arm;
+    const double rate = std::sqrt(4 * (M_PI / 3) * angle) / dt, at_ball = 1 / (1 / kMass + arm * arm / inertia);
+    EXPECT_NEAR(world.body(met).linear_velocity_W.norm(), 1.5 * rate * arm * at_ball / (at_ball + 0.005),
+                0.01 * rate * arm);
+  }
+}
+
 }  // namespace
 }  // namespace islet
