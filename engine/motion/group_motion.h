@@ -5,7 +5,7 @@
 //            bodies under the same forces would give the same step again. It wakes as soon as anything of that changes
 //   rooms:   after the step every body must have kept to the room that decided whom it may meet (groups.h); else groups
 //            are found anew with larger rooms, and those that changed are stepped again from the start
-//   parts:   a group that is too large is parted by who comes near whom on the free ways. Then no body may have met one of another part
+//   parts:   a group is parted by who comes near whom on the free ways. Then no body may have met one of another part
 //            on its real way, or their parts are joined and stepped again from the start. If a part gets too large that way,
 //            the whole group is a crowd
 //   work:    a group whose step would take more than its share goes with the crowd, for some steps, since it would need as much again

@@ -125,8 +125,8 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   islands::BuildPartition({cut_, pairs_}, &partition_);
 }
 
-// Joins what comes near in groups of more than `most`. Marks the groups that are small, or have a part that is not: such a group needs no
-// more looks, nor does a pair that is joined by others.
+// Joins what comes near in groups of more than `alone`. Marks the others, and those that have a part of more than `most`: such a group needs
+// no more looks, nor does a pair that is joined by others.
 void Groups::JoinNear(size_t alone, size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
                       std::span<const std::pair<int, int>> joined, std::span<const std::uint8_t> stays) {
   whole_.assign(partition_.num_islands(), 1);

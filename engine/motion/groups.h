@@ -1,7 +1,7 @@
 // Which bodies may meet within a step. A body's room is the box that it sweeps, with margin for turning and falling; bodies
 // whose rooms meet belong to one group, and whoever moves within its room meets nobody outside of its group.
 //
-// Where that makes too large a group, it may be parted once more: by those who do meet as far as is known. Who parts it finds out
+// Rooms are boxes along the world's axes, so groups are parted once more: by those who do meet as far as is known. Who parts them finds out
 // afterwards whether anybody else did.
 //
 //   cut:     at what contacts cannot move: fixed and kinematic bodies; frozen ones join, since what hits them may wake them
@@ -32,8 +32,8 @@ class Groups {
   void Find(double dt, const Vector3& gravity_W, std::span<const Body> bodies, std::span<const Shape> shapes,
             std::span<const double> rooms, const ContactFilter& filter);
 
-  // Parts the groups of more than `most` bodies by the pairs that come near on their free ways and by those `joined` (ascending). A group
-  // of which a part is still larger stays whole.
+  // Parts the groups by the pairs that come near on their free ways and by those `joined` (ascending). One of which a part has more than
+  // `most` bodies stays whole.
   void Part(size_t most, double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
             std::span<const std::pair<int, int>> joined);
   // Whether a group of more than `most` would part in half the step. One with a body that `stays` (per body) is not asked.
