@@ -209,7 +209,7 @@ bool Groups::StaysInRoom(const Path& path, double duration, const Shape& shape, 
             last = BoxAround(shape, end.position_W, end.rotation_WB);
   const Vector3 low = begin.position_W.cwiseMin(end.position_W), high = begin.position_W.cwiseMax(end.position_W),
                 reach = Vector3::Constant(shape.radius());
-  const double turn = duration * path.FastestTurn(duration),
+  const double turn = duration * path.FastestTurn(0, duration),
                bends = 0.25 * duration * duration * path.half_acceleration_W.norm();
   const Vector3 bow = Vector3::Constant(shape.radius() * std::min(1.0, 0.125 * turn * turn)),
                 bend = Vector3::Constant(bends);

@@ -132,7 +132,7 @@ bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
   const Vector3 from = apart(0), way = apart(h) - from;
   const double length = way.squaredNorm(), along = length > 0 ? std::clamp(-from.dot(way) / length, 0.0, 1.0) : 0;
   if ((from + along * way).norm() - bend > query.a->radius() + query.b->radius() + query.gap) return false;
-  const double turn = h * std::max(query.path_a.FastestTurn(h), query.path_b.FastestTurn(h));
+  const double turn = h * std::max(query.path_a.FastestTurn(0, h), query.path_b.FastestTurn(0, h));
   return turn > kTurn || meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
 }
 

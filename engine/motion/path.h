@@ -53,12 +53,12 @@ struct Path {
   Path From(double t) const { return {At(t), VelocityAt(t), half_acceleration_W, RateAt(t), half_change_W, radius}; }
   Vector3 VelocityAt(double t) const { return velocity_W + 2 * t * half_acceleration_W; }
   Vector3 RateAt(double t) const { return rate_W + 2 * t * half_change_W; }
-  // [rad/s] fastest that it turns until then; 0 for what turns in itself.
-  double FastestTurn(double end) const { return radius == 0 ? 0 : std::max(rate_W.norm(), RateAt(end).norm()); }
-  // [m/s] fastest that the turn moves a point from t to `end`.
-  double TurnSpeed(double t, double end) const {
-    return radius == 0 ? 0 : radius * std::max(RateAt(t).norm(), RateAt(end).norm());
+  // [rad/s] fastest that it turns from t to `end`; 0 for what turns in itself.
+  double FastestTurn(double t, double end) const {
+    return radius == 0 ? 0 : std::max(RateAt(t).norm(), RateAt(end).norm());
   }
+  // [m/s] fastest that the turn moves a point.
+  double TurnSpeed(double t, double end) const { return radius * FastestTurn(t, end); }
   // [m/s] the same along one direction. Where the axis turns, too, the angular velocity differs from RateAt by half of their cross product.
   double TurnSpeedAlong(const Vector3& n_W, double t, double end) const {
     if (radius == 0) return 0;
