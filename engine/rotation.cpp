@@ -12,8 +12,6 @@ namespace {
 
 constexpr double kLargestTurn = 0.5;  // [rad] in one part of a step
 constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
-constexpr double kSmallTurn = 1e-3;   // [rad] up to it one midpoint step is right to 1e-7 of the turn
-constexpr double kTinyTurn = 1e-6;    // [rad] below it two terms of the series are exact to rounding
 // Five midpoint steps of these shares of the time, the third one backwards, are right to fourth order.      [Suz90]
 constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
 constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
@@ -21,6 +19,12 @@ constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};
 bool IsIsotropic(const Matrix3& inertia) {
   const double mean = inertia.trace() / 3;
   return (inertia - mean * Matrix3::Identity()).cwiseAbs().maxCoeff() < 1e-14 * mean;
+}
+
+// The turn of a symmetric top, in B: about its angular momentum as fast as its axis does, and about that axis by the rest.
+Quaternion TopTurn(const Matrix3& inertia, int axis, const Vector3& w, double dt) {
+  const Vector3 rate = inertia * w / inertia((axis + 1) % 3, (axis + 1) % 3);
+  return Exp(dt * rate) * Exp(dt * (w[axis] - rate[axis]) * Vector3::Unit(axis));
 }
 
 // The midpoint angular velocity w solves I w + dt/2 w x I w = L, everything in B.
@@ -46,16 +50,25 @@ Vector3 MidpointRotation(const Matrix3& inertia, const Matrix3& inverse, const V
 
 }  // namespace
 
+bool SymmetricAbout(const Matrix3& inertia_B, int axis) {
+  const int i = (axis + 1) % 3, k = (axis + 2) % 3;
+  const double rounding = 1e-14 * inertia_B.trace();
+  return std::abs(inertia_B(i, i) - inertia_B(k, k)) < rounding && std::abs(inertia_B(i, k)) < rounding &&
+         std::abs(inertia_B(i, axis)) < rounding && std::abs(inertia_B(k, axis)) < rounding;
+}
+
 Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,
                      double dt) {
   if (angular_velocity_W.isZero(0)) return Vector3::Zero();
   if (IsIsotropic(inertia_B)) return dt * angular_velocity_W;
+  for (int axis = 0; axis < 3; ++axis)
+    if (SymmetricAbout(inertia_B, axis))
+      return rotation_WB * Log(TopTurn(inertia_B, axis, rotation_WB.conjugate() * angular_velocity_W, dt));
   const Matrix3 inverse = inertia_B.inverse();
   const Vector3 momentum_B = inertia_B * (rotation_WB.conjugate() * angular_velocity_W);
   const double turn = dt * angular_velocity_W.norm();
-  if (turn <= kSmallTurn) return rotation_WB * MidpointRotation(inertia_B, inverse, momentum_B, dt);
   // Newton's steps need a turn of about a radian at most.
-  const int parts = static_cast<int>(std::min(std::ceil(turn / kLargestTurn), kMostParts));
+  const int parts = static_cast<int>(std::clamp(std::ceil(turn / kLargestTurn), 1.0, kMostParts));
   Quaternion turned_B = Quaternion::Identity();  // what the body has turned by so far, seen from where it began
   for (int i = 0; i < parts; ++i) {
     for (const double share : kShares) {
@@ -67,14 +80,8 @@ Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, co
 }
 
 Quaternion Exp(const Vector3& v) {
-  const double squared = v.squaredNorm();
-  double cosine = 1 - squared / 8, share = 0.5 - squared / 48;
-  if (squared > kTinyTurn * kTinyTurn) {
-    const double angle = std::sqrt(squared);
-    cosine = Cosine(0.5 * angle);
-    share = Sine(0.5 * angle) / angle;
-  }
-  return Quaternion(cosine, share * v.x(), share * v.y(), share * v.z());
+  const double angle = v.norm(), share = angle > 0 ? Sine(0.5 * angle) / angle : 0.5;
+  return Quaternion(Cosine(0.5 * angle), share * v.x(), share * v.y(), share * v.z());
 }
 
 Matrix3 TurnLessOne(const Vector3& v) {

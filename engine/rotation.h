@@ -1,6 +1,7 @@
 // Free rotation of a rigid body through one step, and rotation vectors.
 //
-// Implicit midpoint rule on the body-frame Euler equations with the Cayley map: keeps |L| and the kinetic energy exactly
+// A body of which two principal moments are alike turns about its angular momentum and about its axis at constant rates: exact.
+// Others: implicit midpoint rule on the body-frame Euler equations with the Cayley map: keeps |L| and the kinetic energy exactly
 // (to rounding), for any inertia and any step; a step of more than half a radian is divided. Alone it is right to second
 // order; five of them, one backwards, to fourth: 1e-7 of the turn at 5 rad/s and 1/60 s.          [Aus93, SW91, Suz90]
 //   threads: pure functions
@@ -16,6 +17,9 @@ inline Matrix3 CrossMatrix(const Vector3& r) {
   m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
   return m;
 }
+
+// Whether two principal moments are alike and the third is about this axis of B, 0 to 2.
+bool SymmetricAbout(const Matrix3& inertia_B, int axis);
 
 // [rad] world rotation vector of the step from rotation_WB with angular velocity angular_velocity_W.
 Vector3 FreeRotation(const Matrix3& inertia_B, const Quaternion& rotation_WB, const Vector3& angular_velocity_W,

@@ -92,21 +92,40 @@ TEST(FreeRotation, ATinyVelocityIsAVelocity) {
 
 TEST(FreeRotation, PrincipalAxisByHand) {
   const Matrix3 inertia = Vector3(1, 2, 2.5).asDiagonal();
-  const Vector3 small = FreeRotation(inertia, Quaternion::Identity(), {0, 0, 4}, 2e-4);
-  EXPECT_NEAR((small - Vector3(0, 0, 2 * std::atan(4e-4))).norm(), 0, 1e-18);
-  const Vector3 turned = FreeRotation(inertia, Quaternion::Identity(), {0, 0, 4}, 0.1);
   const double p = 1 / (4 - std::cbrt(4.0));
-  const double sum = 8 * std::atan(0.2 * p) + 2 * std::atan(0.2 * (1 - 4 * p));
-  EXPECT_NEAR((turned - Vector3(0, 0, sum)).norm(), 0, 1e-15);
-  EXPECT_NEAR(turned.z(), 0.4, 1e-5);
+  for (const double dt : {2e-4, 0.1}) {
+    const Vector3 turned = FreeRotation(inertia, Quaternion::Identity(), {0, 0, 4}, dt);
+    const double sum = 8 * std::atan(2 * dt * p) + 2 * std::atan(2 * dt * (1 - 4 * p));
+    EXPECT_NEAR((turned - Vector3(0, 0, sum)).norm(), 0, 1e-14 * dt) << dt;
+    EXPECT_NEAR(turned.z(), 4 * dt, 1e-5) << dt;
+  }
 }
 
-// Symmetric top: its axis circles the angular momentum at |L| / I_1. The angle is fourth order in dt.
-TEST(FreeRotation, SymmetricTopPrecessesAtItsRateToFourthOrder) {
+// Symmetric top: its axis circles the angular momentum at |L| / I_1, whichever axis that is, in a step as long as it likes.
+TEST(FreeRotation, SymmetricTopIsExactInOneStep) {
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double unlike : {0.02, 1.7}) {
+      Vector3 inertia = Vector3::Ones();
+      inertia[axis] = unlike;
+      Top top{.inertia = inertia.asDiagonal(), .rotation = Exp({0.4, 0.1, 0.2}), .angular_velocity = {1, 0.5, 2}};
+      const Vector3 momentum = top.MomentumW(), axis_before = top.rotation * Vector3::Unit(axis);
+      const double energy = top.Energy(), spin = top.VelocityB()[axis];
+      top.Step(7.0);
+      EXPECT_NEAR((top.rotation * Vector3::Unit(axis) - Exp(7.0 * momentum) * axis_before).norm(), 0, 1e-14);
+      EXPECT_NEAR((top.MomentumW() - momentum).norm(), 0, 1e-14);
+      EXPECT_NEAR(top.Energy(), energy, 1e-14);
+      EXPECT_NEAR(top.VelocityB()[axis], spin, 1e-13);
+    }
+  }
+}
+
+// All but symmetric: the angle is fourth order in dt.
+TEST(FreeRotation, TopPrecessesAtItsRateToFourthOrder) {
   double errors[2];
   for (int fine = 0; fine < 2; ++fine) {
-    Top top{
-        .inertia = Vector3(1, 1, 1.7).asDiagonal(), .rotation = Exp({0.4, 0.1, 0.2}), .angular_velocity = {1, 0.5, 2}};
+    Top top{.inertia = Vector3(1, 1 + 1e-12, 1.7).asDiagonal(),
+            .rotation = Exp({0.4, 0.1, 0.2}),
+            .angular_velocity = {1, 0.5, 2}};
     const Vector3 momentum = top.MomentumW();
     const Vector3 axis_before = top.rotation * Vector3::UnitZ();
     const int steps = fine ? 80 : 40;
