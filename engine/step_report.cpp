@@ -85,8 +85,6 @@ void StepReport::Append(StepReport later) {
   kinetic_energy = later.kinetic_energy;
   largest_island_contacts = std::max(largest_island_contacts, later.largest_island_contacts);
   bounces += later.bounces;
-  woken += later.woken;
-  newly_frozen += later.newly_frozen;
   restitution_lowered += later.restitution_lowered;
   frozen_imbalance = std::max(frozen_imbalance, later.frozen_imbalance);
   collision_qp.Include(later.collision_qp);
@@ -98,6 +96,7 @@ void StepReport::Append(StepReport later) {
   penetration_max = std::max(penetration_max, later.penetration_max);
   motion_passes = std::max(motion_passes, later.motion_passes);
   motion_failures = std::max(motion_failures, later.motion_failures);
+  gave_up = std::max(gave_up, later.gave_up);
   ledger.Include(later.ledger);
   energy_gain += later.energy_gain;
   pieces += later.pieces;

@@ -109,7 +109,7 @@ struct IslandReport {
   QpStatus static_status = QpStatus::kNone;     // of step 3
   int collision_iterations = 0;                 // factorisations of step 2
   int static_iterations = 0;                    // of step 3
-  double map = 0;           // natural map of the model, rms, over v_ref: the worse of the two problems
+  double map = 0;             // natural map of the model, rms, over v_ref: the worse of the two problems
   Certificate certificate{};  // the worse of the two problems, number by number
 };
 
@@ -134,7 +134,8 @@ struct StepReport {
   Certificate certificate;            // worst over the islands
   double penetration_max = 0;         // [m] deepest overlap after the move
   int motion_passes = 0;              // most that one piece took until its gaps met its end
-  int motion_failures = 0;    // small groups that gave up a step, and pieces of a crowd that missed their end for good
+  int motion_failures = 0;  // small groups that gave up a step, and pieces of a crowd that missed their end for good
+  int gave_up = 0;  // bodies of small groups that needed more work than a step has: they go with a crowd, less exactly
   double kinetic_energy = 0;  // [J] after the step
   Ledger ledger;              // what physics does not allow
   double energy_gain = 0;     // [J] of the whole step, potential energy and moving walls included; 0 if it lost some

@@ -154,6 +154,8 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   woken_max_ = std::max(woken_max_, report.woken);
   motion_passes_max_ = std::max(motion_passes_max_, report.motion_passes);
   motion_failures_ += report.motion_failures;
+  gave_up_ += report.gave_up > 0;
+  gave_up_max_ = std::max(gave_up_max_, report.gave_up);
   frozen_imbalance_ = std::max(frozen_imbalance_, report.frozen_imbalance);
   restitution_lowered_ += report.restitution_lowered;
 
@@ -235,6 +237,7 @@ std::string RunReport::Json() const {
                          {"max_over_smallest_size", penetration_.max / info_.smallest_size}};
   json["motion"] = {{"passes_max", motion_passes_max_},
                     {"failures", motion_failures_},
+                    {"gave_up", {{"frames", gave_up_}, {"bodies_max", gave_up_max_}}},
                     {"ladder", LadderJson(motion_ladder_, qp::kNumRungs, sum)}};
   json["kinetic_energy_end"] = kinetic_energy_;
   const auto entry = [&](const LedgerEntry& e, int place) {

@@ -70,6 +70,7 @@ class RunReport {
   LadderReport ladder_, motion_ladder_;
   double mechanical_energy_gain_ = 0;
   double frozen_imbalance_ = 0;
+  int gave_up_ = 0, gave_up_max_ = 0;  // frames, bodies
   int bounces_ = 0, woken_ = 0, woken_max_ = 0, motion_passes_max_ = 0, motion_failures_ = 0, restitution_lowered_ = 0;
 
   int frozen_ = 0, awake_ = 0;  // at the last frame

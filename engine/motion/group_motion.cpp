@@ -352,6 +352,11 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   }
   if (!kept && races == Races::kRefused) return false;
   report->motion_failures += !kept;
+  for (int g = 0; g < groups_.size(); ++g) {
+    const std::span<const int> members = groups_.bodies_of(g);
+    if (IsCrowd(members) && members.size() <= static_cast<size_t>(settings_.group_bodies))
+      report->gave_up += static_cast<int>(members.size());
+  }
   for (double& steps : memory->crowded) steps = std::max(0.0, steps - dt / whole_dt_);
   for (size_t i = 0; i < bodies.size(); ++i)
     if (crowd_[i]) memory->mark[i] = GroupMemory::kAwake;  // a crowd forgets what held it
@@ -430,8 +435,6 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
   Rest(dt, *job, bodies, memory);
   for (const int i : job->members) {
     (bodies[i].frozen ? report->frozen : report->awake) += 1;
-    report->newly_frozen += bodies[i].frozen && !was_frozen_[i];
-    report->woken += !bodies[i].frozen && was_frozen_[i];
     report->kinetic_energy += bodies[i].KineticEnergy();
   }
   report->pieces += outcome.pieces;

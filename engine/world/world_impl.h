@@ -75,10 +75,10 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<int> sensor_inside;                   // of one sensor
   std::vector<Contact> sensor_overlaps;             // scratch
   std::vector<ContactEvent> events_before;
-  std::vector<Body> before;                        // the step
-  std::vector<Vector3> planned;                    // [m] per body: its way without contacts
-  std::vector<std::pair<Contact, Vector3>> acted;  // [N s] in all parts of the step
-  std::vector<std::uint8_t> frozen_apart;
+  std::vector<Body> before;                               // the step
+  std::vector<Vector3> planned;                           // [m] per body: its way without contacts
+  std::vector<std::pair<Contact, Vector3>> acted;         // [N s] in all parts of the step
+  std::vector<std::uint8_t> frozen_apart, frozen_before;  // before: the whole step
   std::vector<LedgerImpulse> ledger_impulses;
   std::vector<int> group_places;  // in impulses, of those of small groups
   LadderReport spared;            // what detection was spared in this step
@@ -138,6 +138,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void CheckTouching(std::span<const Body> asked);
   void CheckNewcomers();
   void Changed();
+  void CountFrozen(StepReport * report) const;
   void Remember(double dt, const StepReport& report);
 };
 

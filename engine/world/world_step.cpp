@@ -279,6 +279,14 @@ void World::Impl::StepInParts(double dt, int halvings, StepReport* report) {
   for (size_t c = 0; c < resolved.size(); ++c) acted.emplace_back(resolved[c], impulses[c]);
 }
 
+// Bodies that were frozen as the step began and are not as it ends, and the other way round.
+void World::Impl::CountFrozen(StepReport* report) const {
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    report->woken += frozen_before[i] && !bodies[i].frozen;
+    report->newly_frozen += !frozen_before[i] && bodies[i].frozen;
+  }
+}
+
 // What is done again costs nothing only where nothing was done. A callback may change its mind without telling.
 void World::Impl::Remember(double dt, const StepReport& report) {
   rest.reset();
@@ -309,9 +317,12 @@ StepReport World::Impl::StepWhole(double dt) {
   hits.clear();
   passed.clear();
   if (settings.stateless) ForgetAll();
+  frozen_before.resize(bodies.size());
+  for (size_t i = 0; i < bodies.size(); ++i) frozen_before[i] = bodies[i].frozen;
   const double checked = Seconds() - start_seconds;
   if (StepOnce(dt, Races::kRefused, &report)) {
     report.seconds.detect += checked;
+    CountFrozen(&report);
     failed = report.Failed();
     Remember(dt, report);
     return report;
@@ -328,6 +339,7 @@ StepReport World::Impl::StepWhole(double dt) {
     impulses.push_back(impulse);
   }
   time = end;
+  CountFrozen(&report);
   failed = report.Failed();
   return report;
 }

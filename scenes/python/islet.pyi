@@ -115,6 +115,7 @@ class StepReport:
     unstepped: float  # [s] for which a group stood still since no way on was found
     overlapping: int  # pairs of bodies that are inside of each other at the end, by a fiftieth of a size
     motion_failures: int  # small groups that gave up a step, and pieces of a crowd that missed their end for good
+    gave_up: int  # bodies of small groups that needed more work than a step has: they go with a crowd, less exactly
     @property
     def unsolved(self) -> int: ...  # problems without an answer: walls that close
     @property

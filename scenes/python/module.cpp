@@ -313,6 +313,7 @@ void BindReport(py::module_& m) {
       .def_readonly("unstepped", &StepReport::unstepped)
       .def_readonly("overlapping", &StepReport::overlapping)
       .def_readonly("motion_failures", &StepReport::motion_failures)
+      .def_readonly("gave_up", &StepReport::gave_up)
       .def_property_readonly("failed", &StepReport::Failed)
       .def("__repr__", [](const StepReport& r) {
         return "<islet.StepReport: " + std::to_string(r.contacts) + " contacts, " + std::to_string(r.awake) +

@@ -92,8 +92,6 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   for (size_t i = 0; i < bodies_.size(); ++i) {
     const Body& body = bodies_[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
-    report->newly_frozen += body.frozen && !was_frozen_[i];
-    report->woken += !body.frozen && was_frozen_[i];
     (body.frozen ? report->frozen : report->awake) += 1;
     report->kinetic_energy += body.KineticEnergy();
   }

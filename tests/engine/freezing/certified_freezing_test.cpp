@@ -625,6 +625,37 @@ TEST(CertifiedFreezing, HitWakesTheWholeRowInOneFrame) {
   for (int body = 1; body <= 4; ++body) EXPECT_GT(world.body(body).linear_velocity_W.x(), 0.1) << body;
 }
 
+// What wakes and freezes is counted, whether it is moved from blow to blow or with a crowd then.
+TEST(CertifiedFreezing, ReportsAllThatWakeAndFreeze) {
+  for (const int boxes : {4, 26}) {
+    World world(OneThread());
+    world.Add(Floor());
+    const auto box = [&](double x, double z) {
+      world.Add({.shape = Shape::Box({0.05, 0.05, 0.025}), .mass = 0.5, .position_W = {x, 0, z}, .restitution = 0.2});
+    };
+    for (int j = 0; j < boxes; ++j) box(0.101 * (j % 5), 0.025 + 0.05 * (j / 5));
+    world.Add({.shape = Shape::Sphere(0.02), .mass = 0.3, .position_W = {-2, 0, 0.03}, .linear_velocity_W = {8, 0, 0}});
+    int woken = 0;
+    for (int frame = 0; frame < 360; ++frame) {
+      const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
+      if (frame == 120) {
+        world.Teleport(boxes + 1, {-0.2, 0, 0.03}, Quaternion::Identity());
+        world.SetVelocity(boxes + 1, {8, 0, 0}, Vector3::Zero());
+      }
+      const StepReport report = testing::Step(&world, 1.0 / 240);
+      int wakes = 0, freezes = 0;
+      for (size_t i = 0; i < before.size(); ++i) {
+        wakes += before[i].frozen && !world.body(static_cast<int>(i)).frozen;
+        freezes += !before[i].frozen && world.body(static_cast<int>(i)).frozen;
+      }
+      EXPECT_EQ(report.woken, wakes) << boxes << ' ' << frame;
+      EXPECT_EQ(report.newly_frozen, freezes) << boxes << ' ' << frame;
+      woken += wakes;
+    }
+    EXPECT_GE(woken, boxes / 2) << boxes;
+  }
+}
+
 // Equal to the run in which nothing was ever frozen. (The ball touches: across a gap it would first have to be stopped by the
 // position update, which shares the push with a row that can move.)
 TEST(CertifiedFreezing, HitRowMovesAsIfItHadNeverBeenFrozen) {
