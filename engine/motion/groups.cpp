@@ -177,11 +177,12 @@ bool Groups::PartsInHalf(size_t most, double dt, std::span<const Body> bodies, s
 bool Groups::ComeNear(double dt, int i, int k, std::span<const Body> bodies, std::span<const Shape> shapes) {
   const auto path = [&](int n) -> Path {
     const Body& b = bodies[n];
-    const double radius = shapes[n].kind() == ShapeKind::kSphere ? 0 : shapes[n].radius();
-    const Vector3 spin = VisibleSpin(shapes[n], b.rotation_WB, b.angular_velocity_W);
-    Path way{{b.position_W, b.rotation_WB}, b.linear_velocity_W, Vector3::Zero(), spin, Vector3::Zero(), radius};
+    Path way = FreePath(b, shapes[n], StateOf(b), Vector3::Zero());
     if (!b.force_W.isZero(0)) way.half_acceleration_W = 0.5 / b.mass * b.force_W;
-    if (!b.torque_W.isZero(0)) way.half_change_W = 0.5 * SpinOf(b, b.rotation_WB, b.torque_W);
+    if (!b.torque_W.isZero(0)) {
+      way.rate_W = VisibleSpin(shapes[n], b.rotation_WB, b.angular_velocity_W), way.shown = 1;
+      way.half_change_W = 0.5 * SpinOf(b, b.rotation_WB, b.torque_W);
+    }
     return way;
   };
   const double margin = kMargin * (shapes[i].size() + shapes[k].size());
@@ -210,9 +211,9 @@ bool Groups::StaysInRoom(const Path& path, double duration, const Shape& shape, 
   const Vector3 low = begin.position_W.cwiseMin(end.position_W), high = begin.position_W.cwiseMax(end.position_W),
                 reach = Vector3::Constant(shape.radius());
   const double turn = duration * path.FastestTurn(0, duration),
+               off_chord = turn == 0 ? 0 : 0.5 * turn * std::min(1.0, 0.25 * turn / path.shown),
                bends = 0.25 * duration * duration * path.half_acceleration_W.norm();
-  const Vector3 bow = Vector3::Constant(shape.radius() * std::min(1.0, 0.125 * turn * turn)),
-                bend = Vector3::Constant(bends);
+  const Vector3 bow = Vector3::Constant(shape.radius() * std::min(1.0, off_chord)), bend = Vector3::Constant(bends);
   return rooms_[number].Contains({(first.lower.cwiseMin(last.lower) - bow).cwiseMax(low - reach) - bend,
                                   (first.upper.cwiseMax(last.upper) + bow).cwiseMin(high + reach) + bend});
 }

@@ -44,26 +44,30 @@ struct Path {
   Vector3 rate_W = Vector3::Zero();               // [rad/s] at the start
   Vector3 half_change_W = Vector3::Zero();        // [rad/s^2]
   double radius = 0;                              // [m] farthest point that a turn moves; 0 for what turns in itself
+  double shown = 1;  // of the rate: what moves a point of the shape, as far as it is round; 1: all
 
   Pose At(double t) const {
     return {start.position_W + t * velocity_W + t * t * half_acceleration_W,
             (Exp(t * rate_W + t * t * half_change_W) * start.rotation_WB).normalized()};
   }
   // What is left of it at t. Turns of which the axis turns, too, are continued as they are then.
-  Path From(double t) const { return {At(t), VelocityAt(t), half_acceleration_W, RateAt(t), half_change_W, radius}; }
+  Path From(double t) const {
+    return {At(t), VelocityAt(t), half_acceleration_W, RateAt(t), half_change_W, radius, shown};
+  }
   Vector3 VelocityAt(double t) const { return velocity_W + 2 * t * half_acceleration_W; }
   Vector3 RateAt(double t) const { return rate_W + 2 * t * half_change_W; }
   // [rad/s] fastest that it turns from t to `end`; 0 for what turns in itself.
   double FastestTurn(double t, double end) const {
-    return radius == 0 ? 0 : std::max(RateAt(t).norm(), RateAt(end).norm());
+    return radius == 0 ? 0 : shown * std::max(RateAt(t).norm(), RateAt(end).norm());
   }
   // [m/s] fastest that the turn moves a point.
   double TurnSpeed(double t, double end) const { return radius * FastestTurn(t, end); }
   // [m/s] the same along one direction. Where the axis turns, too, the angular velocity differs from RateAt by half of their cross product.
   double TurnSpeedAlong(const Vector3& n_W, double t, double end) const {
     if (radius == 0) return 0;
-    return radius * (std::max(RateAt(t).cross(n_W).norm(), RateAt(end).cross(n_W).norm()) +
-                     0.5 * end * end * rate_W.cross(half_change_W).norm());
+    const double across = std::max(RateAt(t).cross(n_W).norm(), RateAt(end).cross(n_W).norm()) +
+                          0.5 * end * end * rate_W.cross(half_change_W).norm();
+    return shown < 1 ? std::min(TurnSpeed(t, end), radius * across) : radius * across;
   }
 };
 

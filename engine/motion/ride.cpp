@@ -85,4 +85,12 @@ bool Ride::Find(double h, double pull, double floor, const Settings& settings, s
   return true;
 }
 
+void Ride::Drop(size_t contact) {
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    const std::span<const int> together = partition_.contacts_of(island);
+    if (std::any_of(together.begin(), together.end(), [&](int k) { return held_of_[k] == static_cast<int>(contact); }))
+      for (const int k : together) impulses_W_[held_of_[k]].setZero();
+  }
+}
+
 }  // namespace islet::motion

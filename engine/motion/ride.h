@@ -5,7 +5,7 @@
 //   out:     impulses J0 at these contacts, which give their bodies half of the change; the piece takes them back where it ends, when J
 //            of all that acted is known
 //   law:     J0 rubs no more than the forces that held allow in half a step, and nothing that slid, or will. It may pull: J may not, and
-//            where what rode is open as the piece ends it goes without
+//            where what rode is open as the piece ends those that it held together go without
 //   They need not be exact: what acts in the end is J, and that is certified.
 //   frames:  W    units: SI
 #pragma once
@@ -33,6 +33,8 @@ class Ride {
   bool Find(double h, double pull, double floor, const Settings& settings, std::span<const Body> bodies,
             std::span<const Contact> contacts, std::span<const Vector3> forces_W, IslandResponder* responder);
   void Clear() { impulses_W_.clear(); }
+  // Takes it from all that ride together with a contact.
+  void Drop(size_t contact);
   bool any() const { return !impulses_W_.empty(); }
   // [N s] on body_b of a contact; zero: it does not ride.
   Vector3 impulse_W(size_t contact) const { return any() ? impulses_W_[contact] : Vector3(Vector3::Zero()); }

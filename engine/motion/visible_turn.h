@@ -4,7 +4,12 @@
 //   frames: W    units: SI    threads: pure functions
 #pragma once
 
+#include <algorithm>
+
+#include "engine/body.h"
 #include "engine/linear_algebra.h"
+#include "engine/motion/path.h"
+#include "engine/rotation.h"
 #include "engine/shape.h"
 
 namespace islet::motion {
@@ -20,6 +25,25 @@ inline Vector3 VisibleSpin(const Shape& shape, const Quaternion& rotation_WB, co
 inline Quaternion VisibleRotation(const Shape& shape, const Quaternion& from_WB, const Quaternion& to_WB) {
   if (!shape.HasAxis()) return to_WB;
   return Quaternion::FromTwoVectors(from_WB * Vector3::UnitZ(), to_WB * Vector3::UnitZ()) * from_WB;
+}
+
+// The way of a wall, and of a body that nothing turns. An axis circles the angular momentum at a constant rate, so it is exact for what has
+// one, however fast. What has none goes on as it does as it begins.
+inline Path FreePath(const Body& body, const Shape& shape, const State& from, const Vector3& half_acceleration_W) {
+  const bool turns_in_itself = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
+  Path path{from.pose,      from.linear_W,   half_acceleration_W,
+            from.angular_W, Vector3::Zero(), turns_in_itself ? 0 : shape.radius()};
+  if (!shape.HasAxis()) return path;
+  const Quaternion& rotation = from.pose.rotation_WB;
+  const Vector3 visible = VisibleSpin(shape, rotation, from.angular_W);
+  if (body.kind == BodyKind::kDynamic)
+    path.rate_W =
+        SymmetricAbout(body.inertia_B, 2)
+            ? rotation * Vector3(body.inertia_B * (rotation.conjugate() * from.angular_W)) / body.inertia_B(0, 0)
+            : visible;
+  const double rate = path.rate_W.norm();
+  if (rate > 0) path.shown = std::min(1.0, visible.norm() / rate);
+  return path;
 }
 
 }  // namespace islet::motion

@@ -99,13 +99,14 @@ double Crowd::FreshOverlap() const {
 
 // One piece of the step, from time t on. Where it misses its end and may be shortened, or what rode on a wall is open there, it has done
 // nothing; where something frozen was hit the step begins anew.
-Crowd::Outcome Crowd::Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
+Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
                             StepReport* report) {
   start_ = *near_;
   RecallForces(
       memory->contacts, memory->forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   Load(h);
-  if (rides && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
+  if (t == 0 && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
+    for (const size_t c : rides_lost_) ride_.Drop(c);
     for (size_t c = 0; c < start_.size(); ++c) ApplyImpulse(start_[c], ride_.impulse_W(c), bodies_);
     Load(h);
   } else {
@@ -235,16 +236,14 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
     return true;
   }
   double t = 0, most = dt;
-  bool rides = true;
+  rides_lost_.clear();
   for (int level = 0; dt - t > 1e-9 * dt;) {
     const double h = std::min(most, dt - t);
-    const Outcome outcome = Piece(t, h, level == kLevels, rides && t == 0, find, memory, report);
+    const Outcome outcome = Piece(t, h, level == kLevels, find, memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
     if (outcome == Outcome::kDone) {
       t += h;
-    } else if (outcome == Outcome::kRideLost) {
-      rides = false;
-    } else {
+    } else if (outcome == Outcome::kMissed) {
       ++level;
       most = 0.5 * h;
     }

@@ -118,8 +118,7 @@ class Crowd {
 
   // crowd.cpp: the step, piece by piece.
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
-  Outcome Piece(double t, double h, bool last, bool rides, const FindContacts& find, CrowdMemory* memory,
-                StepReport* report);
+  Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   void Load(double dt);
   void Remember(double h, CrowdMemory* memory);
   void Return(std::span<const State> states);
@@ -301,7 +300,8 @@ class Crowd {
   std::vector<int> bounces_of_;
   std::vector<std::vector<ProblemRecord>> records_;  // for the observer
   Ride ride_;
-  std::vector<Vector3> ridden_W_;  // [N s] per near contact: what it was given to follow its wall
+  std::vector<size_t> rides_lost_;  // contacts of the start of the step that rode and were open where the piece ended
+  std::vector<Vector3> ridden_W_;   // [N s] per near contact: what it was given to follow its wall
 };
 
 template <typename F>

@@ -42,8 +42,9 @@ void Crowd::FindHits() {
   });
 }
 
-// Where what rode on walls is as the piece ends. Returns false where any of it is open.
+// Where what rode on walls is as the piece ends, and what of it is open. Returns whether none is.
 bool Crowd::FindRidden() {
+  const size_t before = rides_lost_.size();
   ridden_W_.assign(near_->size(), Vector3::Zero());
   for (size_t s = 0; s < start_.size() && ride_.any(); ++s) {
     if (ride_.impulse_W(s).isZero(0)) continue;
@@ -54,9 +55,9 @@ bool Crowd::FindRidden() {
       ridden_W_[e - near_->begin()] = ride_.impulse_W(s);
       found = true;
     }
-    if (!found) return false;
+    if (!found) rides_lost_.push_back(s);
   }
-  return true;
+  return rides_lost_.size() == before;
 }
 
 // [N s] what a contact of the problem gets at the end, beside what it carried.

@@ -58,6 +58,12 @@ Vector3 Stepper::VisibleSpinOf(int i) const {
   return VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, state_[i].angular_W);
 }
 
+// [rad/s] at which what shows of the turn of a body turns itself: an axis circles the angular momentum.
+double Stepper::TurnOf(int i) const {
+  const Path way = FreePath(group_->bodies[i], *group_->shapes[i], state_[i], Vector3::Zero());
+  return way.rate_W.norm();
+}
+
 // [m/s] fastest that the turn moves a point of the box around a body.
 double Stepper::WhirlOf(int i) const {
   const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * VisibleSpinOf(i)).cwiseAbs(),
@@ -77,7 +83,7 @@ double Stepper::ChooseLength(double rest) {
       if (near_at >= most) break;
       if (BodyRadius(i) == 0) continue;
       const double turn = VisibleSpinOf(i).norm(), size = group_->shapes[i]->size();
-      const double bend = turn * WhirlOf(i) / 8;  // [m/s^2]
+      const double bend = TurnOf(i) * WhirlOf(i) / 8;  // [m/s^2]
       if (turn * most > kTurn) most = std::max(near_at, kTurn / turn);
       if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
     }
@@ -90,7 +96,6 @@ void Stepper::KickRiders(double sign) {
   for (size_t i = 0; i < posed_.size(); ++i) SetState(state_[i], &posed_[i]);
   for (size_t c = 0; c < now_.size(); ++c) ApplyImpulse(now_[c], sign * ride_.impulse_W(c), posed_);
   for (size_t i = 0; i < posed_.size(); ++i) state_[i] = StateOf(posed_[i]);
-  if (sign < 0) ride_.Clear();
 }
 
 void Stepper::Commit(double t, double h) {
@@ -122,6 +127,7 @@ void Stepper::Commit(double t, double h) {
   state_ = end_state_;
   now_ = end_;
   now_pair_ = end_pair_;
+  MeasureGaps();
 }
 
 void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome) {
@@ -253,10 +259,12 @@ bool Stepper::Piece(Progress* p) {
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
-  ride_is_lost_ = false;
+  lost_.clear();
   const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
-  if (ride_is_lost_) {
+  if (!lost_.empty()) {
     KickRiders(-1);
+    for (const size_t c : lost_) ride_.Drop(c);
+    KickRiders(1);
     return true;
   }
   const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });

@@ -84,6 +84,7 @@ class Stepper {
   void LoadState();
   void KickRiders(double sign);
   Vector3 VisibleSpinOf(int i) const;
+  double TurnOf(int i) const;
   double WhirlOf(int i) const;
   double Size(const GroupPair& pair) const;
   double BodyRadius(int i) const;
@@ -94,6 +95,7 @@ class Stepper {
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
   void FindTouching();
+  void MeasureGaps();
   void DetectEnd();
   Contact AsActed(size_t held) const;
   void FollowHeld();
@@ -116,6 +118,7 @@ class Stepper {
   double Shifted() const;
 
   // stepper_carry.cpp: what carries, and its impulses.
+  void LookAhead(int pair, double h);
   void SelectHeld(double h);
   void Hold(int pair, double target, bool faces_a, bool faces_b, const Contact& contact, const Vector3& impulse_W,
             double h);
@@ -154,6 +157,7 @@ class Stepper {
 
   // stepper_meeting.cpp: who meets whom on the way.
   double FindMeeting(double h);
+  void FindPaths(double h);
   MeetingQuery WayOf(int number, double h, double gap, double deep) const;
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query, double until);
@@ -228,17 +232,20 @@ class Stepper {
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_;                 // halfway on the chord
   std::vector<FreeTurn> turned_;             // for half of its time
+  std::vector<Path> paths_;                  // of each body
   std::vector<Vector3> spun_after_;          // [rad/s] there, after the impulses
   std::vector<Going> ways_;                  // of each body, as far as it is known
   double off_ = 0;                           // [s^2] OffAhead of a first look, OffChord of passes
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
-  std::vector<Contact> now_, end_, held_, next_, last_, probe_;
+  std::vector<Contact> now_, end_, held_, next_, last_, probe_, ahead_;
   std::vector<int> now_pair_, end_pair_;
+  std::vector<double> least_gap_;  // [m] per pair, as the piece begins
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
   std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins
   std::vector<int> follows_, heirs_;                            // in end_, or -1
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
+  std::vector<Vector3> carried_to_W_;                           // [N s] per contact of end_: what it carried
   std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
   std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall
   std::vector<Vector3> settle_W_, strike_W_;  // [N s] per contact of end_
@@ -256,6 +263,7 @@ class Stepper {
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_impulses_, bounces_, carried_W_;
   std::vector<double> least_rebounds_;  // [m/s] of the contacts of a blow
+  std::vector<std::uint8_t> strikes_;   // which of them hit
   std::vector<double> targets_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;
@@ -264,7 +272,7 @@ class Stepper {
   SequentialResolver sequential_;
   Meeting meeting_;
   Ride ride_;
-  bool ride_is_lost_ = false;  // something that rode is open where the piece ends
+  std::vector<size_t> lost_;  // contacts of now_ that rode and are open where the piece ends
 };
 
 }  // namespace islet::motion

@@ -82,11 +82,12 @@ void Stepper::Settle() {
     if (ride_.impulse_W(c).isZero(0)) continue;
     const int at_end = FindAt(now_pair_[c], now_[c], Moment::kStart, Moment::kEnd, end_);
     if (at_end < 0 || end_[at_end].gap > kTouching * Size(group_->pairs[now_pair_[c]])) {
-      ride_is_lost_ = true;
-      return;
+      lost_.push_back(c);
+      continue;
     }
     ridden_W_[at_end] += ride_.impulse_W(c);
   }
+  if (!lost_.empty()) return;
   const double still = kSettled * settings_.tolerance * floor_;
   heirs_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) heirs_[c] = impulse_W_[c].isZero(0) ? -1 : HeirOf(c);
@@ -177,7 +178,7 @@ bool Stepper::HasMet(int pair) {
 void Stepper::Strike() {
   problem_.clear();
   problem_of_.clear();
-  bool strikes = false;
+  strikes_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
     if (end_[e].gap > settings_.overlap_tolerance * Size(group_->pairs[end_pair_[e]])) continue;
     const double approach = -NormalVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
@@ -185,9 +186,9 @@ void Stepper::Strike() {
     if (hits && !IsThere(e)) continue;
     problem_.push_back(end_[e]);
     problem_of_.push_back(static_cast<int>(e));
-    strikes = strikes || hits;
+    strikes_.push_back(hits);
   }
-  if (!strikes) return;
+  if (std::find(strikes_.begin(), strikes_.end(), true) == strikes_.end()) return;
   PartProblem();
   least_rebounds_.clear();
   for (const Contact& c : problem_) least_rebounds_.push_back(LeastRebound(c));
@@ -195,7 +196,8 @@ void Stepper::Strike() {
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
-    if (view.contacts.empty()) continue;
+    // What nothing hits has settled.
+    if (std::none_of(view.contacts.begin(), view.contacts.end(), [&](int c) { return strikes_[c]; })) continue;
     const ContactFrames contacts{problem_, frames_};
     out_->bounces +=
         sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,

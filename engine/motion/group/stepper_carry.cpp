@@ -17,6 +17,23 @@ constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in suc
 
 }  // namespace
 
+// What of a pair of faces is there at the end of the piece, if both bodies go on as they do and one slides over the other. There a contact stays
+// at the edge of one, or goes with a corner of the other.
+void Stepper::LookAhead(int number, double h) {
+  ahead_.clear();
+  const auto [a, b] = group_->pairs[number];
+  const Shape &of_a = *group_->shapes[a], &of_b = *group_->shapes[b];
+  const auto flat = [](const Shape& s) { return s.kind() != ShapeKind::kSphere && !s.HasAxis(); };
+  const double way = h * (state_[b].linear_W - state_[a].linear_W).norm();
+  if (!flat(of_a) || !flat(of_b) || way <= kTouching * Size(group_->pairs[number])) return;
+  const auto at_end = [&](int i) -> Placement {
+    const State& s = state_[i];
+    return Pose{s.pose.position_W + h * s.linear_W, Turned(h * s.angular_W, s.pose.rotation_WB)}.placement();
+  };
+  CollideShapes(of_a, at_end(a), of_b, at_end(b), Size(group_->pairs[number]), &ahead_);
+  ++work_;
+}
+
 // A contact of the start of the piece, with the lever that it has halfway if its bodies go on as they do.
 void Stepper::Hold(int pair, double target, bool faces_a, bool faces_b, const Contact& contact,
                    const Vector3& impulse_W, double h) {
@@ -38,6 +55,7 @@ void Stepper::SelectHeld(double h) {
   off_ = OffAhead(h);
   for (size_t i = 0; i < ways_.size(); ++i) ways_[i].mean_W = state_[i].linear_W;
   Foresee(h, settings_.gravity, group_->bodies, now_, force_W_, ways_);
+  int looked_at = -1;
   for (size_t c = 0; c < now_.size(); ++c) {
     const Contact& contact = now_[c];
     const GroupPair& pair = group_->pairs[now_pair_[c]];
@@ -56,12 +74,16 @@ void Stepper::SelectHeld(double h) {
     const Vector3 guess = h * force_W_[c];
     if (guess.isZero(0) && contact.gap > ClosedGap(now_pair_[c])) continue;
     closed_[c] = true;
+    if (now_pair_[c] != looked_at) LookAhead(looked_at = now_pair_[c], h);
     const double yields = yields_[now_pair_[c]];
     const double gap =
         contact.gap > kTouching * Size(pair) ? contact.gap : PushOut(now_pair_[c]) * std::min(0.0, contact.gap);
     Hold(now_pair_[c], yields > 0 ? -yields : -gap / h,
          FacesAxis(*group_->shapes[pair.a], state_[pair.a].pose, contact),
          FacesAxis(*group_->shapes[pair.b], state_[pair.b].pose, contact), contact, WithinCone(contact, guess), h);
+    const double most = 2 * h * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
+    const int there = FindAgain(ahead_, contact.feature, contact.point_W, most, 0);
+    if (there >= 0) held_.back().point_W = 0.5 * (contact.point_W + ahead_[there].point_W);
   }
 }
 

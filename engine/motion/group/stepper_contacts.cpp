@@ -53,6 +53,16 @@ void Stepper::FindTouching() {
   for (size_t p = 0; p < group_->pairs.size(); ++p)
     DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_,
                &now_pair_);
+  MeasureGaps();
+}
+
+// Of each pair the least gap as the piece begins.
+void Stepper::MeasureGaps() {
+  least_gap_.assign(group_->pairs.size(), kFar);
+  for (size_t c = 0; c < now_.size(); ++c) {
+    double& least = least_gap_[now_pair_[c]];
+    least = std::min(least, now_[c].gap);
+  }
 }
 
 void Stepper::DetectEnd() {
@@ -72,9 +82,7 @@ void Stepper::DetectEnd() {
 }
 
 bool Stepper::Touches(int pair) const {
-  for (size_t c = 0; c < now_.size(); ++c)
-    if (now_pair_[c] == pair && now_[c].gap <= settings_.overlap_tolerance * Size(group_->pairs[pair])) return true;
-  return false;
+  return least_gap_[pair] <= settings_.overlap_tolerance * Size(group_->pairs[pair]);
 }
 
 // [m] of a pair's contacts: at what gap one is closed as the piece begins. Where another is, or pressed, so is all that is as near as gaps
@@ -87,12 +95,7 @@ double Stepper::ClosedGap(int pair) const {
 }
 
 // [m] <= 0: overlap as the piece begins.
-double Stepper::GapBefore(int pair) const {
-  double gap = 0;
-  for (size_t c = 0; c < now_.size(); ++c)
-    if (now_pair_[c] == pair) gap = std::min(gap, now_[c].gap);
-  return gap;
-}
+double Stepper::GapBefore(int pair) const { return std::min(0.0, least_gap_[pair]); }
 
 // Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
 double Stepper::PushOut(int pair) const {
@@ -181,8 +184,11 @@ Contact Stepper::AsActed(size_t held) const {
 // Where a held contact is found again at the end: by its feature, or by its place, where faces take turns.
 void Stepper::FollowHeld() {
   follows_.assign(held_.size(), -1);
-  for (size_t c = 0; c < held_.size(); ++c)
+  carried_to_W_.assign(end_.size(), Vector3::Zero());
+  for (size_t c = 0; c < held_.size(); ++c) {
     follows_[c] = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kEnd, end_);
+    if (follows_[c] >= 0) carried_to_W_[follows_[c]] += impulse_W_[c];
+  }
 }
 
 // Who takes back at the end what a held contact gave too much: itself, or another of its pair.
@@ -194,20 +200,16 @@ int Stepper::HeirOf(size_t held) const {
   return heir < 0 ? -1 : static_cast<int>(first - end_.begin()) + heir;
 }
 
-// The contact as the piece began, if it was closed.
+// The contact as the piece began, if it was closed. Where the normal turns by more than bodies do in a piece it is another one.
 const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Contact& end = end_[at_end];
   const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
-  return found >= 0 && closed_[found] && now_[found].normal_W.dot(end.normal_W) > 0 ? &now_[found] : nullptr;
+  const bool same = found >= 0 && (now_[found].normal_W - end.normal_W).norm() < kTurn;
+  return same && closed_[found] ? &now_[found] : nullptr;
 }
 
 // [N s] what a contact at the end held in the piece.
-Vector3 Stepper::CarriedBy(size_t at_end) const {
-  Vector3 sum = Vector3::Zero();
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (follows_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
-  return sum;
-}
+Vector3 Stepper::CarriedBy(size_t at_end) const { return carried_to_W_[at_end]; }
 
 // The same, as it lies at the end, where the contact has this velocity, as far as its law allows it there.
 Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const {

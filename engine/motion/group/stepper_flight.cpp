@@ -108,13 +108,12 @@ Path Stepper::PathOf(int i, double h) const {
   const Body& b = group_->bodies[i];
   const Shape& shape = *group_->shapes[i];
   const State &s = state_[i], &e = end_state_[i];
-  if (!b.Moves()) {  // a wheel shows nothing of its turn, as long as its axis stays
-    const bool shows = VisibleSpinOf(i).norm() > kNegligible * s.angular_W.norm();
-    return {s.pose,          b.linear_velocity_W, Vector3::Zero(), shows ? s.angular_W : Vector3::Zero(),
-            Vector3::Zero(), BodyRadius(i)};
-  }
+  if (!b.Moves()) return FreePath(b, shape, {s.pose, b.linear_velocity_W, s.angular_W}, Vector3::Zero());
   // By its mean velocity: that at the end may be the one after a blow.
-  return PathThrough(s.pose, s.linear_W, (mean_W_[i] - s.linear_W) / h, VisibleSpinOf(i),
+  const Vector3 half_acceleration_W = (mean_W_[i] - s.linear_W) / h;
+  if (shape.HasAxis() && SymmetricAbout(b.inertia_B, 2) && spin_gain_[i].isZero(0))
+    return FreePath(b, shape, s, half_acceleration_W);
+  return PathThrough(s.pose, s.linear_W, half_acceleration_W, VisibleSpinOf(i),
                      VisibleRotation(shape, s.pose.rotation_WB, e.pose.rotation_WB), h, BodyRadius(i));
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -19,6 +20,7 @@ double Stepper::FindMeeting(double h) {
   cut_pair_ = -1;
   returned_ = guarded_ = met_ = false;
   slow_.clear();
+  FindPaths(h);
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const GroupPair& pair = group_->pairs[p];
@@ -103,16 +105,21 @@ double Stepper::First(const MeetingQuery& query, double until) {
   return first;
 }
 
-// The query of a pair's way in the piece.
+void Stepper::FindPaths(double h) {
+  paths_.resize(state_.size());
+  for (size_t i = 0; i < paths_.size(); ++i) paths_[i] = PathOf(static_cast<int>(i), h);
+}
+
+// The query of a pair's way in the piece, by the paths that were found last.
 MeetingQuery Stepper::WayOf(int number, double h, double gap, double deep) const {
   const GroupPair& pair = group_->pairs[number];
-  return {group_->shapes[pair.a], group_->shapes[pair.b], PathOf(pair.a, h), PathOf(pair.b, h), h, gap,
-          deep * Size(pair)};
+  return {group_->shapes[pair.a], group_->shapes[pair.b], paths_[pair.a], paths_[pair.b], h, gap, deep * Size(pair)};
 }
 
 // Whether some pair is so deep in each other on its way that it may come out on another side. What hits slowly is stopped over the
 // whole piece, and overlaps for a while by less.
 bool Stepper::WayIsBarred(double h) {
+  FindPaths(h);
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const int pair = static_cast<int>(p);
@@ -132,11 +139,13 @@ void Stepper::Guard(const SlowMeeting& slow) {
   const GroupPair& pair = group_->pairs[slow.pair];
   Probe(slow.query, pair, slow.time);
   for (Contact c : probe_) {
-    const auto at_start = [&](const Vector3& point, const Pose& now, const Path& path) -> Vector3 {
-      return path.start.position_W + path.start.rotation_WB * (now.rotation_WB.conjugate() * (point - now.position_W));
+    const auto at_start = [&](const Vector3& point, const Shape& shape, const Pose& now, const Path& path) -> Vector3 {
+      const Quaternion seen_WB = VisibleRotation(shape, path.start.rotation_WB, now.rotation_WB);
+      return path.start.position_W + path.start.rotation_WB * (seen_WB.conjugate() * (point - now.position_W));
     };
     const Vector3 half = 0.5 * c.gap * c.normal_W;
-    const double gap = c.normal_W.dot(at_start(c.point_W + half, at_b, b) - at_start(c.point_W - half, at_a, a));
+    const double gap = c.normal_W.dot(at_start(c.point_W + half, *slow.query.b, at_b, b) -
+                                      at_start(c.point_W - half, *slow.query.a, at_a, a));
     const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W),
                   with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = pair.a;

@@ -46,6 +46,29 @@ TEST(Ride, ShortStepsAfterLongOnesExplainTheirMomentum) {
   }
 }
 
+// A post beside a crate tips over as their plate speeds up, and rides no more. The crate does.
+TEST(Ride, WhatTipsTakesItFromNobodyElse) {
+  for (const double rate : {30.0, 60.0, 240.0}) {
+    for (const bool crowd : {false, true}) {
+      World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+      world.Add(Plate());
+      world.Add(Crate(0.1));
+      BodyDefinition post = Crate(0.2);
+      post.shape = Shape::Box({0.02, 0.1, 0.2});
+      post.position_W.y() = 0.2004;
+      world.Add(post);
+      const double dt = 1 / rate;
+      testing::StepTimes(&world, 3, dt);
+      for (int frame = 0; frame < 0.3 * rate; ++frame) {
+        world.SetVelocity(0, {0.6 * kMu * kGravity * (frame + 0.5) * dt, 0, 0}, Vector3::Zero());
+        testing::Step(&world, dt);
+        EXPECT_NEAR((world.body(1).position_W - world.body(0).position_W).x(), 0, 1e-6) << rate << crowd << frame;
+      }
+      EXPECT_GT(world.body(2).angular_velocity_W.norm(), 0.5) << rate << crowd;
+    }
+  }
+}
+
 // A plate that speeds up by `share` of what friction can give, or slows down on its way up by that of gravity: crates on it and on each
 // other do not move against it. At half of that they once began to slip, and to hop, by a first order of the step.
 TEST(Ride, KeepsItsPlaceUpToTheLimit) {
