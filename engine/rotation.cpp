@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "qp/elementary.h"
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
@@ -33,9 +34,10 @@ Vector3 MidpointVelocity(const Matrix3& inertia, const Matrix3& inverse, const V
   for (int i = 0; i < 20; ++i) {
     const Vector3 p = inertia * w;
     const Vector3 residual = p + 0.5 * dt * w.cross(p) - momentum;
-    if (residual.norm() <= 1e-16 * momentum.norm()) break;
     const Matrix3 slope = inertia + 0.5 * dt * (CrossMatrix(w) * inertia - CrossMatrix(p));
-    w -= slope.inverse() * residual;
+    const Vector3 change = slope.inverse() * residual;
+    w -= change;
+    if (change.squaredNorm() <= kNegligible * kNegligible * w.squaredNorm()) break;  // the next one would be its square
   }
   return w;
 }
