@@ -82,7 +82,8 @@ void Stepper::SelectHeld(double h) {
          FacesAxis(*group_->shapes[pair.a], state_[pair.a].pose, contact),
          FacesAxis(*group_->shapes[pair.b], state_[pair.b].pose, contact), contact, WithinCone(contact, guess), h);
     const double most = 2 * h * (state_[pair.b].linear_W - state_[pair.a].linear_W).norm();
-    const int there = FindAgain(ahead_, contact.feature, contact.point_W, most, 0);
+    const Vector3 with_a = contact.point_W + h * state_[pair.a].VelocityAt(contact.point_W);
+    const int there = FindAgain(ahead_, contact.feature, with_a, most, 0);
     if (there >= 0) held_.back().point_W = 0.5 * (contact.point_W + ahead_[there].point_W);
   }
 }
