@@ -126,15 +126,20 @@ TEST(Events, WhatRunsOffAnEdgeFallsFromThereOn) {
   }
 }
 
-// [rad/s] with which a smooth box of 0.2 m leaves a table at that speed, which it reaches with its front edge after a share of a step.
-double SpinOverTheEdge(double speed, double from, double dt) {
+// [rad/s] with which a smooth box of 0.2 m leaves a table at that speed, which it reaches with its front edge after a share of a step. Both go
+// with `along` [m/s].
+double SpinOverTheEdge(double speed, double from, double dt, const Vector3& along = Vector3::Zero()) {
   World world(testing::Awake());
-  world.Add({.shape = Shape::Box({2, 0.5, 0.5}), .kind = BodyKind::kFixed, .position_W = {-2, 0, -0.5}, .friction = 0});
+  world.Add({.shape = Shape::Box({2, 0.5, 0.5}),
+             .kind = BodyKind::kKinematic,
+             .position_W = {-2, 0, -0.5},
+             .linear_velocity_W = along,
+             .friction = 0});
   BodyDefinition box{.shape = Shape::Box({0.1, 0.1, 0.05}), .mass = 1, .friction = 0, .restitution = 0};
   box.position_W = {from, 0, 0.05};
-  box.linear_velocity_W.x() = speed;
+  box.linear_velocity_W = along + Vector3(speed, 0, 0);
   const int number = world.Add(box);
-  while (world.body(number).position_W.x() < 0.16) testing::Step(&world, dt);
+  while (world.body(number).position_W.x() - world.body(0).position_W.x() < 2.16) testing::Step(&world, dt);
   return world.body(number).angular_velocity_W.y();
 }
 
@@ -164,6 +169,15 @@ TEST(Events, EdgesThatPartKickNobody) {
       EXPECT_NEAR(SpinOverTheEdge(speed, -0.12 - phase * speed / 60 / 400, 1.0 / 60) / right, 1, 0.04)
           << speed << phase;
   }
+}
+
+TEST(Events, EdgesThatAreLeftMayMove) {
+  for (const Vector3& along : {Vector3(5, 0, 0), Vector3(-8, 6, 0), Vector3(0, 20, 0), Vector3(0, 0, 3)})
+    for (int phase = 0; phase < 16; ++phase) {
+      const double from = -0.12 - phase * 1.5 / 30 / 16;
+      EXPECT_NEAR(SpinOverTheEdge(1.5, from, 1.0 / 30, along), SpinOverTheEdge(1.5, from, 1.0 / 30), 1e-6)
+          << along << phase;
+    }
 }
 
 // A smooth box that slides from one table to the next, over a gap of less than half its length, is lifted by no edge.
