@@ -1,5 +1,5 @@
 // What of a turn a shape shows. A capsule or cylinder that turns about its axis, as one that rolls does, is where it was: its surface
-// goes with the axis alone. (Spheres and half-spaces show no turn at all; who calls knows them.)
+// goes with the axis alone. Spheres and half-spaces show no turn at all.
 //
 //   frames: W    units: SI    threads: pure functions
 #pragma once
@@ -13,6 +13,11 @@
 #include "engine/shape.h"
 
 namespace islet::motion {
+
+// Whether no turn of it shows.
+inline bool TurnsInItself(const Shape& shape) {
+  return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
+}
 
 // [rad/s] without its part about the axis.
 inline Vector3 VisibleSpin(const Shape& shape, const Quaternion& rotation_WB, const Vector3& spin_W) {
@@ -30,9 +35,8 @@ inline Quaternion VisibleRotation(const Shape& shape, const Quaternion& from_WB,
 // The way of a wall, and of a body that nothing turns. An axis circles the angular momentum at a constant rate, so it is exact for what has
 // one, however fast. What has none goes on as it does as it begins.
 inline Path FreePath(const Body& body, const Shape& shape, const State& from, const Vector3& half_acceleration_W) {
-  const bool turns_in_itself = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
-  Path path{from.pose,      from.linear_W,   half_acceleration_W,
-            from.angular_W, Vector3::Zero(), turns_in_itself ? 0 : shape.radius()};
+  const double radius = TurnsInItself(shape) ? 0 : shape.radius();
+  Path path{from.pose, from.linear_W, half_acceleration_W, from.angular_W, Vector3::Zero(), radius};
   if (!shape.HasAxis()) return path;
   const Quaternion& rotation = from.pose.rotation_WB;
   const Vector3 visible = VisibleSpin(shape, rotation, from.angular_W);

@@ -161,9 +161,7 @@ class Crowd {
   Vector3 Inside(int i, const Pose& pose, const Vector3& point) const;
   Vector3 Outside(int i, const Pose& pose, const Vector3& point) const;
   Vector3 Centre(const Contact& c) const;
-  bool TurnsInItself(int i) const {
-    return shapes_[i].kind() == ShapeKind::kSphere || shapes_[i].kind() == ShapeKind::kHalfSpace;
-  }
+  bool TurnsInItself(int i) const { return motion::TurnsInItself(shapes_[i]); }
   // A rotation that has the body where this one has it, reached without a turn about its own axis.
   Quaternion SeenAs(int i, const Quaternion& rotation_WB) const {
     return VisibleRotation(shapes_[i], begin_[i].pose.rotation_WB, rotation_WB);

@@ -35,8 +35,7 @@ double Stepper::Size(const GroupPair& pair) const {
 
 double Stepper::BodyRadius(int i) const {
   const Shape& shape = *group_->shapes[i];
-  const bool turns_in_itself = shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
-  return turns_in_itself ? 0 : shape.radius();
+  return TurnsInItself(shape) ? 0 : shape.radius();
 }
 
 void Stepper::LoadState() {
@@ -259,11 +258,11 @@ bool Stepper::Piece(Progress* p) {
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
-  lost_.clear();
+  rides_lost_.clear();
   const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
-  if (!lost_.empty()) {
+  if (!rides_lost_.empty()) {
     KickRiders(-1);
-    for (const size_t c : lost_) ride_.Drop(c);
+    for (const size_t c : rides_lost_) ride_.Drop(c);
     KickRiders(1);
     return true;
   }

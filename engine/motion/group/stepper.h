@@ -272,7 +272,7 @@ class Stepper {
   SequentialResolver sequential_;
   Meeting meeting_;
   Ride ride_;
-  std::vector<size_t> lost_;  // contacts of now_ that rode and are open where the piece ends
+  std::vector<size_t> rides_lost_;  // contacts of now_ that rode and are open where the piece ends
 };
 
 }  // namespace islet::motion

@@ -82,12 +82,12 @@ void Stepper::Settle() {
     if (ride_.impulse_W(c).isZero(0)) continue;
     const int at_end = FindAt(now_pair_[c], now_[c], Moment::kStart, Moment::kEnd, end_);
     if (at_end < 0 || end_[at_end].gap > kTouching * Size(group_->pairs[now_pair_[c]])) {
-      lost_.push_back(c);
+      rides_lost_.push_back(c);
       continue;
     }
     ridden_W_[at_end] += ride_.impulse_W(c);
   }
-  if (!lost_.empty()) return;
+  if (!rides_lost_.empty()) return;
   const double still = kSettled * settings_.tolerance * floor_;
   heirs_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) heirs_[c] = impulse_W_[c].isZero(0) ? -1 : HeirOf(c);
