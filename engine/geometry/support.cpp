@@ -27,6 +27,12 @@ double Reach(const Shape& shape, const Matrix3& rotation_WB, const Vector3& dire
 
 }  // namespace
 
+std::span<const Vector3> FlatSides(const Shape& shape) {
+  static const Vector3 of_cylinder[] = {Vector3::UnitZ(), -Vector3::UnitZ()};
+  if (shape.kind() == ShapeKind::kCylinder) return of_cylinder;
+  return shape.polytope().face_normals;
+}
+
 bool HasSupport(const Shape& shape) {
   return shape.kind() != ShapeKind::kHalfSpace && shape.kind() != ShapeKind::kCustom;
 }

@@ -2,9 +2,14 @@
 //   threads: pure functions
 #pragma once
 
+#include <span>
+
 #include "engine/geometry/narrow_phase.h"
 
 namespace islet {
+
+// Outward normals of the flat sides, in B.
+std::span<const Vector3> FlatSides(const Shape& shape);
 
 // Whether it is known of this shape: of all but half-spaces and custom ones.
 bool HasSupport(const Shape& shape);

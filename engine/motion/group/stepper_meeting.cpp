@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/support.h"
 #include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
 
@@ -11,6 +12,14 @@ namespace islet::motion {
 namespace {
 
 constexpr double kThrough = 0.25;  // of a size: an overlap on the way through a piece that ends without one
+
+// [m/s] of a contact at t, where the bodies are then.
+double ApproachOnWay(const MeetingQuery& query, const Pose& at_a, const Pose& at_b, const Contact& c, double t) {
+  const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
+    return path.VelocityAt(t) + path.RateAt(t).cross(c.point_W - at.position_W);
+  };
+  return -c.normal_W.dot(velocity(query.path_b, at_b) - velocity(query.path_a, at_a));
+}
 
 }  // namespace
 
@@ -35,6 +44,10 @@ double Stepper::FindMeeting(double h) {
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
     double t = First(query, first);
     if (t >= first) continue;
+    if (StaysApart(query, pair, t)) {
+      met_ = true;
+      continue;
+    }
     if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {
       slow_.push_back({static_cast<int>(p), t, query});
       continue;
@@ -49,6 +62,28 @@ double Stepper::FindMeeting(double h) {
     Guard(slow);
   }
   return first;
+}
+
+// Whether a pair that is too deep at t stays as far apart as contacts may be, along a flat side of one: what is level with the face that a
+// body slides on is no obstacle.
+bool Stepper::StaysApart(const MeetingQuery& query, const GroupPair& pair, double t) {
+  if (!HasSupport(*query.a) || !HasSupport(*query.b)) return false;
+  Probe(query, pair, t);
+  const Pose at_a = query.path_a.At(t), at_b = query.path_b.At(t);
+  const Placement placed_a = at_a.placement(), placed_b = at_b.placement();
+  const double least = query.gap - kTouching * Size(pair);
+  const auto along = [&](const Vector3& normal_W) {
+    if (SeparationAlong(*query.a, placed_a, *query.b, placed_b, normal_W) < least) return false;
+    return std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
+      c.normal_W = normal_W;
+      return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
+    });
+  };
+  for (const Vector3& n : FlatSides(*query.a))
+    if (along(placed_a.rotation_WB * n)) return true;
+  for (const Vector3& n : FlatSides(*query.b))
+    if (along(-(placed_b.rotation_WB * n))) return true;
+  return false;
 }
 
 // Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
@@ -68,10 +103,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
     for (const Contact& c : probe_) {
       found = found || c.feature == feature;
       if (c.gap > kTogether * Size(pair)) continue;  // it is on its way
-      const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
-        return path.VelocityAt(*t) + path.RateAt(*t).cross(c.point_W - at.position_W);
-      };
-      const double approach = -c.normal_W.dot(velocity(query.path_b, at_b) - velocity(query.path_a, at_a));
+      const double approach = ApproachOnWay(query, at_a, at_b, c, *t);
       if (approach <= std::max(fastest, CutSpeed(c))) continue;
       fastest = approach;
       back = std::max(0.0, query.gap - c.gap) / approach;
