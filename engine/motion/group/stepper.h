@@ -159,7 +159,7 @@ class Stepper {
   double FindMeeting(double h);
   void FindPaths(double h);
   MeetingQuery WayOf(int number, double h, double gap, double deep) const;
-  bool StaysApart(const MeetingQuery& query, const GroupPair& pair, double t);
+  bool StaysLevel(const MeetingQuery& query, const GroupPair& pair, double t);
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query, double until);
   bool WayIsBarred(double h);

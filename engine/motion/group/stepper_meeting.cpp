@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/edge_contact.h"
 #include "engine/geometry/support.h"
 #include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
@@ -44,12 +45,13 @@ double Stepper::FindMeeting(double h) {
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
     double t = First(query, first);
     if (t >= first) continue;
-    if (StaysApart(query, pair, t)) {
-      met_ = true;
-      continue;
-    }
+    const double deep = t;
     if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {
       slow_.push_back({static_cast<int>(p), t, query});
+      continue;
+    }
+    if (StaysLevel(query, pair, deep)) {
+      met_ = true;
       continue;
     }
     first = t;
@@ -64,25 +66,26 @@ double Stepper::FindMeeting(double h) {
   return first;
 }
 
-// Whether a pair that is too deep at t stays as far apart as contacts may be, along a flat side of one: what is level with the face that a
-// body slides on is no obstacle.
-bool Stepper::StaysApart(const MeetingQuery& query, const GroupPair& pair, double t) {
-  if (!HasSupport(*query.a) || !HasSupport(*query.b)) return false;
+// Whether a pair that is too deep at t stays as far apart as contacts may be along a flat side of one that faces a flat side of the other: what
+// is level with the face that a body slides on is no obstacle.
+bool Stepper::StaysLevel(const MeetingQuery& query, const GroupPair& pair, double t) {
   Probe(query, pair, t);
   const Pose at_a = query.path_a.At(t), at_b = query.path_b.At(t);
   const Placement placed_a = at_a.placement(), placed_b = at_b.placement();
-  const double least = query.gap - kTouching * Size(pair);
-  const auto along = [&](const Vector3& normal_W) {
-    if (SeparationAlong(*query.a, placed_a, *query.b, placed_b, normal_W) < least) return false;
-    return std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
-      c.normal_W = normal_W;
-      return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
-    });
-  };
-  for (const Vector3& n : FlatSides(*query.a))
-    if (along(placed_a.rotation_WB * n)) return true;
-  for (const Vector3& n : FlatSides(*query.b))
-    if (along(-(placed_b.rotation_WB * n))) return true;
+  const double least = query.gap - 2 * kTouching * Size(pair);  // gaps at both ends of a piece may miss as much
+  for (const Vector3& side_a : FlatSides(*query.a)) {
+    const Vector3 n = placed_a.rotation_WB * side_a, against_B = -(placed_b.rotation_WB.transpose() * n);
+    const std::span<const Vector3> sides_b = FlatSides(*query.b);
+    if (std::none_of(sides_b.begin(), sides_b.end(),
+                     [&](const Vector3& side_b) { return (side_b - against_B).norm() < kAngle; }) ||
+        SeparationAlong(*query.a, placed_a, *query.b, placed_b, n) < least)
+      continue;
+    if (std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
+          c.normal_W = n;
+          return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
+        }))
+      return true;
+  }
   return false;
 }
 
