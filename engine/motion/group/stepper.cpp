@@ -189,7 +189,7 @@ double Stepper::FindCourse(double h) {
     Carry(h, true);
     Fly(h);
     moment = FindMeeting(h);
-    if (!returned_ && (!guarded_ || moment < h)) break;
+    if (!returned_ && !guarded_) break;
   }
   return moment;
 }
