@@ -11,7 +11,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
 constexpr int kRollRounds = 3;   // of Newton's method
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy

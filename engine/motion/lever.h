@@ -18,6 +18,9 @@
 
 namespace islet::motion {
 
+// Sine: less is no tilt, of a cylinder that lies on its side, of a spin across the normal, of a normal that leans.
+inline constexpr double kTilts = 1e-3;
+
 // A body in a piece.
 struct Course {
   Pose begin, middle, end;      // middle: halfway on the chord

@@ -220,6 +220,22 @@ Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double stil
   return WithinCone(end_[at_end], sum);
 }
 
+// [N s] what held contacts whose heir it is gave in the piece, as it acted.
+Vector3 Stepper::ActedAt(size_t at_end) const {
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (heirs_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
+  return sum;
+}
+
+// Whether some of that acted along another normal. Both may lean.
+bool Stepper::NormalTurned(size_t at_end) const {
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (heirs_[c] == static_cast<int>(at_end) && (held_[c].normal_W - end_[at_end].normal_W).norm() > 2 * kTilts)
+      return true;
+  return false;
+}
+
 bool Stepper::WasHeld(size_t at_end) const {
   return std::find(follows_.begin(), follows_.end(), static_cast<int>(at_end)) != follows_.end();
 }
