@@ -140,13 +140,13 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   for (size_t c = 0; c < start_.size() && ride_.any(); ++c)
     if (!ride_.impulse_W(c).isZero(0)) impulses_.push_back({start_[c], ride_.impulse_W(c), t, 0});
   Inherit();
-  carried_at_.assign(near_->size(), -1);
+  pressed_.assign(near_->size(), 0.0);
   acted_as_.assign(held_.size(), -1);
   work_.assign(near_->size(), 0.0);
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     if (follows_[c] >= 0) {
-      carried_at_[follows_[c]] = static_cast<int>(impulses_.size());
+      pressed_[follows_[c]] += std::max(0.0, (*near_)[follows_[c]].normal_W.dot(impulse_W_[c]));
       work_[follows_[c]] += WorkOf(c);
     }
     Contact contact = held_[c];
@@ -161,10 +161,18 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   for (size_t c = 0; c < problem_.size(); ++c) {
     const int e = closed_[c];
     const Vector3 change = ChangeAt(c);
-    if (!change.isZero(0)) impulses_.push_back({(*near_)[e], change, t + h, 0, carried_at_[e]});
+    if (!change.isZero(0) && pressed_[e] == 0) impulses_.push_back({(*near_)[e], change, t + h, 0});
   }
-  for (size_t c = 0; c < held_.size(); ++c)
+  for (size_t c = 0; c < held_.size(); ++c) {
     if (given_back_[c]) impulses_.push_back({WhereTaken(c), -impulse_W_[c], t + h, 0, acted_as_[c]});
+    const int e = follows_[c];
+    if (e < 0 || impulse_W_[c].isZero(0) || problem_at_[e] < 0) continue;
+    // Those that one contact follows share what it changes, or one of them would pull.
+    const double press = (*near_)[e].normal_W.dot(impulse_W_[c]);
+    const Vector3 change = ChangeAt(problem_at_[e]);
+    if (press > 0 && !change.isZero(0))
+      impulses_.push_back({(*near_)[e], press / pressed_[e] * change, t + h, 0, acted_as_[c]});
+  }
   near_->resize(found_);
   return Outcome::kDone;
 }

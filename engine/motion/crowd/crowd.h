@@ -196,6 +196,7 @@ class Crowd {
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
+  void KeepToCone(int island);
   void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);
@@ -212,6 +213,8 @@ class Crowd {
   void LookAtStart(double dt, const CrowdMemory& memory);
   void FillFrame(double dt, std::span<const Vector3> forces_W);
   void Wake(double dt, CrowdMemory* memory);
+  void SortTold();
+  int ToldAt(const Contact& contact) const;
   bool Hold(double dt, CrowdMemory* memory);
   void Freeze(double dt, CrowdMemory* memory, StepReport* report);
 
@@ -260,6 +263,7 @@ class Crowd {
   std::vector<std::vector<Carrier>> next_;  // of so many pairs each
   std::vector<int> follows_;                // per held contact: place in near_, or -1
   std::vector<double> before_;              // [m] <= 0 per near contact: overlap of its pair where the piece began
+  std::vector<std::uint8_t> tilts_;          // per near contact: some of that acted along another normal
   std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body
@@ -269,7 +273,8 @@ class Crowd {
   std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem
   std::vector<int> acted_as_;                // per held contact: place in impulses_, or -1
-  std::vector<int> carried_at_;              // per near contact: place in impulses_ of what it carried, or -1
+  std::vector<int> told_;                    // places in impulses_, by pair
+  std::vector<double> pressed_;              // [N s] per near contact: what it carried, along its normal
   std::vector<Vector3> beyond_W_;            // [N s] per contact of the problem: what it carried beyond its cone
   std::vector<std::uint8_t> hits_;           // per contact of the problem: a blow
   std::vector<double> approaches_;           // [m/s] the same: where the piece begins, 0 if it opens

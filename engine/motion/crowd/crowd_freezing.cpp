@@ -64,6 +64,31 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
   }
 }
 
+// Impulses that were told of the step so far, by their pairs.
+void Crowd::SortTold() {
+  told_.clear();
+  for (size_t k = 0; k < impulses_.size(); ++k)
+    if (impulses_[k].corrects < 0) told_.push_back(static_cast<int>(k));
+  std::stable_sort(told_.begin(), told_.end(),
+                   [&](int x, int y) { return EarlierPair(impulses_[x].contact, impulses_[y].contact); });
+}
+
+// The place of the nearest of those of a pair that faces the same way, or -1. What freezing does at a contact takes some of that back.
+int Crowd::ToldAt(const Contact& contact) const {
+  double nearest = INFINITY;
+  int found = -1;
+  for (auto k = std::lower_bound(told_.begin(), told_.end(), contact,
+                                 [&](int x, const Contact& c) { return EarlierPair(impulses_[x].contact, c); });
+       k != told_.end() && SamePair(impulses_[*k].contact, contact); ++k) {
+    const Contact& told = impulses_[*k].contact;
+    const double away = (told.point_W - contact.point_W).squaredNorm();
+    if (told.normal_W.dot(contact.normal_W) <= 0 || away >= nearest) continue;
+    nearest = away;
+    found = *k;
+  }
+  return found;
+}
+
 // What moved pressed on what is frozen. Returns false where nothing holds that: it is frozen no more.
 bool Crowd::Hold(double dt, CrowdMemory* memory) {
   if (settings_.freezing != Freezing::kCertified) return true;
@@ -71,9 +96,10 @@ bool Crowd::Hold(double dt, CrowdMemory* memory) {
   bool held = true;
   pool_->ForEach(1, [&](int, int) { held = freezing_.Hold(frame_, impulses_, settings_); });  // idle workers help
   if (!held) return false;
+  SortTold();
   for (const CertifiedFreezing::Stop& s : freezing_.stops()) {
     const Vector3 balance_W = frame_.frames[s.contact] * s.balance;
-    impulses_.push_back({joined_[s.contact], balance_W, 0, dt});
+    impulses_.push_back({joined_[s.contact], balance_W, 0, dt, ToldAt(joined_[s.contact])});
     memory->forces_W[joined_at_[s.contact]] += 1 / dt * balance_W;
   }
   return true;
@@ -83,8 +109,10 @@ void Crowd::Freeze(double dt, CrowdMemory* memory, StepReport* report) {
   FillFrame(dt, memory->forces_W);
   if (settings_.freezing == Freezing::kCertified) {
     pool_->ForEach(1, [&](int, int) { freezing_.EndFrame(frame_, was_frozen_, errors_, memory->still, settings_); });
+    SortTold();
     for (const CertifiedFreezing::Stop& s : freezing_.stops()) {
-      impulses_.push_back({joined_[s.contact], frame_.frames[s.contact] * s.stop, dt, 0});
+      const Contact& stopped = joined_[s.contact];
+      impulses_.push_back({stopped, frame_.frames[s.contact] * s.stop, dt, 0, ToldAt(stopped)});
       memory->forces_W[joined_at_[s.contact]] += 1 / dt * (frame_.frames[s.contact] * s.balance);
     }
   }

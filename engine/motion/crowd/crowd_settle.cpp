@@ -72,10 +72,12 @@ bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0) || !ridden
 // miss twice the tolerance: by the piece before, and by an open one.)
 void Crowd::TurnCarried() {
   turned_W_.assign(near_->size(), Vector3::Zero());
+  tilts_.assign(near_->size(), 0);
   const auto turn = [&](size_t c) {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) return;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
+    tilts_[follows_[c]] |= (held_[c].normal_W - end.normal_W).norm() > 2 * kTilts;
     // What answers to something heavy that lands is taken back with it, as it was.
     const bool lands = lands_[end.body_a] > 0 || lands_[end.body_b] > 0;
     const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
@@ -214,6 +216,20 @@ bool Crowd::GiveBack(int island, Worker* worker) {
   return false;
 }
 
+// All that acted at a contact in the piece lies in its cone. Where a slide turned, a part of what it carried was taken back along another
+// direction than it acted in.
+void Crowd::KeepToCone(int island) {
+  for (const int c : partition_.contacts_of(island)) {
+    const int e = closed_[c];
+    if (tilts_[e] || beyond_W_[c].isZero(0)) continue;
+    const Vector3 acted = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) + beyond_W_[c],
+                  excess = acted - WithinCone(problem_[c], acted);
+    if (excess.isZero(0)) continue;
+    local_[c] -= frames_[c].transpose() * excess;
+    ApplyImpulse(problem_[c], -excess, posed_);
+  }
+}
+
 // What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain energy by them is held with
 // the rest, and does not rebound; if some gain even so, all that hits in the island. Who gains without any rebound keeps the velocity that
 // the carrying impulses left.
@@ -260,6 +276,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
     for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
   }
+  KeepToCone(island);
   const bool held_only = struck_[island].status == QpStatus::kNone;
   Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island],
          *worker);
