@@ -12,6 +12,7 @@ namespace islet::motion {
 namespace {
 
 constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
+constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
 constexpr int kRollRounds = 3;   // of Newton's method
 constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
@@ -88,11 +89,15 @@ FreeTurn TurnFreely(const Body& body, const Quaternion& rotation_WB, const Vecto
   return {turned_WB, AngularVelocityAfter(body.inertia_B, rotation_WB, spin_W, turned_WB)};
 }
 
+Vector3 Beyond(double most, const Vector3& friction_W) {
+  const double rubs = friction_W.norm();
+  return rubs > most ? Vector3((1 - most / rubs) * friction_W) : Vector3(Vector3::Zero());
+}
+
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
-  const double press = std::max(0.0, contact.normal_W.dot(impulse_W));
-  const Vector3 friction = impulse_W - contact.normal_W.dot(impulse_W) * contact.normal_W;
-  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
-  return press * contact.normal_W + share * friction;
+  const double press = contact.normal_W.dot(impulse_W), bears = std::max(0.0, press);
+  const Vector3 friction = impulse_W - press * contact.normal_W;
+  return bears * contact.normal_W + friction - Beyond(contact.friction * bears, friction);
 }
 
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,

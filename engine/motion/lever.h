@@ -18,9 +18,6 @@
 
 namespace islet::motion {
 
-// Sine: less is no tilt, of a cylinder that lies on its side, of a spin across the normal, of a normal that leans.
-inline constexpr double kTilts = 1e-3;
-
 // A body in a piece.
 struct Course {
   Pose begin, middle, end;      // middle: halfway on the chord
@@ -45,6 +42,8 @@ FreeTurn TurnFreely(const Body& body, const Quaternion& rotation_WB, const Vecto
 
 // What of an impulse the contact's law allows: its press along the normal, friction up to the cone.
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
+// [N s] what friction is beyond the most that there can be.
+Vector3 Beyond(double most, const Vector3& friction_W);
 // [N s] the impulse of a contact that slid all the way, as it lies at the end: its normal has turned since halfway, and so has its slip. Of
 // one that sticks, and where the normal is another feature's, it stays as it is.
 // velocity_W: [m/s] of the contact now. still: [m/s] below which nothing slides.

@@ -263,7 +263,8 @@ class Crowd {
   std::vector<std::vector<Carrier>> next_;  // of so many pairs each
   std::vector<int> follows_;                // per held contact: place in near_, or -1
   std::vector<double> before_;              // [m] <= 0 per near contact: overlap of its pair where the piece began
-  std::vector<std::uint8_t> tilts_;          // per near contact: some of that acted along another normal
+  std::vector<Vector3> rubbed_W_;           // [N s] per near contact: friction of that, where it acted
+  std::vector<double> bore_;                // [N s] and along the normals there
   std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body

@@ -78,7 +78,7 @@ int Crowd::ToldAt(const Contact& contact) const {
   double nearest = INFINITY;
   int found = -1;
   for (auto k = std::lower_bound(told_.begin(), told_.end(), contact,
-                                 [&](int x, const Contact& c) { return EarlierPair(impulses_[x].contact, c); });
+                                 [&](int x, const Contact&c) { return EarlierPair(impulses_[x].contact, c); });
        k != told_.end() && SamePair(impulses_[*k].contact, contact); ++k) {
     const Contact& told = impulses_[*k].contact;
     const double away = (told.point_W - contact.point_W).squaredNorm();

@@ -72,12 +72,15 @@ bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0) || !ridden
 // miss twice the tolerance: by the piece before, and by an open one.)
 void Crowd::TurnCarried() {
   turned_W_.assign(near_->size(), Vector3::Zero());
-  tilts_.assign(near_->size(), 0);
+  rubbed_W_.assign(near_->size(), Vector3::Zero());
+  bore_.assign(near_->size(), 0.0);
   const auto turn = [&](size_t c) {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) return;
     const Contact& end = (*near_)[follows_[c]];
     const Vector3 u = RelativeVelocity(end, bodies_[end.body_a], bodies_[end.body_b]);
-    tilts_[follows_[c]] |= (held_[c].normal_W - end.normal_W).norm() > 2 * kTilts;
+    const double press = held_[c].normal_W.dot(impulse_W_[c]);
+    rubbed_W_[follows_[c]] += impulse_W_[c] - press * held_[c].normal_W;
+    bore_[follows_[c]] += press;
     // What answers to something heavy that lands is taken back with it, as it was.
     const bool lands = lands_[end.body_a] > 0 || lands_[end.body_b] > 0;
     const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
@@ -216,17 +219,20 @@ bool Crowd::GiveBack(int island, Worker* worker) {
   return false;
 }
 
-// All that acted at a contact in the piece lies in its cone. Where a slide turned, a part of what it carried was taken back along another
-// direction than it acted in.
+// Takes back what friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
+// part of what it carried was taken back along another direction than it acted in.
 void Crowd::KeepToCone(int island) {
   for (const int c : partition_.contacts_of(island)) {
     const int e = closed_[c];
-    if (tilts_[e] || beyond_W_[c].isZero(0)) continue;
-    const Vector3 acted = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) + beyond_W_[c],
-                  excess = acted - WithinCone(problem_[c], acted);
-    if (excess.isZero(0)) continue;
-    local_[c] -= frames_[c].transpose() * excess;
-    ApplyImpulse(problem_[c], -excess, posed_);
+    if (beyond_W_[c].isZero(0)) continue;
+    const Contact& contact = problem_[c];
+    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+    const double press = contact.normal_W.dot(change);
+    const Vector3 beyond =
+        Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
+    if (beyond.isZero(0)) continue;
+    local_[c] -= frames_[c].transpose() * beyond;
+    ApplyImpulse(contact, -beyond, posed_);
   }
 }
 

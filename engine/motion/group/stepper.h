@@ -104,8 +104,7 @@ class Stepper {
   Vector3 CarriedBy(size_t at_end) const;
   int HeirOf(size_t held) const;
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
-  Vector3 ActedAt(size_t at_end) const;
-  bool NormalTurned(size_t at_end) const;
+  Vector3 BeyondCone(size_t at_end, const Vector3& change_W) const;
   bool WasHeld(size_t at_end) const;
   bool Presses(int pair) const;
   bool Touches(int pair) const;

@@ -69,8 +69,7 @@ void Stepper::PoseAtEnd() {
 }
 
 // The impulses of contacts that still touch, redone at the end pose: what presses stays closed, what sticks stays. Contacts that
-// hit are left to Strike. Where a slide turned, a part of what it carried may be taken back along another direction than it acted in; all that
-// acted stays in its cone.
+// hit are left to Strike. All that acted stays in its cone.
 void Stepper::Settle() {
   settle_W_.assign(end_.size(), Vector3::Zero());
   PoseAtEnd();
@@ -118,8 +117,8 @@ void Stepper::Settle() {
   SolveParts(targets_, floor_, &out_->settled);
   for (size_t c = 0; c < problem_.size(); ++c) {
     const int e = problem_of_[c];
-    const Vector3 change = frames_[c] * local_impulses_[c] - carried_W_[c], acted = ActedAt(e) + ridden_W_[e];
-    settle_W_[e] = NormalTurned(e) ? change : Vector3(WithinCone(end_[e], acted + change) - acted);
+    const Vector3 change = frames_[c] * local_impulses_[c] - carried_W_[c];
+    settle_W_[e] = change - BeyondCone(e, change + ridden_W_[e]);
   }
   ApplyAtEnd(settle_W_);
 }

@@ -220,20 +220,19 @@ Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double stil
   return WithinCone(end_[at_end], sum);
 }
 
-// [N s] what held contacts whose heir it is gave in the piece, as it acted.
-Vector3 Stepper::ActedAt(size_t at_end) const {
-  Vector3 sum = Vector3::Zero();
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (heirs_[c] == static_cast<int>(at_end)) sum += impulse_W_[c];
-  return sum;
-}
-
-// Whether some of that acted along another normal. Both may lean.
-bool Stepper::NormalTurned(size_t at_end) const {
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (heirs_[c] == static_cast<int>(at_end) && (held_[c].normal_W - end_[at_end].normal_W).norm() > 2 * kTilts)
-      return true;
-  return false;
+// [N s] by how much friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
+// part of what it carried is taken back along another direction than it acted in.
+Vector3 Stepper::BeyondCone(size_t at_end, const Vector3& change_W) const {
+  const Vector3& n = end_[at_end].normal_W;
+  double press = n.dot(change_W);
+  Vector3 friction = change_W - press * n;
+  for (size_t c = 0; c < held_.size(); ++c) {
+    if (heirs_[c] != static_cast<int>(at_end)) continue;
+    const double pressed = held_[c].normal_W.dot(impulse_W_[c]);
+    press += pressed;
+    friction += impulse_W_[c] - pressed * held_[c].normal_W;
+  }
+  return Beyond(end_[at_end].friction * std::max(0.0, press), friction);
 }
 
 bool Stepper::WasHeld(size_t at_end) const {
