@@ -125,7 +125,7 @@ class World {
   void SetCollisionCallback(CollisionCallback callback);
   void SetProblemObserver(ProblemObserver observer);  // see engine/problem_record.h; empty: none
 
-  // Throws if two bodies overlap by more than the touch gap: names both and the depth. Step() checks the bodies that
+  // Throws if two bodies overlap by more than ten touch gaps, more than steps leave: names both and the depth. Step() checks the bodies that
   // were added since the last step.
   void CheckInitialOverlap();
 

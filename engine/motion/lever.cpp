@@ -91,13 +91,14 @@ FreeTurn TurnFreely(const Body& body, const Quaternion& rotation_WB, const Vecto
 
 Vector3 Beyond(double most, const Vector3& friction_W) {
   const double rubs = friction_W.norm();
-  return rubs > most ? Vector3((1 - most / rubs) * friction_W) : Vector3(Vector3::Zero());
+  return rubs > (1 + kNegligible) * most ? Vector3((1 - most / rubs) * friction_W) : Vector3(Vector3::Zero());
 }
 
 Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
-  const double press = contact.normal_W.dot(impulse_W), bears = std::max(0.0, press);
-  const Vector3 friction = impulse_W - press * contact.normal_W;
-  return bears * contact.normal_W + friction - Beyond(contact.friction * bears, friction);
+  const double press = std::max(0.0, contact.normal_W.dot(impulse_W));
+  const Vector3 friction = impulse_W - contact.normal_W.dot(impulse_W) * contact.normal_W;
+  const double share = friction.norm() > contact.friction * press ? contact.friction * press / friction.norm() : 1;
+  return press * contact.normal_W + share * friction;
 }
 
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,

@@ -307,7 +307,7 @@ void World::Impl::CheckNewcomers() {
   if (std::none_of(unchecked.begin(), unchecked.end(), [](std::uint8_t is) { return is != 0; })) return;
   if (stale) CheckTouching(bodies);
   for (const Contact& c : near_contacts) {
-    const double allowed = settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
+    const double allowed = 10 * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     if ((!unchecked[c.body_a] && !unchecked[c.body_b]) || -c.gap <= allowed) continue;
     throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
                                 " overlap by " + std::to_string(-c.gap) + " m at the start");

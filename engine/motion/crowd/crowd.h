@@ -196,7 +196,8 @@ class Crowd {
   bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
-  void KeepToCone(int island);
+  Vector3 BeyondCone(int c) const;
+  void KeepToCone(int island, Worker* worker);
   void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);

@@ -11,7 +11,7 @@ namespace islet::motion {
 namespace {
 
 constexpr int kOpenings = 2;      // of a pair that an old plane presses: then that plane is let go
-constexpr double kAstray = 0.01;  // of a size: an overlap whose way out begins so far inside is not that of the way in
+constexpr double kAstray = 1e-3;  // of a size: an overlap whose way out begins so far inside is not that of the way in
 constexpr double kAlike = 0.999;  // cosine: normals that are the same
 
 }  // namespace
@@ -153,12 +153,12 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
   const Contact& pair = (*near_)[e];
   const int a = pair.body_a, b = pair.body_b;
   const double size = Size(pair);
-  bool astray = false;
+  const Contact* astray = nullptr;
   if (YieldOf(pair) > 0) return false;
   for (size_t k = e; k < e_end; ++k) {
     const Contact& c = (*near_)[k];
     if (c.gap >= before_[k] - settings_.overlap_tolerance * size) continue;
-    astray = astray || TargetOf(c, c.gap, before_[k]) * dt_ > kAstray * size;
+    if (TargetOf(c, c.gap, before_[k]) * dt_ > kAstray * size && (!astray || c.gap < astray->gap)) astray = &c;
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
@@ -172,6 +172,9 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
   worker->probe.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
                 &worker->probe);
+  if (std::any_of(worker->probe.begin(), worker->probe.end(),
+                  [&](const Contact& c) { return (c.normal_W - astray->normal_W).norm() < kTurn; }))
+    return false;
   for (Contact c : worker->probe) {
     c.body_a = a;
     c.body_b = b;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/contact_pairs.h"
 #include "engine/slice.h"
@@ -219,20 +220,41 @@ bool Crowd::GiveBack(int island, Worker* worker) {
   return false;
 }
 
-// Takes back what friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
+// [N s] by how much friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
 // part of what it carried was taken back along another direction than it acted in.
-void Crowd::KeepToCone(int island) {
-  for (const int c : partition_.contacts_of(island)) {
-    const int e = closed_[c];
-    if (beyond_W_[c].isZero(0)) continue;
-    const Contact& contact = problem_[c];
-    const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
-    const double press = contact.normal_W.dot(change);
-    const Vector3 beyond =
-        Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
+Vector3 Crowd::BeyondCone(int c) const {
+  const int e = closed_[c];
+  const Contact& contact = problem_[c];
+  if (contact.friction == 0 || beyond_W_[c].isZero(0)) return Vector3::Zero();
+  const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+  const double press = contact.normal_W.dot(change);
+  return Beyond(contact.friction * std::max(0.0, bore_[e] + press),
+                rubbed_W_[e] + change - press * contact.normal_W);
+}
+
+// There all is taken back as it acted, and the end is solved again. What is left shows in no velocity.
+void Crowd::KeepToCone(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island);
+  bool any = false;
+  for (const int c : contacts) {
+    if (!(BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]))) continue;
+    carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
+    any = true;
+  }
+  if (any) {
+    for (const int i : partition_.bodies_of(island)) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+    for (const int c : contacts) {
+      blows_[c].setZero();
+      collisions_[c].setZero();
+      ApplyImpulse(problem_[c], -carried_W_[closed_[c]] - ridden_W_[closed_[c]], posed_);
+    }
+    Strike(island, worker);
+  }
+  for (const int c : contacts) {
+    const Vector3 beyond = BeyondCone(c);
     if (beyond.isZero(0)) continue;
     local_[c] -= frames_[c].transpose() * beyond;
-    ApplyImpulse(contact, -beyond, posed_);
+    ApplyImpulse(problem_[c], -beyond, posed_);
   }
 }
 
@@ -282,7 +304,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
     for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
   }
-  KeepToCone(island);
+  KeepToCone(island, worker);
   const bool held_only = struck_[island].status == QpStatus::kNone;
   Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island],
          *worker);

@@ -223,6 +223,7 @@ Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double stil
 // [N s] by how much friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
 // part of what it carried is taken back along another direction than it acted in.
 Vector3 Stepper::BeyondCone(size_t at_end, const Vector3& change_W) const {
+  if (end_[at_end].friction == 0) return Vector3::Zero();
   const Vector3& n = end_[at_end].normal_W;
   double press = n.dot(change_W);
   Vector3 friction = change_W - press * n;

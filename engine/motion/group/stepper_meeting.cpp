@@ -73,19 +73,18 @@ bool Stepper::StaysLevel(const MeetingQuery& query, const GroupPair& pair, doubl
   const Pose at_a = query.path_a.At(t), at_b = query.path_b.At(t);
   const Placement placed_a = at_a.placement(), placed_b = at_b.placement();
   const double least = query.gap - 2 * kTouching * Size(pair);  // gaps at both ends of a piece may miss as much
-  for (const Vector3& side_a : FlatSides(*query.a)) {
-    const Vector3 n = placed_a.rotation_WB * side_a, against_B = -(placed_b.rotation_WB.transpose() * n);
-    const std::span<const Vector3> sides_b = FlatSides(*query.b);
-    if (std::none_of(sides_b.begin(), sides_b.end(),
-                     [&](const Vector3& side_b) { return (side_b - against_B).norm() < kAngle; }) ||
-        SeparationAlong(*query.a, placed_a, *query.b, placed_b, n) < least)
-      continue;
-    if (std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
-          c.normal_W = n;
-          return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
-        }))
-      return true;
-  }
+  const auto stays = [&](const Vector3& n) {
+    return SeparationAlong(*query.a, placed_a, *query.b, placed_b, n) >= least &&
+           std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
+             c.normal_W = n;
+             return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
+           });
+  };
+  for (const Vector3& side_a : FlatSides(*query.a))
+    for (const Vector3& side_b : FlatSides(*query.b)) {
+      const Vector3 of_a = placed_a.rotation_WB * side_a, against_b = -(placed_b.rotation_WB * side_b);
+      if ((of_a - against_b).norm() < kAngle && (stays(of_a) || stays(against_b))) return true;
+    }
   return false;
 }
 

@@ -113,6 +113,38 @@ TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
   }
 }
 
+// A lip is met by its side, and whatever falls past a ledge by its edge, however slightly: half a hundredth of a size passed for what may
+// overlap, and the cube went on over it.
+TEST(Crowd, LipsAndLedgesAreMet) {
+  for (const double rate : {60.0, 240.0}) {
+    for (const double lip : {5e-4, 1e-3}) {
+      World sliding(testing::AsCrowd(Awake())), falling(testing::AsCrowd(Awake()));
+      for (const double side : {-1.0, 1.0})
+        sliding.Add({.shape = Shape::Box({2, 0.5, 0.5}),
+                     .kind = BodyKind::kFixed,
+                     .position_W = {2 * side, 0, side > 0 ? lip - 0.5 : -0.5},
+                     .friction = 0.2});
+      BodyDefinition cube = {.shape = Shape::Box({0.1, 0.1, 0.1}),
+                             .mass = 1,
+                             .position_W = {-0.25, 0, 0.1},
+                             .linear_velocity_W = {1.5, 0, 0},
+                             .friction = 0.2};
+      sliding.Add(cube);
+      falling.Add({.shape = Shape::Box({0.5, 0.5, 0.5}),
+                   .kind = BodyKind::kFixed,
+                   .position_W = {lip - 0.6, 0, -0.5},
+                   .friction = 0.2});
+      cube.position_W = {0, 0, 0.4};
+      cube.linear_velocity_W.setZero();
+      falling.Add(cube);
+      testing::StepTimes(&sliding, static_cast<int>(0.4 * rate), 1 / rate);
+      testing::StepTimes(&falling, static_cast<int>(0.27 * rate), 1 / rate);
+      EXPECT_LT(sliding.body(2).position_W.x(), -0.05) << rate << " " << lip;  // over it: 0.2
+      EXPECT_GT(falling.body(1).angular_velocity_W.norm(), 5) << rate << " " << lip;
+    }
+  }
+}
+
 // What a body loses on one wall is not another's to gain.
 TEST(Crowd, BlowsOfOneBodyGiveNothingToTheNext) {
   World world(testing::AsCrowd(ByLaw()));
