@@ -45,7 +45,8 @@ inline bool OutlastsStep(const Contact& contact, double approach, double free_fa
   return 2 * contact.restitution * approach > (1 - contact.restitution) * free_fall;
 }
 
-inline constexpr double kTrembling = 0.01;  // of weight: what of it is felt along any normal; 3 mm/s at 1/30 s
+inline constexpr double kTrembling =
+    0.01;  // of weight: what of it is felt along any normal (3 mm/s at 1/30 s); of a force: a change that changes nothing
 
 // [m/s] up to which the static problem may take an approach along with the weight of the step: gravity [m/s^2] alone makes as much
 // of it within dt, and the rebound is none, or what presses the contact ends all its bounces in a fraction of the step.

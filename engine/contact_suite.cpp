@@ -17,8 +17,6 @@
 namespace islet {
 namespace {
 
-constexpr size_t kFewContacts = 64;  // of two bodies: among more, the nearest one is not looked for
-
 bool SameContact(const Contact& x, const Contact& y) { return SamePair(x, y) && x.feature == y.feature; }
 
 }  // namespace
@@ -184,7 +182,7 @@ void ContactSuite::Impl::RecallPair(std::pair<size_t, size_t> previous, std::pai
     if (place < contacts.size() && SameContact(contacts[place], old)) {
       frame.holding[now.first + place] += share * previous_holding[p];
       ++place;  // others may have the same number
-    } else if (moves && contacts.size() <= kFewContacts && !previous_holding[p].isZero(0)) {
+    } else if (moves && !previous_holding[p].isZero(0)) {
       const auto nearer = [&](const Contact& x, const Contact& y) {
         return (x.point_W - old.point_W).squaredNorm() < (y.point_W - old.point_W).squaredNorm();
       };

@@ -16,12 +16,11 @@
 namespace islet {
 namespace {
 
-constexpr double kTurn = 0.04;  // [rad] of one step of the rotation's integration
-constexpr double kCore = 0.9;   // of a shape: what no other body's centre may pass
+constexpr double kTurn =
+    0.04;  // [rad] of one step of a rotation's integration, and at most between two looks at what goes through it
+constexpr double kCore = 0.9;  // of a shape: what no other body's centre may pass
 constexpr int kMostLooks =
     100000;  // at one pair in a step; a way that needs more cannot be judged, and is not taken for a clean one
-constexpr double kLook = 0.2;  // [rad] by which the other body turns at most between two looks at what goes through it
-constexpr double kDeepSphere = 0.5;  // of a radius: the same for spheres
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
@@ -33,9 +32,8 @@ Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, con
 // The rotation of a free body after a time. Its momentum L stays, and with principal moments A <= B <= C its energy is
 //   L^2 / 2B  +  (1/A - 1/B) La^2 / 2  +  (1/C - 1/B) Lc^2 / 2
 // Each part alone turns the body evenly, about L, about its axis of A, about that of C. They are composed to fourth order
-// [Yos90], none by more than `longest` [rad]. However thin, a body whose other two moments are alike turns exactly.
-Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time,
-                double longest = kTurn) {
+// [Yos90], none by more than kTurn. However thin, a body whose other two moments are alike turns exactly.
+Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& momentum_W, double time) {
   if (momentum_W.isZero(0) || time <= 0) return rotation;
   const double inertia = body.inertia_B(0, 0);
   if (body.inertia_B == Matrix3(Vector3::Constant(inertia).asDiagonal()))  // a ball or a cube turns evenly
@@ -52,7 +50,7 @@ Quaternion Turn(const Body& body, const Quaternion& rotation, const Vector3& mom
   };
   constexpr double kOuter = 1.3512071919596578;  // 1 / (2 - 2^(1/3)), of Yoshida's triple
   const double spin = pace.cwiseProduct(q.conjugate() * momentum_W).norm();
-  const int steps = 1 + static_cast<int>(std::min(1e4, spin * time / longest));
+  const int steps = 1 + static_cast<int>(std::min(1e4, spin * time / kTurn));
   for (int k = 0; k < steps; ++k) {
     for (const double share : {kOuter, 1 - 2 * kOuter, kOuter}) {
       const double h = share * time / steps;
@@ -109,7 +107,7 @@ bool CrossesCore(const Shape& shape, const Vector3& a, const Vector3& b) {
   const Vector3 way = b - a;
   if (shape.kind() == ShapeKind::kSphere) {
     const double u = std::clamp(-a.dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
-    return (a + u * way).norm() < kDeepSphere * shape.radius();
+    return (a + u * way).norm() < kCore * shape.radius();
   }
   double enter = 0, leave = 1;                           // of the way
   if (shape.kind() == ShapeKind::kCustom) return false;  // only its owner knows
@@ -254,7 +252,7 @@ Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double t
   if (spins.empty()) return Exp(time * body.angular_velocity_W) * body.rotation_WB;
   for (const Spin& spin : spins)
     if (spin.time >= last->time && spin.time <= time) *last = spin;
-  last->rotation_WB = Turn(body, last->rotation_WB, last->momentum_W, time - last->time, kLook);
+  last->rotation_WB = Turn(body, last->rotation_WB, last->momentum_W, time - last->time);
   last->time = time;
   return last->rotation_WB;
 }
@@ -480,7 +478,7 @@ bool LedgerKeeper::GoesThrough(const LedgerStep& step, int body, int other) cons
   for (size_t s = 0; s + 1 < times.size(); ++s) {
     const double begin = times[s], end = times[s + 1];
     if (end <= begin || Misses(account, partner, begin, end, shape.radius())) continue;
-    const double longest = (end - begin) / (1 + std::floor(std::min<double>(kMostLooks, rate * (end - begin) / kLook)));
+    const double longest = (end - begin) / (1 + std::floor(std::min<double>(kMostLooks, rate * (end - begin) / kTurn)));
     Vector3 a = inside(begin, &last);
     for (double t = begin, h = longest; t < end; h = std::min(2 * h, longest)) {
       if (++looks > kMostLooks) return true;

@@ -11,8 +11,7 @@
 namespace islet {
 namespace {
 
-constexpr double kLargestTurn = 0.5;  // [rad] in one part of a step
-constexpr double kMostParts = 256;    // of a step; a body that spins faster than that may lose the exact energy
+constexpr double kMostParts = 256;  // of a step; a body that spins faster than that may lose the exact energy
 // Five midpoint steps of these shares of the time, the third one backwards, are right to fourth order.      [Suz90]
 constexpr double kShare = 0.41449077179437571;  // 1 / (4 - 4^(1/3))
 constexpr double kShares[] = {kShare, kShare, 1 - 4 * kShare, kShare, kShare};

@@ -11,6 +11,9 @@
 
 namespace islet {
 
+// [rad] that is followed in one go: by free rotation, and in a piece of a step where something is near.
+inline constexpr double kLargestTurn = 0.5;
+
 // m x = r cross x.
 inline Matrix3 CrossMatrix(const Vector3& r) {
   Matrix3 m;

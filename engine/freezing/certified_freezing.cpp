@@ -8,8 +8,7 @@
 namespace islet {
 namespace {
 
-constexpr double kMargin = 10;   // times the tolerance, or what an answer is wrong by: as much may be error
-constexpr double kAlike = 1e-2;  // of a force: a change that leaves it what it was
+constexpr double kMargin = 10;  // times the tolerance, or what an answer is wrong by: as much may be error
 
 bool JoinsDynamic(const SuiteFrame& frame, const Contact& contact) {
   return frame.bodies[contact.body_a].kind == BodyKind::kDynamic &&
@@ -90,7 +89,7 @@ void CertifiedFreezing::TrackStillness(const Body& body, const Settings& setting
     return force.norm() + torque.norm() / body.radius;
   };
   const bool alike =
-      size(force_W - still->force_W, body.torque_W - still->torque_W) <= kAlike * size(force_W, body.torque_W);
+      size(force_W - still->force_W, body.torque_W - still->torque_W) <= kTrembling * size(force_W, body.torque_W);
   // Twice the chord between unit quaternions is the angle, where that is small; either sign is the same rotation.
   const double turned = 2 * std::min((body.rotation_WB.coeffs() - still->rotation_WB.coeffs()).norm(),
                                      (body.rotation_WB.coeffs() + still->rotation_WB.coeffs()).norm());
@@ -153,7 +152,7 @@ void CertifiedFreezing::CollectIslands(const SuiteFrame& frame, const F& of) {
     const int body = of(contact.body_a) ? contact.body_a : contact.body_b;
     if (!of(body) || !takes_part(contact.body_a) || !takes_part(contact.body_b)) continue;
     const auto load = [&](int i) { return of(i) ? loads_[i].size : INFINITY; };
-    if (frame.holding[c][0] > kAlike * std::min(load(contact.body_a), load(contact.body_b)))
+    if (frame.holding[c][0] > kTrembling * std::min(load(contact.body_a), load(contact.body_b)))
       holding_.emplace_back(roots_[body], c);
   }
   std::sort(collected_.begin(), collected_.end());

@@ -82,28 +82,35 @@ double FaceClip::Append(const ClipInput& input, std::vector<Contact>* contacts) 
   return least;
 }
 
-void FaceClip::AppendCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const {
-  for (int k = 0; k < input.num_incident; ++k) {
-    const Corner corner{input.incident[k], 255, input.num_reference + k};
-    const double gap = input.normal.dot(corner.point - input.reference[0]);
-    if (gap <= highest) Emit(input, corner, gap, contacts);
+double FaceClip::Outside(const ClipInput& input, const Vector3& point) {
+  double outside = 0;
+  for (int s = 0; s < input.num_reference; ++s) {
+    const Vector3 &from = input.reference[s], &to = input.reference[s + 1 < input.num_reference ? s + 1 : 0];
+    outside = std::max(outside, (to - from).cross(input.normal).normalized().dot(point - from));
   }
+  return outside;
+}
+
+void FaceClip::AppendNearestCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const {
+  const auto gap = [&](int k) { return input.normal.dot(input.incident[k] - input.reference[0]); };
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < input.num_incident; ++k)
+    if (gap(k) <= highest) least = std::min(least, Outside(input, input.incident[k]));
+  for (int k = 0; k < input.num_incident; ++k)
+    if (gap(k) <= highest && Outside(input, input.incident[k]) <= least + CutSlack(input))
+      Emit(input, {input.incident[k], 255, input.num_reference + k}, gap(k), contacts);
 }
 
 bool FaceClip::AppendCornersBeside(const ClipInput& input, double highest, double beside,
                                    std::vector<Contact>* contacts) const {
-  const int sides = input.num_reference;
   const size_t first = contacts->size();
   for (int k = 0; k < input.num_incident; ++k) {
     const Vector3& point = input.incident[k];
     const double gap = input.normal.dot(point - input.reference[0]);
     if (gap > highest) continue;
-    double outside = 0;  // [m] of the farthest side plane
-    for (int s = 0; s < sides; ++s) {
-      const Vector3 &from = input.reference[s], &to = input.reference[s + 1 < sides ? s + 1 : 0];
-      outside = std::max(outside, (to - from).cross(input.normal).normalized().dot(point - from));
-    }
-    if (outside > CutSlack(input) && outside <= beside) Emit(input, {point, 255, sides + k}, gap, contacts);
+    const double outside = Outside(input, point);
+    if (outside > CutSlack(input) && outside <= beside)
+      Emit(input, {point, 255, input.num_reference + k}, gap, contacts);
   }
   return contacts->size() > first;
 }

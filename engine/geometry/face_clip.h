@@ -36,14 +36,17 @@ class FaceClip {
   // Returns the least gap it appended, infinity if none.
   double Append(const ClipInput& input, std::vector<Contact>* contacts);
 
-  // Appends the corners of the incident face up to `highest` over the reference plane, wherever they lie along it.
-  void AppendCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const;
+  // Appends of the corners of the incident face up to `highest` over the reference plane those that are nearest to the reference face along it.
+  void AppendNearestCorners(const ClipInput& input, double highest, std::vector<Contact>* contacts) const;
 
   // Appends the corners of the incident face up to `highest` over the reference plane that lie beside the reference face, but
   // not farther from it than `beside` [m]. Returns whether there was one.
   bool AppendCornersBeside(const ClipInput& input, double highest, double beside, std::vector<Contact>* contacts) const;
 
  private:
+  // [m] how far beyond the sides of the reference face a point is, along it; 0: over the face.
+  static double Outside(const ClipInput& input, const Vector3& point);
+
   struct Corner {
     Vector3 point;
     // The sides of the polygon that meet here: side planes first, then edges of the incident face.

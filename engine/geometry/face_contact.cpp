@@ -45,9 +45,9 @@ void AppendFaceContacts(const Shape& a, const Placement& pose_a, const Shape& b,
   const double slack = EdgeSlack(input.size);
   if (least <= separation + slack) return;
   if (separation <= 0) {
-    // What lies over the face carries the load; if nothing there touches, the deepest corner has to: one beside the face, if there is any.
+    // What lies over the face carries the load; if nothing there touches, a deep corner has to: one beside the face, or the one nearest to it.
     if (least > slack && !clip.AppendCornersBeside(input, separation + slack, TouchSlack(input.size), contacts))
-      clip.AppendCorners(input, separation + slack, contacts);
+      clip.AppendNearestCorners(input, separation + slack, contacts);
     return;
   }
   const double limit = std::max(input.reach, TouchSlack(input.size));

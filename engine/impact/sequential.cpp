@@ -14,11 +14,10 @@
 namespace islet {
 namespace {
 
-constexpr double kTie = 1e-4;        // of the fastest approach: contacts that differ by less bounce at once
-constexpr int kMostSweeps = 400;     // for a tie of more than 32 bodies, before Newton's method
-constexpr int kFrictionRounds = 10;  // of a search for the friction of a tie, each leaves 0.62 of the interval
-constexpr double kMostBlows = 2;     // that a body takes from the queue, by the automatic limit
-constexpr double kPassedOn = 1e-3;   // of one: an elastic one
+constexpr double kTie = 1e-4;       // of the fastest approach: contacts that differ by less bounce at once
+constexpr int kMostSweeps = 400;    // for a tie of more than 32 bodies, before Newton's method
+constexpr double kMostBlows = 2;    // that a body takes from the queue, by the automatic limit
+constexpr double kPassedOn = 1e-3;  // of one: an elastic one
 
 // What a bounce uses up of that. Inelastic ones share a blow among bodies, which the QP does better. Elastic ones pass it on, which only
 // the queue can do: n in a stack on a floor take about n^2 of them. All that bounces at once is one.
@@ -206,7 +205,7 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
   const auto gain_at = [&](double share) { return SolveTies(group_contacts, contacts, share); };
   double low = 0, high = 1, left = 1 - golden, right = golden, at_left = gain_at(left), at_right = gain_at(right);
   // Where neither is solved, no search finds its way.
-  for (int k = 0; k < kFrictionRounds && std::min(at_left, at_right) < INFINITY; ++k) {
+  for (; high - low > kSamePoint && std::min(at_left, at_right) < INFINITY;) {
     if (at_left <= at_right) {
       high = right, right = left, at_right = at_left;
       at_left = gain_at(left = high - golden * (high - low));

@@ -12,11 +12,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kRounds = 12;         // of rooms and parts
-constexpr double kPassedOn = 0.5;   // of that way: what those whom they push may make
-constexpr double kCrowdRoom = 1.3;  // of the way of a crowd's fastest body: what the others may make
-constexpr double kBalanced = 1e-4;  // of the forces on a body: what they may leave of it
-constexpr double kCrowded = 40;     // steps for which a group that needs more goes with the crowd
+constexpr double kCrowded = 40;  // steps for which a group that needs more goes with the crowd
 
 constexpr std::uint8_t kBefore = 1, kNow = 2;  // when a group gave up; who is alone since tries again
 
@@ -86,7 +82,7 @@ void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
     double fastest = 0;
     for (const int i : members)
       if (bodies[i].Moves()) fastest = std::max(fastest, bodies[i].linear_velocity_W.norm());
-    for (const int i : members) rooms_[i] = std::max(rooms_[i], kCrowdRoom * dt * fastest);
+    for (const int i : members) rooms_[i] = std::max(rooms_[i], dt * fastest);
   }
 }
 
@@ -322,22 +318,21 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   spent_before_ = spent_;
   for (size_t i = 0; i < bodies.size(); ++i)
     gave_up_[i] = memory->crowded[i] > 0 && races == Races::kRefused ? kBefore : 0;
-  for (int round = 0; round < kRounds && !kept; ++round) {
+  // A round that keeps nobody to its room joins somebody to others, so there are no more rounds than bodies.
+  for (size_t round = 0; round <= bodies.size() && !kept; ++round) {
     const auto find = [&] {
       do {
         groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
-        if (round + 1 < kRounds) groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
+        groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
         MakeJobs(dt, bodies, shapes, *memory);
         // Where a crowd goes is not known yet: who may meet it goes with it.
       } while (any_crowd_ && JoinParted([&](int i, int k) { return crowd_[i] || crowd_[k]; }));
     };
     find();
     if (any_crowd_) {
-      // Whom they may push goes on by what is left of their way.
-      double share = 1;
+      // Whom they may push goes on as far as they do.
       for (std::ptrdiff_t known = 0, crowd = CountCrowd(); known < crowd; known = crowd, crowd = CountCrowd()) {
-        WidenCrowds(share * dt, bodies);
-        share *= kPassedOn;
+        WidenCrowds(dt, bodies);
         find();
       }
       if (races == Races::kRefused &&
@@ -348,7 +343,7 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_),
                        [](const Job& job) { return job.kept; });
     kept = !JoinStrays(dt) && kept;
-    if (round + 1 < kRounds && LeaveToCrowd(memory)) kept = false;
+    if (LeaveToCrowd(memory)) kept = false;
   }
   if (!kept && races == Races::kRefused) return false;
   report->motion_failures += !kept;
@@ -481,7 +476,7 @@ bool GroupMotion::IsBalanced(double dt, const Job& job) const {
       torque += sign * (contact.point_W - b.position_W).cross(outcome.touching_force_W[c]);
       loads += outcome.touching_force_W[c].norm();
     }
-    if (force.norm() > kBalanced * loads || torque.norm() > kBalanced * loads * b.radius) return false;
+    if (force.norm() > kTrembling * loads || torque.norm() > kTrembling * loads * b.radius) return false;
     const Vector3 spin_W = b.InertiaW() * b.angular_velocity_W;
     if (b.mass * b.linear_velocity_W.norm() > CertifiedFreezing::kCalm * loads * dt ||
         spin_W.norm() > CertifiedFreezing::kCalm * loads * dt * b.radius)

@@ -13,8 +13,6 @@ namespace {
 
 constexpr double kStands = 0.7;  // sine between normal and axis: a cylinder stands there, it does not lie
 constexpr double kTilts = 1e-3;  // sine: less is none, of a spin across the normal, of a cylinder that lies on its side
-constexpr int kRollRounds = 3;   // of Newton's method
-constexpr double kFarthestLever = 1e-2;  // of a size: what a lever may be moved by for the sake of energy
 
 // Whether two axes lie beside each other (zero: there is none); others cross.
 bool LieBeside(const Vector3& a, const Vector3& b) {
@@ -60,8 +58,11 @@ Contact Between(const Course& a, const Course& b, Contact contact, const Vector3
 // Turns the normal between two axes to where mean velocities open the contact as fast as its gap changes: Newton's method, in both
 // directions, since the points on the axes move on with it. No farther than the normal turned in the piece.
 void RollBetween(const Course& a, const Course& b, double opening, double turn, Contact* contact) {
-  for (int round = 0; round < kRollRounds && turn > 0; ++round) {
+  if (turn == 0) return;
+  for (double left = INFINITY;;) {
     const double off = opening - Opening(a, b, *contact);
+    if (!(std::abs(off) < left)) return;
+    left = std::abs(off);
     const Matrix3 frame = ContactFrame(contact->normal_W);
     Vector3 slope = Vector3::Zero();
     for (int k = 1; k < 3; ++k) {
@@ -300,7 +301,7 @@ bool TurnLever(double opening, double turn, const Course& a, const Course& b, do
     const Vector3 across = Across(n, axis);
     along -= along.dot(across) * across;
   }
-  if (along.norm() <= kTilts * spin.norm() || std::abs(off) >= kFarthestLever * size * along.norm()) return false;
+  if (along.norm() <= kTilts * spin.norm() || std::abs(off) >= kSamePlace * size * along.norm()) return false;
   contact->point_W += off / along.squaredNorm() * along;
   return true;
 }

@@ -50,7 +50,7 @@ Vector3 Beyond(double most, const Vector3& friction_W);
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
                     double still);
 
-// Of a size: how far from where it is looked for a contact is found again.
+// Of a size: how far from where it is looked for a contact is found again, and what a lever may be moved by for the sake of energy.
 inline constexpr double kSamePlace = 1e-2;
 
 // Of a pair's contacts the place of the one with that feature, if it is within `moved` of a point [m], else of the nearest within `far`;

@@ -6,6 +6,7 @@
 
 #include "engine/geometry/support.h"
 #include "engine/motion/tuning.h"
+#include "engine/rotation.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -133,7 +134,7 @@ bool ComeNear(const MeetingQuery& query, Meeting* meeting) {
   const double length = way.squaredNorm(), along = length > 0 ? std::clamp(-from.dot(way) / length, 0.0, 1.0) : 0;
   if ((from + along * way).norm() - bend > query.a->radius() + query.b->radius() + query.gap) return false;
   const double turn = h * std::max(query.path_a.FastestTurn(0, h), query.path_b.FastestTurn(0, h));
-  return turn > kTurn || meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
+  return turn > kLargestTurn || meeting->GapAtStart(query, query.gap) < query.gap || meeting->First(query) < h;
 }
 
 // [s] at least until a contact of the last look, at t, is at the floor: as fast as it goes now, since what turns bends away.

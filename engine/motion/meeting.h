@@ -54,7 +54,7 @@ class Meeting {
 };
 
 // Whether the gap falls below query.gap - query.deep, or is below query.gap as they begin. Spheres around them tell of most that do not, and
-// alone of what turns by more than kTurn: no path tells its way.
+// alone of what turns by more than kLargestTurn: no path tells its way.
 bool ComeNear(const MeetingQuery& query, Meeting* meeting);
 
 // Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "engine/body_definition.h"
+#include "engine/geometry/edge_contact.h"
 #include "engine/geometry/narrow_phase.h"
 #include "engine/motion/groups.h"
 #include "engine/motion/meeting.h"
@@ -12,8 +13,6 @@
 
 namespace islet {
 namespace {
-
-constexpr double kNear = 1e-4;  // of a shape's size: where its contacts are looked for then
 
 Placement PlaceOf(const Body& body) { return {body.position_W, body.rotation_WB.toRotationMatrix()}; }
 
@@ -73,7 +72,7 @@ std::optional<CastHit> World::CastShape(const Shape& shape, const Vector3& posit
     const double share = inside ? 0 : meeting.First(query);
     if (share >= (first ? first->share : 1)) return;
     contacts.clear();
-    CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(share).placement(), kNear * shape.size(),
+    CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(share).placement(), kTouch * shape.size(),
                   &contacts);
     if (contacts.empty()) return;
     const Contact& deepest = *std::min_element(contacts.begin(), contacts.end(),

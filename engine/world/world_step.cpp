@@ -7,6 +7,7 @@
 
 #include "engine/body_definition.h"
 #include "engine/motion/lever.h"
+#include "engine/motion/tuning.h"
 #include "engine/response/suite_frame.h"
 #include "engine/slice.h"
 #include "engine/stopwatch.h"
@@ -16,8 +17,6 @@
 namespace islet {
 
 using motion::Races;
-
-static constexpr int kMostHalvings = 6;  // of a step in which a crowd would let something through
 
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
 void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
@@ -331,7 +330,7 @@ StepReport World::Impl::StepWhole(double dt) {
   report.seconds.detect += checked;
   const double end = time + dt;
   acted.clear();
-  for (int half = 0; half < 2; ++half) StepInParts(0.5 * dt, kMostHalvings - 1, &report);
+  for (int half = 0; half < 2; ++half) StepInParts(0.5 * dt, motion::kMostHalvings - 1, &report);
   resolved.clear();
   impulses.clear();
   for (const auto& [contact, impulse] : acted) {

@@ -6,6 +6,7 @@
 
 #include "qp/cascade/task.h"
 #include "qp/interior_point/interior_point.h"
+#include "qp/smallness.h"
 #include "qp/solution.h"
 
 namespace islet::qp {
@@ -15,7 +16,8 @@ class ConvexSolver {
   void Begin() { iterations_ = 0; }
   void Solve(const Problem& problem, const Settings& settings, std::span<const double> slips, Solution* solution) {
     Settings inner = settings;
-    if (IsSmall(problem)) inner.aim = settings.aim > 0 ? std::min(settings.aim, kSmallAim) : kSmallAim;
+    // Near a gap of 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
+    if (IsSmall(problem)) inner.aim = settings.aim > 0 ? std::min(settings.aim, kExact) : kExact;
     interior_point_.Solve(problem, inner, slips, solution);
     solution->rung = Rung::kInteriorPoint;
     iterations_ += solution->iterations;
@@ -23,9 +25,6 @@ class ConvexSolver {
   int iterations() const { return iterations_; }  // since Begin
 
  private:
-  // Of the gap. Near 1e-15 rounding of the sliding contacts moves redundant impulses off the centre of the right ones.
-  static constexpr double kSmallAim = 1e-13;
-
   InteriorPoint interior_point_;
   int iterations_ = 0;
 };

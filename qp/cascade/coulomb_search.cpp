@@ -11,26 +11,23 @@
 namespace islet::qp {
 namespace {
 
+// Of v_ref: answers that are farther off have lost their way (in jams: 4e-3), and what is slower stands.
+constexpr double kCoarse = 0.01;
 // The start.
 constexpr double kWildShare = 30;  // of the natural map of no impulses: what it must not exceed before it is mended
 constexpr int kSmallSweeps = 60;   // which spare a small island half of its factorisations
 // Sweeps.
-constexpr int kSweeps = 100;       // a block
-constexpr double kLostRms = 1e-2;  // of v_ref: natural map of sweeps that have lost their way (in jams: below 4e-3)
+constexpr int kSweeps = 100;  // a block
 constexpr double kRough =
     1e-4;  // of v_ref: natural map. Sweeps that leave more did not get from one end to the other; single precision will do
-constexpr double kBlockGain = 0.9;  // of the natural map: momentum that leaves more has gone round in circles
-constexpr int kShortBlock = 20;     // that mends a guess, or leads out of such a circle
+constexpr int kShortBlock = 20;  // that mends a guess, or leads out of such a circle
 // Those of single precision take 0.6 of the time, and end at a natural map of 1e-5 to 6e-5 of v_ref.
 constexpr double kSingleMasses = 100;  // largest mass over the least
 // Newton's method.
-constexpr int kNewtonSteps = 300;       // factorisations of a search; 26 bodies from no impulses take 100 to 200
-constexpr int kFewSteps = 10;           // the same, of islands however large
-constexpr int kNewtonBodies = 600;      // times a sweep of the effort: bodies times factorisations
-constexpr double kSmallShare = 0.7e-5;  // of the tolerance: what is sought on small islands
-constexpr int kFewLoops = 4;            // of pairs that touch: a factor of such an island is no larger than a tower's
-constexpr int kTinyIsland = 8;          // bodies: there Newton's method takes no longer than sweeps
-constexpr double kStill = 0.01;         // of v_ref: speed of the contacts of what stands
+constexpr int kNewtonSteps = 300;   // factorisations of a search; 26 bodies from no impulses take 100 to 200
+constexpr int kNewtonBodies = 600;  // times a sweep of the effort: bodies times factorisations
+constexpr int kFewLoops = 4;        // of pairs that touch: a factor of such an island is no larger than a tower's
+constexpr int kTinyIsland = 8;      // bodies: there Newton's method takes no longer than sweeps
 
 double MassRatio(const Problem& problem) {
   const auto lighter = [](const BodyTerm& a, const BodyTerm& b) { return a.mass < b.mass; };
@@ -67,7 +64,7 @@ bool HasFewLoops(const Problem& problem) {
 }
 
 int NewtonSteps(const Task& task) {
-  return std::clamp(kNewtonBodies * task.settings.effort.sweeps / task.problem.num_bodies(), kFewSteps, kNewtonSteps);
+  return std::clamp(kNewtonBodies * task.settings.effort.sweeps / task.problem.num_bodies(), 1, kNewtonSteps);
 }
 
 }  // namespace
@@ -89,7 +86,7 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
     map = Start(task, tried, map_of_tried);
     // Sweeps go from contact to contact, and what they press bodies against each other by on their way stays: flush columns would press their
     // neighbours, and rub on them for ever.
-    if (!exact && IsAtRest(task)) map = NewtonOn(task, kSmallShare * goal);
+    if (!exact && IsAtRest(task)) map = NewtonOn(task, 0.01 * kExactShare * goal);
     if (IsSmall(problem) || Stands(task) || !map.Meets(goal)) map = Improve(task, map);
     if (!exact && IsLost(task, map)) map = Improve(task, map);  // mostly they find back
     if (exact && !map.Meets(goal)) map = TryAgain(task, map);
@@ -137,7 +134,7 @@ NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const Natura
     else
       now_.TakeOver(problem, task.start);
     const NaturalMap map = tried ? map_of_tried : now_.MapOf(task);
-    const bool forgets = !MayBeRough(task) && Slides(problem, now_, kStill * task.scale());
+    const bool forgets = !MayBeRough(task) && Slides(problem, now_, kCoarse * task.scale());
     if (!forgets && map.Meets(task.goal())) return map;
     if (!forgets) map_of_start = map.rms;
     std::swap(now_, before_);
@@ -164,7 +161,7 @@ NaturalMap CoulombSearch::TryAgain(const Task& task, const NaturalMap& found) {
 // Whether what was found is no answer of a small island, or no way to one of a big island. Quick effort takes what it gets.
 bool CoulombSearch::IsLost(const Task& task, const NaturalMap& map) const {
   if (!MayBeRough(task)) return !map.Meets(task.goal()) || !now_.IsUseful(task);
-  return task.settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kLostRms * task.scale();
+  return task.settings.effort.sweeps >= kNormalEffort.sweeps && map.rms > kCoarse * task.scale();
 }
 
 // Both who asks whether it stands and who is lost may want it.
@@ -181,7 +178,7 @@ bool CoulombSearch::SolveFromConvex(const Task& task, ConvexSolver* convex, Natu
   SolveWithoutSlips(task, convex);
   const bool useful = std::isfinite(map->rms) && now_.IsUseful(task);
   if (convex_answer_.status == Status::kInfeasible || convex_answer_.status == Status::kFailed) {
-    const bool sensible = useful && (!IsSmall(problem) || map->rms <= kLostRms * task.scale());
+    const bool sensible = useful && (!IsSmall(problem) || map->rms <= kCoarse * task.scale());
     if (!sensible) *solution = convex_answer_;
     return !sensible;
   }
@@ -206,7 +203,7 @@ NaturalMap CoulombSearch::Improve(const Task& task, NaturalMap map) {
   if (rough) map = Search(task, map);
   const bool exact = !rough || Stands(task) || ((small || HasFewLoops(problem)) && map.rms > kRough * task.scale());
   if (exact || (task.settings.effort.newton && !map.Meets(goal)))
-    return NewtonOn(task, exact ? kSmallShare * goal : goal);
+    return NewtonOn(task, exact ? 0.01 * kExactShare * goal : goal);
   VelocitiesAfter(problem, now_.impulses, &now_.velocities);  // without the rounding of thousands of increments
   return now_.MapOf(task);
 }
@@ -222,7 +219,7 @@ NaturalMap CoulombSearch::NewtonOn(const Task& task, double least) {
 
 // Sweeps leave every contact a velocity that a pile keeps as a pose: walls of bricks would lean, step by step.
 bool CoulombSearch::Stands(const Task& task) const {
-  return ContactSpeed(task.problem, now_.velocities.data()) <= kStill * task.scale();
+  return ContactSpeed(task.problem, now_.velocities.data()) <= kCoarse * task.scale();
 }
 
 // Big islands: up to the goal or the effort.
@@ -240,7 +237,7 @@ NaturalMap CoulombSearch::Search(const Task& task, NaturalMap best) {
     gauss_seidel_.Sweep(problem, block, 0.1 * goal, &now_.impulses, &now_.velocities,
                         astray ? Pace::kPlain : Pace::kMomentum, precision);
     const NaturalMap now = now_.MapOf(task);
-    astray = !astray && now.rms > kBlockGain * best.rms;
+    astray = !astray && now.rms > best.rms;
     if (now.rms < best.rms) best = now, best_ = now_;
   }
   std::swap(now_, best_);

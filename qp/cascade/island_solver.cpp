@@ -13,8 +13,6 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kHeldShare = 1e-4;  // of the tolerance: what held before must meet, frame after frame
-
 double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // The impulse of one contact alone, and the multiplier of the kinetic model's bounce. w: of the contact, u: its velocity without
@@ -103,7 +101,7 @@ bool IslandSolver::SolveOneContact(const Task& task, Solution* solution) {
 
 bool IslandSolver::IsColumn(const Task& task) {
   if (AnyCompliance(task.problem) || !IsConvex(task)) return false;
-  const double slide = std::min(10 * kSolved, 0.1 * kExactShare * task.settings.tolerance) * task.scale();
+  const double slide = std::min(10 * kRefined, 0.1 * kExactShare * task.settings.tolerance) * task.scale();
   CopyFreeVelocities(task.problem, &candidate_.velocities);
   if (!column_.Solve(task.problem, slide, candidate_.velocities, &candidate_.impulses)) return false;
   VelocitiesAfter(task.problem, candidate_.impulses, &candidate_.velocities);
@@ -124,11 +122,11 @@ bool IslandSolver::StillHolds(const Task& task) {
   candidate_.TakeOver(task.problem, task.start);
   map_of_tried_ = candidate_.MapOf(task);
   tried_ = true;
-  return map_of_tried_.max <= kHeldShare * task.goal();
+  return map_of_tried_.max <= 0.1 * kExactShare * task.goal();
 }
 
 bool IslandSolver::Hold(const Task& task, Solution* solution) {
-  return candidate_.ReturnIfExact(task, kHeldShare, solution);
+  return candidate_.ReturnIfExact(task, 0.1 * kExactShare, solution);
 }
 
 bool IslandSolver::SolveExactFriction(const Task& task, Solution* solution) {

@@ -8,34 +8,23 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kSweepsOfASolve = 30;       // what an interior-point solve counts as, of the effort
-constexpr double kRoughTolerance = 1e-2;  // of the solves that only place the slips
+constexpr int kSweepsOfASolve = 30;  // what an interior-point solve counts as, of the effort
 
 }  // namespace
 
-// Each round asks whether the slips that its problem assumed are those of its answer. The rounds before the last one need not be
-// accurate: they only place the slips. The first has none, so that an island in which nothing slides gets the one answer of the
-// convex problem.
+// Each round asks whether the slips that its problem assumed are those of its answer. The first has none, so that an island in which
+// nothing slides gets the one answer of the convex problem.
 void SlipRounds::Solve(const Task& task, ConvexSolver* convex, Solution* solution) {
   const Problem& problem = task.problem;
-  const Settings& settings = task.settings;
-  const double goal = task.goal();
-  const int rounds = std::max(1, settings.effort.sweeps / kSweepsOfASolve);
-  const bool small = IsSmall(problem);
+  const int rounds = std::max(1, task.settings.effort.sweeps / kSweepsOfASolve);
   slips_.assign(problem.contacts.size(), 0.0);
-  Settings inner = settings;
-  bool accurate = small, answered = false, settled = false;
-  for (int round = 1; round <= rounds && !(settled && answered); ++round) {
-    accurate = accurate || round == rounds;
-    inner.tolerance = accurate ? settings.tolerance : std::max(settings.tolerance, kRoughTolerance);
-    inner.aim = accurate ? settings.aim : 0;
-    convex->Solve(problem, inner, slips_, &trial_);
+  bool settled = false;
+  for (int round = 0; round < rounds && !settled; ++round) {
+    convex->Solve(problem, task.settings, slips_, &trial_);
     const bool solved = trial_.status == Status::kSolved || trial_.status == Status::kInaccurate;
-    if (!solved && answered) break;
-    if (!solved || accurate) *solution = trial_, answered = true;
+    if (solved || round == 0) *solution = trial_;
     if (!solved) return;
-    settled = UpdateSlips(problem, settings.cone) <= goal;
-    accurate = small || settled;  // a rough round places the slips, but is no answer
+    settled = UpdateSlips(problem, task.settings.cone) <= task.goal();
   }
   if (!settled && solution->status == Status::kSolved) solution->status = Status::kInaccurate;
 }

@@ -47,7 +47,7 @@ bool Column::FindJoints(const Problem& problem, const double* velocities) {
     const ContactTerm& contact = problem.contacts[c];
     const Vector3 direction = NormalRow(contact).head<3>();
     const double along = direction.dot(up);
-    if (!((direction - along * up).norm() <= 10 * kSolved && std::abs(std::abs(along) - 1) <= 10 * kSolved))
+    if (!((direction - along * up).norm() <= 10 * kRefined && std::abs(std::abs(along) - 1) <= 10 * kRefined))
       return false;
     const Vector3 u = ContactVelocity(contact, velocities);
     if (contact.friction > 0 && !(u.tail<2>().norm() <= tolerance_)) return false;

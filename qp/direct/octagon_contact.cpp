@@ -73,7 +73,7 @@ bool OctagonContact::SolveCoulomb(const Vector3& q, Vector3* impulse) const {
     const Matrix span = Span(face), opens = Opens(face), system = opens * w_ * span;
     *impulse = span * system.partialPivLu().solve(-opens * q);
     const Vector3 u = w_ * *impulse + q;
-    if (Missed(q, *impulse, u + Slip(u, friction_, Cone::kOctagon) * Vector3::UnitX()) <= kSolved) return true;
+    if (Missed(q, *impulse, u + Slip(u, friction_, Cone::kOctagon) * Vector3::UnitX()) <= kRefined) return true;
   }
   return false;
 }
@@ -97,7 +97,7 @@ bool OctagonContact::SolveKinetic(const Vector3& q, double target, Vector3* impu
       *impulse += *multiplier * by_one;
     }
     const Vector3 dual = w_ * (*impulse - *multiplier * Vector3::UnitX()) + q;
-    if (*multiplier >= 0 && Missed(q, *impulse, dual) <= kSolved) return true;
+    if (*multiplier >= 0 && Missed(q, *impulse, dual) <= kRefined) return true;
   }
   return false;
 }

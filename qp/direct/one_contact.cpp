@@ -79,7 +79,7 @@ bool OneContact::SolveKinetic(const Vector3& q, double friction, double target, 
   *multiplier = impulse->dot(u) / (target - q[0]);
   const Vector3 dual = u - *multiplier * w_.col(0);
   const double outside = friction * TangentSize(dual) - dual[0];
-  return *multiplier >= 0 && outside <= kSolved * q.norm();
+  return *multiplier >= 0 && outside <= kRefined * q.norm();
 }
 
 Vector3 OneContact::LeastEnergy(const Vector3& q, double friction, double target) const {

@@ -3,6 +3,7 @@
 // header, compiled with wider vectors, could be chosen by the linker for everyone.
 #include "qp/gauss_seidel/sweep_kernels.h"
 #include "qp/linear_algebra/lanes_impl.h"
+#include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
@@ -12,7 +13,7 @@ using State = SweepState<Number>;
 using Velocity = SweepVelocity<Number>;
 
 // In double precision with the bracket; two or three are usual. Singles only go ahead of doubles, and take one step a visit.
-constexpr int kNewtonSteps = sizeof(Number) == sizeof(double) ? 60 : 1;
+constexpr int kMostSteps = sizeof(Number) == sizeof(double) ? kHalvings : 1;
 // Of mu j_n / |j_t|; only the direction depends on it.
 constexpr Number kNewtonTolerance = sizeof(Number) == sizeof(double) ? Number(1e-6) : Number(1e-5);
 
@@ -80,7 +81,7 @@ inline void Slide(const Law& law, Mask slides, Vec* x, Vec* lambda) {
   const Mask seeks = slides & (law.friction > zero);
   Vec l = *lambda, low = zero, high = infinite, scale1 = zero, scale2 = zero;
   Mask going = seeks;
-  for (int i = 0; i < kNewtonSteps; ++i) {
+  for (int i = 0; i < kMostSteps; ++i) {
     const Vec q1 = one + l * a1, q2 = one + l * a2, r = one / (q1 * q2);
     const Vec d1 = r * q2, d2 = r * q1, j1 = t1 * d1, j2 = t2 * d2, sheared = law.shear[0] * j1 + law.shear[1] * j2,
               jn = n + sheared;

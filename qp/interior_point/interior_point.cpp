@@ -20,13 +20,9 @@ constexpr double kMostShare = 0.9999;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
 constexpr double kLeastSigma = 1e-3;
-constexpr double kLeastShare = 0.1;    // of the aim: least mean complementarity
-constexpr double kRefineBelow = 1e-4;  // gap from which directions are refined
-constexpr int kMaxIterations = 100;    // of one solve
-constexpr int kPatience = 15;          // iterations without progress
-// Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
-// kSolved of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
-constexpr double kMapPerGap = 0.1;
+constexpr double kLeastShare = 0.1;                     // of the aim: least mean complementarity
+constexpr double kRefineBelow = 1e-4;                   // gap from which directions are refined
+constexpr int kMaxIterations = 100;                     // of one solve
 constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
@@ -145,7 +141,9 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   Residuals best{INFINITY, INFINITY, INFINITY};
   bool solved = false;
   int stalled = 0;
-  double look_below = HasNaturalMap() ? kSolved / kMapPerGap : 0;  // merit
+  // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
+  // kRefined of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
+  double look_below = HasNaturalMap() ? kRefined : 0;  // merit
   const double tolerance = settings.gap_tolerance(),
                aim = settings.aim > 0 ? std::min(settings.aim, tolerance) : tolerance;
   const double least_sigma = aim < tolerance ? kLeastSigma : 0;
@@ -174,10 +172,10 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       break;
     }
     bool there = solved && (aim >= tolerance || merit <= aim);
-    if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kSolved) {
+    if (solved && !there && merit == best_merit && merit <= look_below && now.dual <= kRefined) {
       const double map = NaturalMap();
-      there = map <= kSolved;
-      look_below = merit * kSolved / map;
+      there = map <= kRefined;
+      look_below = merit * kRefined / map;
     }
     if (there || solution->iterations >= kMaxIterations || stalled >= kPatience) break;
     if (!UpdateScalings()) break;

@@ -11,7 +11,6 @@ namespace islet::qp {
 namespace {
 
 constexpr size_t kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
-constexpr int kLines = 96;                  // of a front in a piece, a multiple of kVector
 constexpr int kPiecesOfAssembly = 8;
 constexpr int kNearCache = 3000;  // numbers
 
@@ -194,10 +193,10 @@ int BlockCholesky::FactoriseShared(int s, parallel::PieceRef fill) {
   int replaced = 0;
   for (int j = 0; j < front.k; j += kPanelBlock) {
     replaced += kernels_->eliminate(front, j);
-    ForkLines(front.SolveBegin(j), front.EndLine(), kLines,
+    ForkLines(front.SolveBegin(j), front.EndLine(), kPanelBlock,
               [&](int from, int to) { kernels_->solve_lines(front, j, from, to); });
     if (j + front.BlockColumns(j) == front.n) break;
-    ForkLines(front.UpdateBegin(j), front.EndLine(), kLines,
+    ForkLines(front.UpdateBegin(j), front.EndLine(), kPanelBlock,
               [&](int from, int to) { kernels_->update_lines(front, j, from, to); });
   }
   return replaced;
@@ -253,7 +252,7 @@ void BlockCholesky::Forward(int begin, int end, double* lines, double* carry) {
     if (carry == nullptr && front.PanelSize() > kSharedSolve) {
       for (int j = 0; j < front.k; j += kPanelBlock) {
         kernels_->forward_block(front, j, lines);
-        ForkLines(front.SolveBegin(j), front.EndLine(), kLines,
+        ForkLines(front.SolveBegin(j), front.EndLine(), kPanelBlock,
                   [&](int from, int to) { kernels_->forward_lines(front, j, from, to, lines); });
       }
     } else {
@@ -276,7 +275,7 @@ void BlockCholesky::Backward(int begin, int end, double* lines, bool shared) {
     Gather(s, lines, nullptr);
     if (shared && front.PanelSize() > kSharedSolve) {
       for (int j = (front.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
-        ForkLines(j, j + front.BlockColumns(j), kLines / 4,
+        ForkLines(j, j + front.BlockColumns(j), kPanelBlock / 4,
                   [&](int from, int to) { kernels_->backward_columns(front, j, from, to, lines); });
         kernels_->backward_block(front, j, lines);
       }

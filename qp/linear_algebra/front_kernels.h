@@ -19,7 +19,7 @@
 namespace islet::qp {
 
 inline constexpr int kVector = 8;       // numbers in the widest vector: lines are split at multiples of it
-inline constexpr int kPanelBlock = 96;  // columns eliminated at once
+inline constexpr int kPanelBlock = 96;  // columns eliminated at once, and lines in a piece; a multiple of kVector
 inline constexpr int RoundUp(int n) { return (n + kVector - 1) / kVector * kVector; }
 inline constexpr int RoundDown(int n) { return n / kVector * kVector; }
 inline constexpr int OddStride(int rows) { return (RoundUp(rows) / kVector | 1) * kVector; }

@@ -10,8 +10,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kRounds = 6;     // of refinement, each leaves a hair of what can be given; and of steps within the cones
-constexpr double kBack = 0.9;  // of the way to where one would be left
+constexpr int kRounds = 6;  // of refinement, each leaves a hair of what can be given; and of steps within the cones
 
 // The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
 Matrix3 WeightOf(const Vector3& impulse, double friction) {
@@ -51,7 +50,7 @@ void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
     weights_[c] = WeightOf(impulses[c] / unit, contact.friction);
     for (const auto& [body, jacobian] :
          {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})
-      if (body >= 0) problem.bodies[body].mass += kSolved * (jacobian->transpose() * weights_[c] * *jacobian).trace();
+      if (body >= 0) problem.bodies[body].mass += kRefined * (jacobian->transpose() * weights_[c] * *jacobian).trace();
   }
   for (BodyTerm& body : problem.bodies) {
     if (!(body.mass > 0)) body.mass = 1;  // nothing presses it
@@ -125,7 +124,7 @@ bool LeastChange::Find(const std::vector<double>& wanted, const std::vector<doub
     if (!found) break;
     const double share = ShareInCones(outside);
     whole = share >= 1;
-    const double taken = whole ? 1 : kBack * share;
+    const double taken = std::min(1.0, share);
     for (size_t c = 0; c < impulses_.size(); ++c) {
       const Vector3 part = taken * step_[c];
       impulses_[c] += part;

@@ -8,9 +8,8 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kPace = 5;    // by which springs become stiffer, or softer
-constexpr int kEasy = 4;       // Newton steps of a proximal step that may become stiffer
-constexpr int kPatience = 20;  // steps without a better answer: on the way to it the map may rise for a while
+constexpr double kPace = 5;  // by which springs become stiffer, or softer
+constexpr int kEasy = 4;     // Newton steps of a proximal step that may become stiffer
 
 }  // namespace
 

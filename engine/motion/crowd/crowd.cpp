@@ -11,12 +11,6 @@
 #include "engine/stopwatch.h"
 
 namespace islet::motion {
-namespace {
-
-constexpr int kLevels = 3;      // times that a piece is halved
-constexpr double kDeep = 2e-3;  // of a size: overlap that a piece may not make
-
-}  // namespace
 
 Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool)
     : settings_(settings), pool_(pool), workers_(pool->num_workers()) {
@@ -247,7 +241,7 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
   rides_lost_.clear();
   for (int level = 0; dt - t > 1e-9 * dt;) {
     const double h = std::min(most, dt - t);
-    const Outcome outcome = Piece(t, h, level == kLevels, find, memory, report);
+    const Outcome outcome = Piece(t, h, level == kMostHalvings, find, memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
     if (outcome == Outcome::kDone) {
       t += h;

@@ -69,6 +69,9 @@ class Crowd {
   // Of the fastest blow: by how much those of a body may differ that lands flat, since gaps miss their end.
   static constexpr double kTie = 1e-2;
   static constexpr double kReach = 0.02;  // of a size: contacts nearer than that may carry in a pass
+  // Of a size: overlap that a piece may not make. The way out of one that begins deeper inside is not that of the way in.
+  static constexpr double kDeep = 1e-3;
+  static constexpr double kGain = 0.1 * Ledger::kMostEnergy;  // of the energy at hand: what a piece may make
 
   struct Held {                                              // a contact that carries
     double target = 0;                                       // [m/s] least normal mean velocity
@@ -88,12 +91,17 @@ class Crowd {
     Contact pair;
     double speed;  // [m/s] at which nothing keeps it apart
   };
+  struct
+      Settled {  // [N s] at a contact of the end: what is solved there (n, t1, t2), what carrying is taken back, what stays beyond
+    Vector3 local, blow, collision, carried_W, beyond_W;
+  };
   struct Worker {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
     std::vector<Twist> before, held;  // of an island's bodies: before anything is solved, and before blows
     std::vector<Vector3> guess;       // [N s] of its contacts, first
+    std::vector<Settled> settled;     // of its contacts, while it is solved again
     std::vector<Vector3>
         given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
     std::vector<int> taken;    // held contacts of an island whose impulses are given back where they acted

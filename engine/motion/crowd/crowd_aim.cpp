@@ -6,12 +6,12 @@
 
 #include "engine/contact_pairs.h"
 #include "engine/motion/tuning.h"
+#include "engine/rotation.h"
 
 namespace islet::motion {
 namespace {
 
 constexpr int kOpenings = 2;      // of a pair that an old plane presses: then that plane is let go
-constexpr double kAstray = 1e-3;  // of a size: an overlap whose way out begins so far inside is not that of the way in
 constexpr double kAlike = 0.999;  // cosine: normals that are the same
 
 }  // namespace
@@ -158,7 +158,7 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
   for (size_t k = e; k < e_end; ++k) {
     const Contact& c = (*near_)[k];
     if (c.gap >= before_[k] - settings_.overlap_tolerance * size) continue;
-    if (TargetOf(c, c.gap, before_[k]) * dt_ > kAstray * size && (!astray || c.gap < astray->gap)) astray = &c;
+    if (TargetOf(c, c.gap, before_[k]) * dt_ > kDeep * size && (!astray || c.gap < astray->gap)) astray = &c;
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
@@ -173,7 +173,7 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
                 &worker->probe);
   if (std::any_of(worker->probe.begin(), worker->probe.end(),
-                  [&](const Contact& c) { return (c.normal_W - astray->normal_W).norm() < kTurn; }))
+                  [&](const Contact& c) { return (c.normal_W - astray->normal_W).norm() < kLargestTurn; }))
     return false;
   for (Contact c : worker->probe) {
     c.body_a = a;

@@ -12,8 +12,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kLettingGo = 3;   // passes that go on because something was let go
-constexpr double kGain = 1e-7;  // of the energy at hand: what a piece may make
+constexpr int kLettingGo = 3;  // passes that go on because something was let go
 
 }  // namespace
 

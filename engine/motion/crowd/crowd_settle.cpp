@@ -164,6 +164,7 @@ void Crowd::Settle(StepReport* report) {
   given_back_.assign(held_.size(), 0);
   blows_.assign(problem_.size(), Vector3::Zero());
   collisions_.assign(problem_.size(), Vector3::Zero());
+  outcomes_.assign(partition_.num_islands(), {});
   struck_.assign(partition_.num_islands(), {});
   bounces_of_.assign(partition_.num_islands(), 0);
   const double start = Seconds();
@@ -228,27 +229,44 @@ Vector3 Crowd::BeyondCone(int c) const {
   if (contact.friction == 0 || beyond_W_[c].isZero(0)) return Vector3::Zero();
   const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
   const double press = contact.normal_W.dot(change);
-  return Beyond(contact.friction * std::max(0.0, bore_[e] + press),
-                rubbed_W_[e] + change - press * contact.normal_W);
+  return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// There all is taken back as it acted, and the end is solved again. What is left shows in no velocity.
+// There all is taken back as it acted, and the end is solved again, unless that would make energy. What is left shows in no velocity.
 void Crowd::KeepToCone(int island, Worker* worker) {
-  const std::span<const int> contacts = partition_.contacts_of(island);
-  bool any = false;
-  for (const int c : contacts) {
-    if (!(BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]))) continue;
-    carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
-    any = true;
-  }
-  if (any) {
-    for (const int i : partition_.bodies_of(island)) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const auto is_beyond = [&](int c) {
+    return BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]);
+  };
+  if (std::any_of(contacts.begin(), contacts.end(), is_beyond)) {
+    worker->before.clear();
+    worker->settled.clear();
+    for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
+    for (const int c : contacts)
+      worker->settled.push_back({local_[c], blows_[c], collisions_[c], carried_W_[closed_[c]], beyond_W_[c]});
+    ResponseOutcome held = outcomes_[island], struck = struck_[island];
+    const int bounces = bounces_of_[island];
+    for (const int c : contacts)
+      if (is_beyond(c)) carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
+    for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
     for (const int c : contacts) {
       blows_[c].setZero();
       collisions_[c].setZero();
       ApplyImpulse(problem_[c], -carried_W_[closed_[c]] - ridden_W_[closed_[c]], posed_);
     }
     Strike(island, worker);
+    if (MarkGains(island, worker)) {
+      held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
+      outcomes_[island] = held, struck_[island] = struck;
+      bounces_of_[island] = bounces;
+      for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+      for (size_t k = 0; k < contacts.size(); ++k) {
+        const int c = contacts[k];
+        const Settled& s = worker->settled[k];
+        local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
+        carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
+      }
+    }
   }
   for (const int c : contacts) {
     const Vector3 beyond = BeyondCone(c);
@@ -277,12 +295,9 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     blows_[contacts[k]].setZero();
     collisions_[contacts[k]].setZero();
   };
-  double held = 0, struck = 0;  // [s] of attempts
   for (int attempt = 1;; ++attempt) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
     Strike(island, worker);
-    held = outcomes_[island].seconds += held;
-    struck = struck_[island].seconds += struck;
     outcomes_[island].restitution_lowered = attempt > 1;
     if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
     if (!rebounds) {
@@ -326,7 +341,7 @@ double Crowd::SpeedOfMoment(const Contact& contact, double start, double end) co
   return std::clamp(speed, std::min(start, end), std::max(start, end));
 }
 
-// What does not hit is held, then blows follow.
+// What does not hit is held, then blows follow. Who asks again adds to the time that it took, and restitution stays lowered.
 void Crowd::Strike(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const ContactFrames all{problem_, frames_};
@@ -337,11 +352,16 @@ void Crowd::Strike(int island, Worker* worker) {
     else
       worker->contacts.push_back(c);
   }
+  const double held = outcomes_[island].seconds, struck = struck_[island].seconds;
+  const bool lowered = outcomes_[island].restitution_lowered;
   outcomes_[island] =
       worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
+  outcomes_[island].seconds += held;
+  outcomes_[island].restitution_lowered = lowered;
   worker->held.clear();
   for (const int i : bodies) worker->held.push_back(TwistOf(posed_[i]));
   struck_[island] = {};
+  struck_[island].seconds = struck;
   if (worker->contacts.size() == contacts.size()) return;
   // Weight has acted for the whole piece, but a blow has the speed of the moment in which it came.
   for (const int c : contacts) {
@@ -356,6 +376,7 @@ void Crowd::Strike(int island, Worker* worker) {
                                  {threshold_, settings_.bounce_limit, true, {}, INFINITY, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
+  struck_[island].seconds += struck;
 }
 
 }  // namespace islet::motion

@@ -6,14 +6,10 @@
 
 #include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
+#include "engine/rotation.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
-namespace {
-
-constexpr int kLevels = 10;  // times that a piece is halved
-
-}  // namespace
 
 void GroupOutcome::Clear() {
   pieces = bounces = passes = 0;
@@ -83,7 +79,7 @@ double Stepper::ChooseLength(double rest) {
       if (BodyRadius(i) == 0) continue;
       const double turn = VisibleSpinOf(i).norm(), size = group_->shapes[i]->size();
       const double bend = TurnOf(i) * WhirlOf(i) / 8;  // [m/s^2]
-      if (turn * most > kTurn) most = std::max(near_at, kTurn / turn);
+      if (turn * most > kLargestTurn) most = std::max(near_at, kLargestTurn / turn);
       if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
     }
   }
@@ -259,7 +255,7 @@ bool Stepper::Piece(Progress* p) {
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
   rides_lost_.clear();
-  const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
+  const bool may_halve = p->level < kMostHalvings, deep = Refine(may_halve, &cut, &h);
   if (!rides_lost_.empty()) {
     KickRiders(-1);
     for (const size_t c : rides_lost_) ride_.Drop(c);

@@ -40,7 +40,6 @@ class Stepper {
   static constexpr int kSolveWork = 32;
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
   static constexpr double kTogether = 1e-4;   // of a size: what is this near to a blow takes part, as in a flat landing
-  static constexpr double kBrief = 1.0 / 64;  // of a step, for each body that moves: what is over that soon is none
 
   struct Held {  // a contact that carries in this piece
     int pair;

@@ -12,8 +12,7 @@
 namespace islet::motion {
 namespace {
 
-constexpr int kAges = 2;               // passes for which a contact that pressed, and is not found again, stays
-constexpr double kNormalMoves = 1e-7;  // [rad] what a normal may turn by in such a piece
+constexpr int kAges = 2;  // passes for which a contact that pressed, and is not found again, stays
 
 }  // namespace
 
@@ -186,7 +185,7 @@ bool Stepper::NormalsMove() const {
     bool alike = false;
     for (size_t e = 0; e < end_.size() && !alike; ++e)
       alike = end_pair_[e] == held_of_[c].pair &&
-              (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kNormalMoves * kNormalMoves;
+              (end_[e].normal_W - held_[c].normal_W).squaredNorm() < kSamePoint * kSamePoint;
     if (!alike) return true;
   }
   return false;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/rotation.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -165,7 +166,7 @@ int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, st
   const auto [first, last] = std::equal_range(there.begin(), there.end(), contact, EarlierPair);
   const Vector3 with_a = CarriedWith(a, contact.point_W, from, to), with_b = CarriedWith(b, contact.point_W, from, to);
   const double far = kSamePlace * Size(group_->pairs[pair]);
-  const double around = kTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
+  const double around = kLargestTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
   const double moved = std::max(around, far + 0.5 * (with_a - with_b).norm());
   int found = FindAgain({first, last}, contact.feature, Shared(contact, with_a, with_b), moved, far);
   // A corner that slides goes with its body, whatever the other does.
@@ -204,7 +205,7 @@ int Stepper::HeirOf(size_t held) const {
 const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Contact& end = end_[at_end];
   const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
-  const bool same = found >= 0 && (now_[found].normal_W - end.normal_W).norm() < kTurn;
+  const bool same = found >= 0 && (now_[found].normal_W - end.normal_W).norm() < kLargestTurn;
   return same && closed_[found] ? &now_[found] : nullptr;
 }
 

@@ -39,7 +39,7 @@ void Stepper::KeepAccounts(double h) {
                         0.5 * h * b.torque_W.dot(turned_[i].spin_W + spun_after_[i]);
     accounts_[i].at_hand = 0.5 * b.mass * (s.linear_W.squaredNorm() + floor_ * floor_) +
                            0.5 * s.angular_W.dot(AngularMomentum(b, s.pose.rotation_WB, s.angular_W));
-    accounts_[i].allowed = kSolved * accounts_[i].at_hand + kUlp * b.mass * pull_ * s.pose.position_W.norm();
+    accounts_[i].allowed = kRefined * accounts_[i].at_hand + kUlp * b.mass * pull_ * s.pose.position_W.norm();
   }
   const auto act = [&](const Contact& contact, const Vector3& point, const Vector3& impulse, bool at_end) {
     if (impulse.isZero(0)) return;

@@ -8,11 +8,7 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
-namespace {
-
-constexpr int kLineRounds = 20;  // each takes some ten times off the angle
-
-}  // namespace
+namespace {}  // namespace
 
 // Walls are where their velocity takes them: poses at time t of the step, for those that do not move by contacts.
 void Stepper::PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const {
@@ -67,7 +63,7 @@ bool Stepper::TurnIntoLine() {
 // take their impulse at one point.
 void Stepper::Fly(double h) {
   const std::vector<Body>& bodies = group_->bodies;
-  for (int round = 0; round == 0 || (TurnIntoLine() && round < kLineRounds); ++round) MoveCentres(h);
+  for (int round = 0; round == 0 || (TurnIntoLine() && round < kHalvings); ++round) MoveCentres(h);
   spin_gain_.assign(bodies.size(), Vector3::Zero());
   for (size_t i = 0; i < bodies.size(); ++i) {
     const Body& b = bodies[i];
