@@ -2,7 +2,7 @@
 # where there are more than before: who adds one takes one away, or shows in bench/notebook.md what a user would lose without it and raises MOST.
 #   cmake -DROOT=<repository> -P tests/thresholds_test.cmake
 cmake_minimum_required(VERSION 3.22)
-set(MOST 138)
+set(MOST 139)
 
 # Not counted: numbers that are what they are. Each name is of one thing alone, and has to be there.
 set(FACTS

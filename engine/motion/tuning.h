@@ -7,7 +7,7 @@
 
 namespace islet::motion {
 
-inline constexpr int kMostHalvings = 6;  // of a step, and of a piece
+inline constexpr int kMostHalvings = 6;  // of a step, and of a piece of a crowd
 // Of a step, for each body of a group that moves: what is over that soon is none.
 inline constexpr double kBrief = 1.0 / (1 << kMostHalvings);
 inline constexpr int kPasses = 8;        // of the carrying problem in a piece

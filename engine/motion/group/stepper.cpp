@@ -10,6 +10,11 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
+namespace {
+
+constexpr int kLevels = 10;  // times that a piece is halved
+
+}  // namespace
 
 void GroupOutcome::Clear() {
   pieces = bounces = passes = 0;
@@ -255,7 +260,7 @@ bool Stepper::Piece(Progress* p) {
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
   rides_lost_.clear();
-  const bool may_halve = p->level < kMostHalvings, deep = Refine(may_halve, &cut, &h);
+  const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
   if (!rides_lost_.empty()) {
     KickRiders(-1);
     for (const size_t c : rides_lost_) ride_.Drop(c);
