@@ -2,16 +2,16 @@
 # where there are more than before: who adds one takes one away, or shows in bench/notebook.md what a user would lose without it and raises MOST.
 #   cmake -DROOT=<repository> -P tests/thresholds_test.cmake
 cmake_minimum_required(VERSION 3.22)
-set(MOST 139)
+set(MOST 120)
 
 # Not counted: numbers that are what they are. Each name is of one thing alone, and has to be there.
 set(FACTS
   kLanes kTile kParts kColumns kSpill kVector kRowLanes kBatchLanes  # widths of vectors, and what follows from them
-  kKinds kSpare kFaces kMaxRows kNumProblemRungs kNumRungs kCorners kSigns kMotionBytes  # sizes and lists
+  kKinds kSpare kFaces kMaxRows kNumProblemRungs kNumRungs kCorners kSigns kMotionBytes kMostSums  # sizes and lists
   kNobody kClosestFeature kTouchingEdges kAutoBounceLimit kAwake kBefore kFar kVersion  # marks
   kBrief kTouching kGain  # shares of others that are counted
   kOuter kShare kShares  # coefficients of integrators
-  kUlp kHalvings kMostSteps)  # bits of a double: rounding, and what halving an interval leaves
+  kUlp kHalvings kMostSteps kMostTasks)  # bits: rounding of a double, what halving an interval leaves, a word of marks
 
 set(sum 0)
 set(facts 0)

@@ -27,7 +27,6 @@ constexpr int kRefitsPerRebuild = 32;
 // While it stays inside, its candidates stay. Measured on cubeglass (1,000 cubes, 5 calls a frame): candidates and contacts
 // that are kept save a quarter of all detection, most of it in the tree.
 constexpr double kRoom = 0.03;
-constexpr double kTooMuch = 1.5;  // times what it would be given now
 
 // fcl::AABB::overlap, but inlined.
 bool Overlap(const BoundingBox& p, const BoundingBox& q) {
@@ -84,12 +83,11 @@ struct Detector::Impl {
 bool Detector::Impl::LeavesRoom(int number) const {
   const WatchedBody& body = bodies[number];
   if (body.removed || body.half_space) return false;
-  if (!rooms[number].Contains(body.box)) return true;
-  const Box room = RoomOf(body);
-  return ((rooms[number].upper - rooms[number].lower).array() > kTooMuch * (room.upper - room.lower).array()).any();
+  return !rooms[number].Contains(body.box);
 }
 
-// A body whose box has left its room, or that has far too much of it, searches anew; so do all if a half-space came or went.
+// A body whose box has left its room searches anew; so do all if a half-space came or went, and where the tree is built anew, since some
+// have far too much room by then.
 void Detector::Impl::FindLeavers() {
   const int n = bodies.size();
   const bool fewer = static_cast<int>(leaves.size()) > n;  // another world: its bodies leave
@@ -97,7 +95,7 @@ void Detector::Impl::FindLeavers() {
     if (leaves[i]) tree.remove(leaves[i]);
   }
   if (fewer || !keep) pairs.clear();
-  const bool all = fewer || !keep || bodies.half_spaces_changed();
+  const bool all = fewer || !keep || bodies.half_spaces_changed() || refits_since_rebuild >= kRefitsPerRebuild;
   leaves.resize(n, nullptr);
   rooms.resize(n);
   leaves_room.assign(n, 0);
@@ -129,11 +127,12 @@ void Detector::Impl::UpdateTree() {
     }
   }
   if (tree.empty()) return;
-  if (other_bodies || ++refits_since_rebuild >= kRefitsPerRebuild) {
+  if (other_bodies || refits_since_rebuild >= kRefitsPerRebuild) {
     tree.balanceTopdown();
     refits_since_rebuild = 0;
   } else {
     tree.refit();
+    ++refits_since_rebuild;
   }
 }
 

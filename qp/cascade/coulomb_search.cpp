@@ -228,7 +228,7 @@ NaturalMap CoulombSearch::Search(const Task& task, NaturalMap best) {
   const double goal = task.goal();
   PrepareSweeps(problem);
   best_ = now_;
-  const bool single = problem.num_bodies() >= kSingleBodies && MassRatio(problem) <= kSingleMasses;
+  const bool single = !IsSmall(problem) && MassRatio(problem) <= kSingleMasses;
   bool astray = false;
   for (int left = task.settings.effort.sweeps; left > 0 && !best.Meets(goal);) {
     const Precision precision = single && best.rms > kRough * task.scale() ? Precision::kSingle : Precision::kDouble;

@@ -7,9 +7,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kSweeps = 1000;         // between two tries of Newton's method
-constexpr int kNewtonSteps = 400;     // of one
-constexpr int kMostRounds = 30;       // of both
+constexpr int kSteps = 400;           // of sweeps, then of Newton's method, and so on
 constexpr double kGoalShare = 0.5;    // of the tolerance: so that nobody who measures otherwise finds it missed
 constexpr double kAbsurdSpeed = 1e3;  // times the velocities at hand
 
@@ -95,11 +93,11 @@ void DenseSolver::SolveScaled(const ScaledDenseProblem& problem, const Settings&
     return best.Meets(goal);
   };
   bool infeasible = false;
-  for (int round = 1; round <= kMostRounds && !best.Meets(goal) && !infeasible; ++round) {
-    sweeper.Sweep(kSweeps, &impulses);
+  for (int round = 1; round <= kPatience && !best.Meets(goal) && !infeasible; ++round) {
+    sweeper.Sweep(kSteps, &impulses);
     if (reaches()) break;
     infeasible = ProvesInfeasible(problem, model, impulses);
-    solution->iterations += newton_.Polish(problem, model, goal, kNewtonSteps, &impulses);
+    solution->iterations += newton_.Polish(problem, model, goal, kSteps, &impulses);
     reaches();
   }
   solution->status = best.Meets(settings.tolerance) ? Status::kSolved

@@ -24,8 +24,6 @@ enum class Pace {
 // Of the sweeps alone: what goes in and what is returned is double.
 enum class Precision { kDouble, kSingle };
 
-inline constexpr int kSingleBodies = 64;  // in smaller islands single precision saves nothing that shows
-
 class GaussSeidel {
  public:
   // kernels: the best of this machine unless told otherwise.

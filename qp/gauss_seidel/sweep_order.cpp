@@ -8,16 +8,14 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kSplit = 1500;         // contacts; fewer are swept in the time of a few forks
 constexpr int kPartContacts = 3000;  // in a part, more or less: boundaries cost, and their sections are few
-constexpr int kMaxParts = 8;
-constexpr int kSpacing = 3;  // batches between two that share a body, where there is room: the core overlaps them
 
 }  // namespace
 
 void SweepOrder::Build(const Problem& problem, int num_parts) {
   const int num_contacts = problem.num_contacts();
-  if (num_parts <= 0) num_parts = num_contacts < kSplit ? 1 : std::clamp(num_contacts / kPartContacts, 2, kMaxParts);
+  // From half a part on they are two: fewer are swept in the time of a few forks.
+  if (num_parts <= 0) num_parts = 2 * num_contacts < kPartContacts ? 1 : std::max(num_contacts / kPartContacts, 2);
   part_.assign(problem.bodies.size(), 0);
   if (num_parts > 1) SplitIntoParts(problem, num_parts);
   const int num_sections = AssignSections(problem, num_parts);
@@ -156,24 +154,14 @@ int SweepOrder::FindRoom(int batch) {
   return root;
 }
 
-// Each contact goes into the first batch with room behind all earlier contacts of its bodies. Where one body has so many that
-// batches must follow each other closely, they do.
+// Each contact goes into the first batch with room behind all earlier contacts of its bodies.
 void SweepOrder::FillBatches(const Problem& problem, int section) {
   const int first = section_start_[section], last = section_start_[section + 1];
-  int depth = 1;
   earliest_.assign(problem.bodies.size(), 0);
   const auto places = [&](const ContactTerm& contact, auto&& use) {
     if (contact.body_a >= 0) use(earliest_[contact.body_a]);
     if (contact.body_b >= 0) use(earliest_[contact.body_b]);
   };
-  for (int k = first; k < last; ++k) {  // the longest chain
-    int level = 0;
-    places(problem.contacts[members_[k]], [&](int& place) { level = std::max(level, place); });
-    places(problem.contacts[members_[k]], [&](int& place) { place = level + 1; });
-    depth = std::max(depth, level + 1);
-  }
-  const int spacing = std::clamp((last - first) / (kBatchLanes * depth), 1, kSpacing);
-  std::fill(earliest_.begin(), earliest_.end(), 0);
   used_.clear();
   room_.clear();
   for (int k = first; k < last; ++k) {
@@ -188,7 +176,7 @@ void SweepOrder::FillBatches(const Problem& problem, int section) {
     }
     contacts_[(num_batches_ + batch) * kBatchLanes + used_[batch]] = members_[k];
     if (++used_[batch] == kBatchLanes) room_[batch] = batch + 1;
-    places(contact, [&](int& place) { place = batch + spacing; });
+    places(contact, [&](int& place) { place = batch + 1; });
   }
   sections_.push_back({num_batches_, static_cast<int>(used_.size())});
   num_batches_ += static_cast<int>(used_.size());

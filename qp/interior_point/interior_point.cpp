@@ -21,8 +21,6 @@ constexpr double kMostShare = 0.9999;
 // numbers. Elsewhere the last step may go as far as it can.
 constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;                     // of the aim: least mean complementarity
-constexpr double kRefineBelow = 1e-4;                   // gap from which directions are refined
-constexpr int kMaxIterations = 100;                     // of one solve
 constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
 constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
 constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
@@ -177,12 +175,12 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
       there = map <= kRefined;
       look_below = merit * kRefined / map;
     }
-    if (there || solution->iterations >= kMaxIterations || stalled >= kPatience) break;
+    if (there || stalled >= kPatience) break;
     if (!UpdateScalings()) break;
     kkt_.Factorise(blocks_, normal_blocks_);
     ComputeDirection(1, false, &direction_);
     const double mu = now.gap / degree_;
-    refine_ = gap < kRefineBelow;
+    const bool refine = gap < std::sqrt(tolerance);  // half the digits are there
     refine_to_ = 0.1 * std::min(tolerance, std::sqrt(aim));
     const double affine = LongestStep(direction_.bound, 1);
     const double left = 1 - affine, sigma = std::max(least_sigma, left * left * left);  // [Meh92]
@@ -193,10 +191,10 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
     const double share = least_sigma > 0 ? std::clamp(affine, kStepShare, kMostShare) : kStepShare;
     AimAt(goal);
-    ComputeDirection(weight, refine_, &direction_);
+    ComputeDirection(weight, refine, &direction_);
     double step = std::min(1.0, share * LongestStep(direction_.bound, 2));
     for (int tries = 0; tries < kMaxCorrectors && step < 0.95; ++tries) {
-      if (!ImproveCentrality(weight, std::max(goal, 1e-3 * mu), &step)) break;
+      if (!ImproveCentrality(weight, std::max(goal, 1e-3 * mu), refine, &step)) break;
     }
     if (step < 1e-10) break;
     Advance(step);
@@ -232,11 +230,11 @@ double InteriorPoint::LeastEnergy() {
 
 // One centrality corrector: look where the whole step would lead, pull the products that leave the band back into it,
 // and keep the new direction if it can be followed farther.                                                     [Gon96]
-bool InteriorPoint::ImproveCentrality(double weight, double aim, double* step) {
+bool InteriorPoint::ImproveCentrality(double weight, double aim, bool refine, double* step) {
   ForBatches([&](int first, int last) {
     kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, kProductLow * aim, kProductHigh * aim);
   });
-  ComputeDirection(weight, refine_, &trial_);
+  ComputeDirection(weight, refine, &trial_);
   const double longer = std::min(1.0, kStepShare * LongestStep(trial_.bound, 2));
   if (longer <= *step) return false;
   *step = longer;

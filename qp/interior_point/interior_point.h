@@ -65,7 +65,7 @@ class InteriorPoint {
   double WorstBound(const Run& run);
   double MassNorm(const std::vector<double>& momentum) const;
   void AimAt(double goal);
-  bool ImproveCentrality(double weight, double aim, double* step);
+  bool ImproveCentrality(double weight, double aim, bool refine, double* step);
   void Advance(double step);
   Status Iterate(const Settings& settings, Solution* solution);
   void Extract(const Problem& problem, double velocity_scale, std::span<const double> slips, Solution* solution);
@@ -90,11 +90,10 @@ class InteriorPoint {
   Direction direction_, trial_;
   std::vector<Lanes> best_z_;
   std::vector<double> best_y_;
-  std::vector<double> error_;     // of the direction, in the momentum balance
-  std::vector<double> gathered_;  // sum of the forces on each body, field by field
-  std::vector<Lanes> forces_;     // three a batch
-  std::vector<double> partial_;   // per range of batches
-  bool refine_ = false;
+  std::vector<double> error_;          // of the direction, in the momentum balance
+  std::vector<double> gathered_;       // sum of the forces on each body, field by field
+  std::vector<Lanes> forces_;          // three a batch
+  std::vector<double> partial_;        // per range of batches
   double refine_to_ = 0;               // error of a direction that is small enough
   std::vector<Lanes> softening_;       // (I + D R)^-1, nine a batch; unused where R = 0
   std::vector<Lanes> scaling_blocks_;  // D, nine a batch

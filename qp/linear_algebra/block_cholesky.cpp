@@ -10,13 +10,12 @@
 namespace islet::qp {
 namespace {
 
-constexpr size_t kSharedSolve = 150 * 150;  // entries of a panel from which its share of a solve is split
-constexpr int kPiecesOfAssembly = 8;
-constexpr int kNearCache = 3000;  // numbers
-
 void CopyBlock(double* to, const double* from, int block) {
   for (int i = 0; i < block; i += 6) std::memcpy(to + i, from + i, 6 * sizeof(double));  // a fixed size is no call
 }
+
+// Of a solve with it: it has more lines than two pieces.
+bool IsWorthForks(const Front& front) { return front.EndLine() > 2 * kPanelBlock; }
 
 // Claims the lowest bit that is not set. Which one it is depends on timing, and nothing may depend on it but addresses.
 int TakeLowest(std::atomic<std::uint64_t>* taken) {
@@ -148,17 +147,14 @@ BlockPlace BlockCholesky::BlockAt(int a, int b) {
   return {front.panel + line + at_column * front.panel_stride, static_cast<int>(front.panel_stride), pb > pa};
 }
 
-// Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A few columns at a time, so that
-// they are still in the nearest cache.
+// Columns of the nodes from .. end-1 of the front: zeroes, then what its children left. A node at a time, so that they are
+// still in the nearest cache.
 void BlockCholesky::AddChildren(int s, int from, int end) {
   const Elimination& e = elimination_;
   const Front& front = fronts_[s];
-  const int step = std::max(1, kNearCache / (static_cast<int>(front.panel_stride) * block_));
-  for (int begin = from; begin < end; begin += step) {
-    const int stop = std::min(begin + step, end);
-    for (int node = begin; node < stop; ++node) {
-      const bool in_panel = node < e.columns(s);
-      if (!in_panel && front.fresh) break;
+  for (int node = from; node < end; ++node) {
+    const bool in_panel = node < e.columns(s);
+    if (in_panel || !front.fresh) {
       const ptrdiff_t stride = in_panel ? front.panel_stride : front.update_stride;
       const int column = node * block_ - (in_panel ? 0 : front.k);
       const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
@@ -169,9 +165,8 @@ void BlockCholesky::AddChildren(int s, int from, int end) {
       const int child = e.children[c];
       const int* to = e.row_in_parent.data() + e.row_start[child];
       const int m = e.below(child);
-      const int first = static_cast<int>(std::lower_bound(to, to + m, begin) - to);
-      const int last = static_cast<int>(std::lower_bound(to + first, to + m, stop) - to);
-      kernels_->extend_add(front, m, to, fronts_[child].update, first, last);
+      const int at = static_cast<int>(std::lower_bound(to, to + m, node) - to);
+      if (at < m && to[at] == node) kernels_->extend_add(front, m, to, fronts_[child].update, at, at + 1);
     }
   }
 }
@@ -186,9 +181,8 @@ int BlockCholesky::FactoriseFront(int s, parallel::PieceRef fill) {
 int BlockCholesky::FactoriseShared(int s, parallel::PieceRef fill) {
   const Front& front = fronts_[s];
   const int nodes = elimination_.columns(s) + elimination_.below(s);
-  parallel::Fork(kPiecesOfAssembly, [&](int piece) {
-    AddChildren(s, nodes * piece / kPiecesOfAssembly, nodes * (piece + 1) / kPiecesOfAssembly);
-  });
+  const int pieces = 1 + nodes * block_ / kPanelBlock;
+  parallel::Fork(pieces, [&](int piece) { AddChildren(s, nodes * piece / pieces, nodes * (piece + 1) / pieces); });
   fill(s);
   int replaced = 0;
   for (int j = 0; j < front.k; j += kPanelBlock) {
@@ -222,7 +216,7 @@ int BlockCholesky::Factorise(std::span<const double> signs, parallel::PieceRef f
   int replaced = 0;
   for (int task = 0; task < e.num_tasks(); ++task) replaced += replaced_[task];
   for (int s = e.top(); s < e.num_supernodes(); ++s) {
-    const bool shared = FrontTime(e.columns(s), e.below(s)) > kSharedFront;
+    const bool shared = FrontTime(e.columns(s), e.below(s)) > kTaskTime;
     replaced += shared ? FactoriseShared(s, fill) : FactoriseFront(s, fill);
   }
   return replaced;
@@ -249,7 +243,7 @@ void BlockCholesky::Forward(int begin, int end, double* lines, double* carry) {
   for (int s = begin; s < end; ++s) {
     const Front& front = fronts_[s];
     Gather(s, lines, carry);
-    if (carry == nullptr && front.PanelSize() > kSharedSolve) {
+    if (carry == nullptr && IsWorthForks(front)) {
       for (int j = 0; j < front.k; j += kPanelBlock) {
         kernels_->forward_block(front, j, lines);
         ForkLines(front.SolveBegin(j), front.EndLine(), kPanelBlock,
@@ -273,7 +267,7 @@ void BlockCholesky::Backward(int begin, int end, double* lines, bool shared) {
   for (int s = end - 1; s >= begin; --s) {
     const Front& front = fronts_[s];
     Gather(s, lines, nullptr);
-    if (shared && front.PanelSize() > kSharedSolve) {
+    if (shared && IsWorthForks(front)) {
       for (int j = (front.k - 1) / kPanelBlock * kPanelBlock; j >= 0; j -= kPanelBlock) {
         ForkLines(j, j + front.BlockColumns(j), kPanelBlock / 4,
                   [&](int from, int to) { kernels_->backward_columns(front, j, from, to, lines); });

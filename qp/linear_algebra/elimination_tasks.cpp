@@ -8,8 +8,7 @@
 namespace islet::qp {
 namespace {
 
-constexpr double kSharedGain = 1.7;                        // by how much two threads shorten a front that they share
-constexpr double kCuts[] = {0.35, 0.2, 0.12, 0.08, 0.05};  // largest subtree of a task, share of the whole
+constexpr double kSharedGain = 1.7;  // by how much two threads shorten a front that they share
 
 int ParentOf(const Elimination& e, int s) { return e.below(s) == 0 ? -1 : e.supernode_of[e.rows[e.row_start[s]]]; }
 
@@ -28,23 +27,22 @@ double EliminationTasks::AddUpSubtrees(const Elimination& e) {
   return total;
 }
 
-// The longest time of a subtree that is left whole.
+// The longest time of a subtree that is left whole: the best of the whole halved a few times.
 double EliminationTasks::ChooseLimit(double total, Elimination* e) const {
   double limit = total, best = total;
-  for (const double share : kCuts) {
-    if (total < 5 * kTaskTime) break;
+  for (double most = 0.5 * total; most > kTaskTime && most * kMostTasks > 2 * total; most *= 0.5) {
     double longest = 0, tasks = 0, top = 0;
     for (int s = 0; s < e->num_supernodes(); ++s) {
       const double time = FrontTime(e->columns(s), e->below(s));
-      if (subtree_[s] > share * total) {
-        top += time > kSharedFront ? time / kSharedGain : time;
+      if (subtree_[s] > most) {
+        top += time > kTaskTime ? time / kSharedGain : time;
       } else {
         tasks += time;
         longest = std::max(longest, subtree_[s]);
       }
     }
     const double both = std::max(longest, tasks / 2) + top;
-    if (both < best) best = both, limit = share * total;
+    if (both < best) best = both, limit = most;
   }
   e->model_time = (total + best) / 2;
   return limit;

@@ -12,9 +12,9 @@ namespace islet::qp {
 
 struct Elimination;
 
-inline constexpr int kMostTasks = 64;
-inline constexpr double kTaskTime = 20e3;              // [ns] of a task; smaller subtrees share one
-inline constexpr double kSharedFront = 3 * kTaskTime;  // [ns] from which a front of the top is shared by two threads
+inline constexpr int kMostTasks = 64;  // bits of the word that marks which regions are in use
+// [ns] of a task: smaller subtrees share one, longer fronts of the top are shared by two threads.
+inline constexpr double kTaskTime = 20e3;
 
 class EliminationTasks {
  public:

@@ -7,10 +7,8 @@
 namespace islet::qp {
 namespace {
 
-constexpr int kPiece = 130;    // nodes that are ordered by minimum degree
-constexpr int kCoarsest = 80;  // nodes of the coarsest graph
-constexpr int kStarts = 4;     // separators tried on the coarsest graph
-constexpr int kTwice = 250;    // nodes of a piece that is coarsened in two ways
+constexpr int kPiece = 80;  // nodes: larger pieces are dissected, larger graphs are coarsened
+constexpr int kStarts = 4;  // separators tried on the coarsest graph
 
 }  // namespace
 
@@ -80,7 +78,7 @@ bool NestedDissection::IsConnected() {
 bool NestedDissection::Coarsen(int at, bool backwards) {
   WeightedGraph& fine = levels_[at];
   WeightedGraph& coarse = levels_[at + 1];
-  const int heaviest = std::max(2, 3 * total_ / (2 * kCoarsest));
+  const int heaviest = std::max(2, 3 * total_ / (2 * kPiece));
   fine.coarse.assign(fine.n, -1);
   queue_.clear();  // per coarse node: its one or two fine ones
   for (int k = 0; k < fine.n; ++k) {
@@ -129,10 +127,9 @@ bool NestedDissection::Separate(int begin, int end) {
   if (!IsConnected()) return true;  // nothing to separate
   int least = total_;
   std::array<int, 3> best_size{};
-  for (int way = 0; way < (total_ >= kTwice ? 2 : 1); ++way) {
+  for (int way = 0; way < 2; ++way) {
     int last = 0;
-    while (levels_[last].n > kCoarsest && last + 2 < static_cast<int>(levels_.size()) && Coarsen(last, way == 1))
-      ++last;
+    while (levels_[last].n > kPiece && last + 2 < static_cast<int>(levels_.size()) && Coarsen(last, way == 1)) ++last;
     WeightedGraph& coarsest = levels_[last];
     int best = total_ + 1;
     for (int s = 0; s < kStarts; ++s) {

@@ -6,8 +6,7 @@ namespace islet::qp {
 namespace {
 
 constexpr double kLargerHalf = 0.56;  // of a piece that is separated
-constexpr int kPasses = 3;            // of single moves over a separator
-constexpr int kMovesBeyond = 25;      // without a better separator, before a pass ends
+constexpr int kMovesBeyond = 15;      // without a better separator, before a pass ends
 
 }  // namespace
 
@@ -134,7 +133,7 @@ bool SeparatorSearch::Pass(int limit, WeightedGraph* graph) {
   size_t best_length = 0;
   int best = size_[kSeparator], best_larger = larger();
   const int before = best, larger_before = best_larger;
-  for (int since = 0; since < std::min(kMovesBeyond, 8 + graph->n / 12); ++since) {
+  for (int since = 0; since < kMovesBeyond; ++since) {
     Side to = kFirst;
     const int chosen = Choose(limit, *graph, &to);
     if (chosen < 0) break;
@@ -150,11 +149,11 @@ bool SeparatorSearch::Pass(int limit, WeightedGraph* graph) {
   return best != before || best_larger != larger_before;
 }
 
+// Ends: a pass that counts makes the larger side smaller while that is too large, else the separator, else the larger side.
 void SeparatorSearch::Improve(int total, WeightedGraph* graph) {
   const int limit = static_cast<int>(kLargerHalf * total);
   CountSides(*graph);
-  for (int pass = 0; pass < kPasses; ++pass) {
-    if (!Pass(limit, graph)) break;
+  while (Pass(limit, graph)) {
   }
 }
 
