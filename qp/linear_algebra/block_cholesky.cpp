@@ -154,19 +154,18 @@ void BlockCholesky::AddChildren(int s, int from, int end) {
   const Front& front = fronts_[s];
   for (int node = from; node < end; ++node) {
     const bool in_panel = node < e.columns(s);
-    if (in_panel || !front.fresh) {
-      const ptrdiff_t stride = in_panel ? front.panel_stride : front.update_stride;
-      const int column = node * block_ - (in_panel ? 0 : front.k);
-      const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
-      double* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
-      for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(double) * (stride - line));
-    }
+    if (!in_panel && front.fresh) break;  // it has no children
+    const ptrdiff_t stride = in_panel ? front.panel_stride : front.update_stride;
+    const int column = node * block_ - (in_panel ? 0 : front.k);
+    const int line = RoundDown(column + (in_panel ? front.lead : 0));  // from the diagonal on, whole vectors
+    double* at = (in_panel ? front.panel : front.update) + static_cast<ptrdiff_t>(column) * stride + line;
+    for (int q = 0; q < block_; ++q) std::memset(at + q * stride, 0, sizeof(double) * (stride - line));
     for (int c = e.child_start[s]; c < e.child_start[s + 1]; ++c) {
       const int child = e.children[c];
       const int* to = e.row_in_parent.data() + e.row_start[child];
       const int m = e.below(child);
-      const int at = static_cast<int>(std::lower_bound(to, to + m, node) - to);
-      if (at < m && to[at] == node) kernels_->extend_add(front, m, to, fronts_[child].update, at, at + 1);
+      const int k = static_cast<int>(std::lower_bound(to, to + m, node) - to);
+      if (k < m && to[k] == node) kernels_->extend_add(front, m, to, fronts_[child].update, k, k + 1);
     }
   }
 }

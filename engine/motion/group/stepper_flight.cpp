@@ -8,8 +8,6 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
-namespace {}  // namespace
-
 // Walls are where their velocity takes them: poses at time t of the step, for those that do not move by contacts.
 void Stepper::PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const {
   for (size_t i = 0; i < group_->bodies.size(); ++i) {
