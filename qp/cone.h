@@ -24,6 +24,8 @@ enum class ConeKind : std::uint8_t { kRay, kCircular, kOctagon };
 
 inline constexpr int kMaxRows = 8;
 
+inline constexpr double kAlmost = 0.995;  // of the way to a cone's boundary: as far as methods go that stay inside
+
 struct ContactCone {
   ConeKind kind = ConeKind::kRay;
   double friction = 0;

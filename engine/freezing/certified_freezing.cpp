@@ -63,10 +63,11 @@ void CertifiedFreezing::SumLoads(const SuiteFrame& frame) {
   for (size_t i = 0; i < frame.bodies.size(); ++i) StartLoad(frame, static_cast<int>(i));
   for (size_t c = 0; c < frame.contacts.contacts.size(); ++c) {
     const Contact& contact = frame.contacts.contacts[c];
-    const Vector3 local = frame.bounces[c] + frame.collisions[c] + frame.holding[c];
+    Vector3 local = frame.holding[c];
+    if (whole_) local += frame.bounces[c] + frame.collisions[c];
     if (local.isZero(0)) continue;
     AddLoad(frame, contact, frame.frames[c] * local);
-    const double outside = (local.tail<2>().norm() - contact.friction * local[0]) / local.norm();
+    const double outside = local.tail<2>().norm() - contact.friction * local[0];
     for (const int i : {contact.body_a, contact.body_b}) {
       loads_[i].outside = std::max(loads_[i].outside, outside);
       held_[i] = 1;
@@ -80,7 +81,8 @@ double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
 }
 
 bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) {
-  return std::max(load.outside, Imbalance(body, load)) <= kMargin * settings.tolerance;
+  const double most = kMargin * settings.tolerance;
+  return load.outside <= most * load.size && Imbalance(body, load) <= most;
 }
 
 void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
@@ -110,6 +112,7 @@ void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& sett
       (*still)[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
     if (body.Moves()) TrackStillness(body, settings, frame.dt, &(*still)[i]);
   }
+  share_ = 1;
   Wake(frame, {}, settings);
 }
 
@@ -121,13 +124,16 @@ void CertifiedFreezing::Wake(const SuiteFrame& frame, std::span<const std::uint8
   for (const Contact& contact : frame.contacts.contacts)
     if (frame.bodies[contact.body_a].Moves() || frame.bodies[contact.body_b].Moves())
       touched_[contact.body_a] = touched_[contact.body_b] = 1;
+  const bool alone = !whole_ && hit.empty();
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
-    const Body& body = frame.bodies[i];
+    Body& body = frame.bodies[i];
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
     if (!body.frozen) moves_[roots_[i]] = moves_[roots_[i]] || whole_;
     if (!body.frozen) continue;
     const bool is_hit = !hit.empty() && hit[i];
-    if (is_hit || !held_[i] || (!touched_[i] && !IsBalanced(body, loads_[i], settings))) moves_[roots_[i]] = 1;
+    if (!is_hit && held_[i] && (touched_[i] || IsBalanced(body, loads_[i], settings))) continue;
+    if (alone) body.frozen = false;
+    if (!alone) moves_[roots_[i]] = 1;
   }
   WakeIslands(frame);
 }
@@ -184,10 +190,22 @@ void CertifiedFreezing::AskForBalance(const SuiteFrame& frame) {
 }
 
 // What is wanted_, within the cones of what holds. Returns whether it is given.
-bool CertifiedFreezing::FindImpulses(const Settings& settings, std::vector<Vector3>* impulses) {
-  if (!stopping_.Find(wanted_, limits_, kMargin * settings.tolerance, impulses)) return false;
+bool CertifiedFreezing::FindImpulses(const Settings& settings, StopImpulses::Reach reach,
+                                     std::vector<Vector3>* impulses) {
+  if (!stopping_.Find(wanted_, limits_, kMargin * settings.tolerance, reach, impulses)) return false;
   for (const double missed : stopping_.missed()) worst_imbalance_ = std::max(worst_imbalance_, missed * kCalm);
   return true;
+}
+
+// Of members_, whom the last search could not hold. Each attempt of a frame wakes slower ones, in the end all of the island; so does the
+// first where one lacks more than its weight: it was struck.
+void CertifiedFreezing::WakeWhatGivesWay(const SuiteFrame& frame) {
+  const std::vector<double>& speeds = stopping_.speeds();
+  double least = share_ * *std::max_element(speeds.begin(), speeds.end());
+  for (size_t k = 0; k < members_.size(); ++k)
+    if (wanted_[k].norm() > frame.bodies[members_[k]].mass * frame.rest_speed) least = 0;
+  for (size_t k = 0; k < members_.size(); ++k)
+    if (!(speeds[k] < least)) frame.bodies[members_[k]].frozen = false;
 }
 
 bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses,
@@ -200,7 +218,6 @@ bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpu
   for (size_t i = 0; i < n; ++i) StartLoad(frame, static_cast<int>(i));
   for (const LedgerImpulse& j : impulses) AddLoad(frame, j.contact, j.impulse_W);
   FindIslands(frame);
-  moves_.assign(n, 0);
   asks_.assign(n, 0);
   for (size_t i = 0; i < n; ++i) {
     if (!frame.bodies[i].frozen) continue;
@@ -209,15 +226,17 @@ bool CertifiedFreezing::Hold(const SuiteFrame& frame, std::span<const LedgerImpu
     if (imbalance <= kCalm) worst_imbalance_ = std::max(worst_imbalance_, imbalance);
   }
   bool held = true;
+  share_ /= kMargin;
   CollectIslands(frame, [&](int i) { return frame.bodies[i].frozen && asks_[roots_[i]]; });
-  ForEachCollected([&](int root) {
+  ForEachCollected([&](int) {
     stopping_.Prepare(frame, members_, contacts_);
     AskForBalance(frame);
-    moves_[root] = !FindImpulses(settings, &balance_);
-    held = held && !moves_[root];
+    if (!FindImpulses(settings, StopImpulses::Reach::kFar, &balance_)) {
+      WakeWhatGivesWay(frame);
+      held = false;
+    }
     for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], Vector3::Zero(), balance_[k]});
   });
-  WakeIslands(frame);
   return held;
 }
 
@@ -282,10 +301,10 @@ void CertifiedFreezing::StopIsland(const SuiteFrame& frame, const Settings& sett
       const Body& body = frame.bodies[members_[k]];
       wanted_[k] << -body.mass * body.linear_velocity_W, -body.AngularMomentumW() / body.radius;
     }
-    bool found = FindImpulses(settings, &stop_);
+    bool found = FindImpulses(settings, StopImpulses::Reach::kNear, &stop_);
     if (found) {
       AskForBalance(frame);
-      found = FindImpulses(settings, &balance_);
+      found = FindImpulses(settings, StopImpulses::Reach::kNear, &balance_);
     }
     if (found) {
       for (size_t k = 0; k < contacts_.size(); ++k) stops_.push_back({contacts_[k], stop_[k], balance_[k]});

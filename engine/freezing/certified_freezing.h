@@ -9,9 +9,10 @@
 //            to the tolerance, the others freeze all the same
 //   holds    what is frozen is a wall for what moves beside it. After the frame what that pressed with is balanced by the contacts of what
 //            is frozen: that they can means that standing still obeys Coulomb's law
-//   wakes    as a whole, before anything is resolved: where a contact joins it to a wall that moves, and where its impulses no longer balance
-//            what acts on it. A support that is gone, a load that changed, gravity that turned, friction that was lowered: all show. And
-//            the frame begins anew with it awake where it was struck, or could not be held. It is solved from the impulses that held it
+//   wakes    before anything is resolved: an island that a contact joins to a wall that moves, and each body that the impulses which held it
+//            no longer balance. A support that is gone, a load that changed, gravity that turned, friction that was lowered: all show.
+//            The frame begins anew with those awake that were struck, or could not be held: first those alone that give way, then who
+//            gives way with a tenth of their speed, and so on. They are solved from the impulses that held them
 //   threads: one caller at a time
 #pragma once
 
@@ -44,13 +45,14 @@ class CertifiedFreezing {
   // whole: islands freeze and wake as a whole, and nobody has to call Hold.
   explicit CertifiedFreezing(bool whole) : whole_(whole) {}
 
-  // Start of a frame, when its contacts and the impulses that held are known: wakes islands. still: per body.
+  // Start of a frame, when its contacts and the impulses that held are known: wakes who is no longer held. still: per body.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings, std::vector<Stillness>* still);
-  // The same once more, where frozen bodies were found to be hit in this frame: their islands wake. hit: per body; may be empty.
+  // The same once more, where the frame begins anew. hit: per body, whether it was struck while frozen; may be empty. What is struck wakes
+  // alone if that is the first reason to begin anew, and with its island if not.
   void Wake(const SuiteFrame& frame, std::span<const std::uint8_t> hit, const Settings& settings);
 
   // Once the frame has been moved, before EndFrame: finds what impulses of it leave off balance of frozen bodies. Returns false where
-  // nothing within the cones of what holds them balances that: those islands are frozen no more.
+  // nothing within the cones of what holds them balances that: those that give way are frozen no more.
   bool Hold(const SuiteFrame& frame, std::span<const LedgerImpulse> impulses, const Settings& settings);
 
   // End of a frame: freezes islands; what is frozen has no velocity. was_frozen: per body, as the frame began. errors: [m/s] per
@@ -72,11 +74,12 @@ class CertifiedFreezing {
   struct Load {
     Vector3 linear = Vector3::Zero(), angular = Vector3::Zero();  // [N s], [N m s] of everything
     double size = 0;                                              // [N s] sum of magnitudes
-    double outside = 0;  // farthest that an impulse lies outside its cone, of its size
+    double outside = 0;  // [N s] farthest that an impulse lies outside its cone
   };
   static bool NoneIsFrozen(const SuiteFrame& frame);
   void FindIslands(const SuiteFrame& frame);
   void WakeIslands(const SuiteFrame& frame);
+  void WakeWhatGivesWay(const SuiteFrame& frame);
   void StartLoad(const SuiteFrame& frame, int body);
   void AddLoad(const SuiteFrame& frame, const Contact& contact, const Vector3& impulse_W);
   template <typename F>
@@ -90,13 +93,14 @@ class CertifiedFreezing {
   void StopIslands(const SuiteFrame& frame, const Settings& settings);
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
   size_t LeaveOut(const SuiteFrame& frame);
-  bool FindImpulses(const Settings& settings, std::vector<Vector3>* impulses);
+  bool FindImpulses(const Settings& settings, StopImpulses::Reach reach, std::vector<Vector3>* impulses);
   static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 
   bool whole_;
   double worst_imbalance_ = 0;
+  double share_ = 1;                        // of the fastest speed: who gives way in this attempt of the frame
   std::vector<int> roots_;                  // islands, per body
   std::vector<std::uint8_t> moves_;         // per root: at a wall that moves; it wakes
   std::vector<std::uint8_t> held_, rests_;  // per body: a contact holds it; it is or gets frozen

@@ -28,12 +28,19 @@ void StopImpulses::Prepare(const SuiteFrame& frame, std::span<const int> bodies,
   least_.Prepare(holding_, &problem_);
 }
 
-bool StopImpulses::Find(std::span<const Momentum> wanted, std::span<const double> limits, double outside,
+bool StopImpulses::Find(std::span<const Momentum> wanted, std::span<const double> limits, double outside, Reach reach,
                         std::vector<Vector3>* impulses) {
   wanted_.clear();
   for (const Momentum& momentum : wanted) wanted_.insert(wanted_.end(), momentum.begin(), momentum.end());
   limits_.assign(limits.begin(), limits.end());
-  return least_.Find(wanted_, limits_, outside, impulses);
+  return least_.Find(wanted_, limits_, outside, reach, impulses);
+}
+
+const std::vector<double>& StopImpulses::speeds() {
+  const std::vector<double>& way = least_.mechanism();
+  speeds_.clear();
+  for (size_t i = 0; i < way.size(); i += 6) speeds_.push_back(Eigen::Map<const Momentum>(&way[i]).norm());
+  return speeds_;
 }
 
 }  // namespace islet

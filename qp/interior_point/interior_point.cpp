@@ -13,8 +13,7 @@ namespace {
 constexpr double kStartPush = 0.2;  // of v_ref: how far inside its cone a row starts
 constexpr double kStartImpulse =
     5;  // times what would stop one v_ref at the contact alone: piles press more than single bodies
-constexpr double kStepShare = 0.995;  // of the way to the boundary
-// The same on the way to an aim below the tolerance, where affine steps reach farther than that: all contacts clearly stick,
+// Beyond kAlmost on the way to an aim below the tolerance, where affine steps reach farther than that: all contacts clearly stick,
 // slide or part, and the gap falls by what a step leaves of the way.
 constexpr double kMostShare = 0.9999;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
@@ -189,7 +188,7 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
     const double least = kLeastShare * aim * (aim < tolerance ? motion : energy_scale_) / degree_;
     const double goal = std::max(sigma * mu, least);
     const double weight = goal > sigma * mu ? 1 : 1 - sigma;
-    const double share = least_sigma > 0 ? std::clamp(affine, kStepShare, kMostShare) : kStepShare;
+    const double share = least_sigma > 0 ? std::clamp(affine, kAlmost, kMostShare) : kAlmost;
     AimAt(goal);
     ComputeDirection(weight, refine, &direction_);
     double step = std::min(1.0, share * LongestStep(direction_.bound, 2));
@@ -235,7 +234,7 @@ bool InteriorPoint::ImproveCentrality(double weight, double aim, bool refine, do
     kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, kProductLow * aim, kProductHigh * aim);
   });
   ComputeDirection(weight, refine, &trial_);
-  const double longer = std::min(1.0, kStepShare * LongestStep(trial_.bound, 2));
+  const double longer = std::min(1.0, kAlmost * LongestStep(trial_.bound, 2));
   if (longer <= *step) return false;
   *step = longer;
   std::swap(direction_, trial_);

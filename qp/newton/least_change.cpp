@@ -5,12 +5,13 @@
 #include <utility>
 
 #include "qp/body_algebra.h"
+#include "qp/cone.h"
 #include "qp/smallness.h"
 
 namespace islet::qp {
 namespace {
 
-constexpr int kRounds = 6;  // of refinement, each leaves a hair of what can be given; and of steps within the cones
+constexpr int kRounds = 6;  // of refinement, each leaves a hair of what can be given; and of steps towards the centre
 
 // The inverse Hessian of the cone's logarithmic barrier, times what makes it linear in the impulse.
 Matrix3 WeightOf(const Vector3& impulse, double friction) {
@@ -37,17 +38,35 @@ void LeastChange::Prepare(const std::vector<Vector3>& impulses, Problem* problem
   fresh_ = false;
 }
 
-// The factor for these impulses.
-void LeastChange::Weigh(const std::vector<Vector3>& impulses) {
+// So that no impulse is on its cone.
+void LeastChange::DrawInside() {
+  for (size_t c = 0; c < impulses_.size(); ++c) {
+    const double most = kAlmost * problem_->contacts[c].friction * impulses_[c][0],
+                 slip = impulses_[c].tail<2>().norm();
+    if (slip <= most) continue;
+    step_[c] << 0, (most / slip - 1) * impulses_[c].tail<2>();
+    impulses_[c] += step_[c];
+    AddForce(problem_->contacts[c], 6, 0, -1, step_[c], &wanted_);
+  }
+}
+
+// The factor for the impulses so far.
+void LeastChange::Weigh(Aim aim) {
   Problem& problem = *problem_;
-  weights_.resize(impulses.size());
-  double largest = 0;  // as the unit: the same bits in whatever units impulses are
-  for (const Vector3& j : impulses) largest = std::max(largest, j[0]);
-  const double unit = largest > 0 ? largest : 1;
+  weights_.resize(impulses_.size());
+  drift_.assign(impulses_.size(), Vector3::Zero());
+  double sum = 0;  // a mean as the unit: the same bits in whatever units impulses are
+  for (const Vector3& j : impulses_) sum += j[0];
+  const double unit = sum > 0 ? sum / static_cast<double>(impulses_.size()) : 1;
   for (BodyTerm& body : problem.bodies) body.mass = 0;
-  for (size_t c = 0; c < impulses.size(); ++c) {
+  for (size_t c = 0; c < impulses_.size(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
-    weights_[c] = WeightOf(impulses[c] / unit, contact.friction);
+    const Vector3 j = impulses_[c] / unit;
+    weights_[c] = WeightOf(j, contact.friction);
+    if (aim == Aim::kCentre) {
+      weights_[c] *= 0.5 * j[0];
+      drift_[c] = unit * (j - weights_[c].col(0));
+    }
     for (const auto& [body, jacobian] :
          {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})
       if (body >= 0) problem.bodies[body].mass += kRefined * (jacobian->transpose() * weights_[c] * *jacobian).trace();
@@ -91,9 +110,11 @@ double LeastChange::ShareInCones(double outside) const {
   return share;
 }
 
-// step_ towards residual_, which is left with what it misses. What nothing can give a body stays there, and does no harm to the others.
-// Returns whether all is within the limits.
+// step_ towards wanted_; residual_ is what it misses. What nothing can give a body stays there, and does no harm to the others. Returns
+// whether all is within the limits.
 bool LeastChange::Solve(const std::vector<double>& limits) {
+  residual_ = wanted_;
+  for (size_t c = 0; c < drift_.size(); ++c) AddForce(problem_->contacts[c], 6, 0, -1, drift_[c], &residual_);
   w_.assign(residual_.size(), 0.0);
   double worst = Miss(limits);
   for (int round = 0; worst > 1 && round < kRounds; ++round) {
@@ -107,33 +128,44 @@ bool LeastChange::Solve(const std::vector<double>& limits) {
     worst = Miss(limits);
   }
   step_.resize(weights_.size());
-  for (size_t c = 0; c < weights_.size(); ++c) step_[c] = weights_[c] * FieldVelocity(problem_->contacts[c], 6, 0, w_);
+  for (size_t c = 0; c < weights_.size(); ++c)
+    step_[c] = drift_[c] + weights_[c] * FieldVelocity(problem_->contacts[c], 6, 0, w_);
   return worst <= 1;
 }
 
+void LeastChange::Take(double share) {
+  for (size_t c = 0; c < impulses_.size(); ++c) {
+    const Vector3 part = share * step_[c];
+    impulses_[c] += part;
+    AddForce(problem_->contacts[c], 6, 0, -1, part, &wanted_);
+  }
+}
+
+bool LeastChange::FindCentre(const std::vector<double>& limits) {
+  DrawInside();
+  fresh_ = false;
+  for (int round = 0; round < kRounds; ++round) {
+    Weigh(Aim::kCentre);
+    if (!Solve(limits)) return false;
+    const double share = ShareInCones(0);
+    Take(share < 1 ? kAlmost * share : 1);
+    if (share >= 1) return true;
+  }
+  return false;
+}
+
 bool LeastChange::Find(const std::vector<double>& wanted, const std::vector<double>& limits, double outside,
-                       std::vector<Vector3>* change) {
+                       Reach reach, std::vector<Vector3>* change) {
+  change->assign(start_.size(), Vector3::Zero());
   impulses_ = start_;
   wanted_ = wanted;
-  bool found = false, whole = false;
-  for (int step = 0; step < kRounds && !whole; ++step) {
-    if (step > 0 || !fresh_) Weigh(impulses_);
-    fresh_ = step == 0;
-    residual_ = wanted_;
-    found = Solve(limits);
-    if (!found) break;
-    const double share = ShareInCones(outside);
-    whole = share >= 1;
-    const double taken = std::min(1.0, share);
-    for (size_t c = 0; c < impulses_.size(); ++c) {
-      const Vector3 part = taken * step_[c];
-      impulses_[c] += part;
-      AddForce(problem_->contacts[c], 6, 0, -1, part, &wanted_);
-    }
+  if (!std::exchange(fresh_, true)) Weigh(Aim::kLeast);
+  if (Solve(limits) && ShareInCones(outside) >= 1) {
+    Take(1);
+  } else if (reach == Reach::kNear || !FindCentre(limits)) {
+    return false;
   }
-  change->assign(impulses_.size(), Vector3::Zero());
-  if (!found || !whole) return false;
-  for (size_t c = 0; c < impulses_.size(); ++c) (*change)[c] = impulses_[c] - start_[c];
+  for (size_t c = 0; c < start_.size(); ++c) (*change)[c] = impulses_[c] - start_[c];
   return true;
 }
 

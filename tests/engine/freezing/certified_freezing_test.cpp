@@ -160,6 +160,34 @@ TEST(CertifiedFreezing, PlankTipsThoughItsTailTouchesAnUpstand) {
   }
 }
 
+// The same with the plank on a wall of bricks, all of one island. What cannot be held gives way, and does not wake the others.
+TEST(CertifiedFreezing, PlankThatTipsLeavesTheWallFrozen) {
+  World world(testing::AsCrowd(OneThread()));
+  world.Add(Floor());
+  for (int layer = 0; layer < 6; ++layer)
+    for (int k = 0; k < 6 - layer % 2; ++k)
+      world.Add({.shape = Shape::Box({0.45, 0.3, 0.2}),
+                 .mass = 1,
+                 .position_W = {-k - 0.5 * (layer % 2), 0, 0.2 + 0.4 * layer},
+                 .friction = 0.5});
+  const int plank =
+      world.Add({.shape = Shape::Box({1, 0.3, 0.05}), .mass = 1, .position_W = {-0.5, 0, 2.45}, .friction = 0.5});
+  const int wall = plank - 1;
+  ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+  BodyDefinition ball = Ball({-0.5, 0, 2.7}, 0.2);
+  ball.friction = 0;
+  ball.linear_velocity_W = {0.5, 0, 0};
+  world.Add(ball);
+  int steps = 0;
+  while (world.body(plank).angular_velocity_W.norm() < 1e-4 && ++steps < 120) {
+    const StepReport report = testing::Step(&world, kDt);
+    EXPECT_GE(report.frozen, wall - 2) << steps;
+    EXPECT_LT(report.largest_island_contacts, 20) << steps;  // those of the wall are hundreds
+  }
+  EXPECT_GT(steps, 40);
+  EXPECT_LT(steps, 120) << "it never tipped";
+}
+
 TEST(CertifiedFreezing, PileThatIsStruckMovesAsIfItHadNeverBeenFrozen) {
   Settings freezes = testing::AsCrowd(OneThread());
   freezes.effort = qp::kThoroughEffort;

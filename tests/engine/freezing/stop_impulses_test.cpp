@@ -57,7 +57,8 @@ TEST(StopImpulses, FourCornersGiveAnyMomentum) {
   Momentum wanted;
   wanted << 1e-6, -2e-6, 3e-6, 1e-7, 2e-7, -3e-7;
   std::vector<Vector3> impulses;
-  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, 1e-5, &impulses));
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, 1e-5, StopImpulses::Reach::kNear,
+                        &impulses));
   EXPECT_LE((cube.GivenBy(impulses) - wanted).norm(), 1e-15);
 }
 
@@ -70,8 +71,10 @@ TEST(StopImpulses, TwoCornersLackTheTurnAboutTheirLine) {
   up[2] = 1e-6;
   turn[3] = 1e-6;
   std::vector<Vector3> impulses;
-  EXPECT_TRUE(stop.Find(std::vector<Momentum>{up}, std::vector<double>{1e-15}, 1e-5, &impulses));
-  EXPECT_FALSE(stop.Find(std::vector<Momentum>{up + turn}, std::vector<double>{1e-15}, 1e-5, &impulses));
+  EXPECT_TRUE(
+      stop.Find(std::vector<Momentum>{up}, std::vector<double>{1e-15}, 1e-5, StopImpulses::Reach::kNear, &impulses));
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{up + turn}, std::vector<double>{1e-15}, 1e-5, StopImpulses::Reach::kNear,
+                         &impulses));
   EXPECT_GT(stop.missed()[0], 1e8);
   EXPECT_EQ(cube.GivenBy(impulses), Momentum(Momentum::Zero()));
 }
@@ -82,11 +85,12 @@ TEST(StopImpulses, WhatDoesNotPressGivesNothing) {
   StopImpulses stop;
   stop.Prepare(cube.frame, std::vector<int>{1}, cube.all);
   std::vector<Vector3> impulses;
-  stop.Find(std::vector<Momentum>{Momentum::Constant(1e-6)}, std::vector<double>{1e-15}, 1e-5, &impulses);
+  stop.Find(std::vector<Momentum>{Momentum::Constant(1e-6)}, std::vector<double>{1e-15}, 1e-5,
+            StopImpulses::Reach::kNear, &impulses);
   EXPECT_EQ(impulses[1], Vector3(0, 0, 0));
 }
 
-// The load moves near to a corner. The least change would pull at the one across: on the way there D changes.
+// The load moves near to a corner. The least change would pull at the one across: others press with all four.
 TEST(StopImpulses, LoadNearACornerIsPressedByAllFour) {
   const HeldCube cube({{0.5, 0.5, 0}, {0.5, -0.5, 0}, {-0.5, 0.5, 0}, {-0.5, -0.5, 0}});
   StopImpulses stop;
@@ -94,11 +98,13 @@ TEST(StopImpulses, LoadNearACornerIsPressedByAllFour) {
   std::vector<Vector3> wanted, impulses;
   for (const double x : {0.9, 0.1})
     for (const double y : {0.9, 0.1}) wanted.push_back({4 * x * y - 1, 0, 0});
-  EXPECT_TRUE(stop.Find(std::vector<Momentum>{cube.GivenBy(wanted)}, std::vector<double>{1e-12}, 1e-5, &impulses));
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{cube.GivenBy(wanted)}, std::vector<double>{1e-12}, 1e-5,
+                        StopImpulses::Reach::kFar, &impulses));
   EXPECT_LE((cube.GivenBy(impulses) - cube.GivenBy(wanted)).norm(), 1e-12);
   for (const Vector3& j : impulses) EXPECT_LE(j.tail<2>().norm(), 0.5 * (1 + j[0]) + 1e-5);
   for (Vector3& j : wanted) j[0] *= 1.3;  // beyond the corner
-  EXPECT_FALSE(stop.Find(std::vector<Momentum>{cube.GivenBy(wanted)}, std::vector<double>{1e-12}, 1e-5, &impulses));
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{cube.GivenBy(wanted)}, std::vector<double>{1e-12}, 1e-5,
+                         StopImpulses::Reach::kFar, &impulses));
   for (const Vector3& j : impulses) EXPECT_LE(j.tail<2>().norm(), 0.5 * (1 + j[0]) + 1e-5);
 }
 
@@ -111,7 +117,8 @@ TEST(StopImpulses, WhatSlidesStaysOnItsCone) {
   Momentum wanted = Momentum::Zero();
   wanted[0] = 1e-3;
   std::vector<Vector3> impulses;
-  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, 1e-5, &impulses));
+  EXPECT_TRUE(stop.Find(std::vector<Momentum>{wanted}, std::vector<double>{1e-15}, 1e-5, StopImpulses::Reach::kNear,
+                        &impulses));
   EXPECT_LE((cube.GivenBy(impulses) - wanted).norm(), 1e-14);
   const Vector3 after = cube.frame.holding[0] + impulses[0];
   EXPECT_LE(after.tail<2>().norm(), 0.5 * after[0] * (1 + 1e-6));
@@ -127,11 +134,11 @@ TEST(StopImpulses, WhatNothingTouchesIsMissed) {
   const std::vector<double> limits(2, 1e-15);
   std::vector<Vector3> impulses;
   stop.Prepare(cube.frame, std::vector<int>{1, 2}, cube.all);
-  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, &impulses));
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, StopImpulses::Reach::kNear, &impulses));
   EXPECT_LE(stop.missed()[0], 1);
   EXPECT_NEAR(stop.missed()[1], push.norm() / 1e-15, 1);
   stop.Prepare(cube.frame, std::vector<int>{1, 2}, std::vector<int>{});
-  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, &impulses));
+  EXPECT_FALSE(stop.Find(std::vector<Momentum>{push, push}, limits, 1e-5, StopImpulses::Reach::kNear, &impulses));
   EXPECT_TRUE(impulses.empty());
 }
 
