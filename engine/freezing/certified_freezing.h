@@ -11,8 +11,8 @@
 //            is frozen: that they can means that standing still obeys Coulomb's law
 //   wakes    before anything is resolved: an island that a contact joins to a wall that moves, and each body that the impulses which held it
 //            no longer balance. A support that is gone, a load that changed, gravity that turned, friction that was lowered: all show.
-//            The frame begins anew with those awake that were struck, or could not be held: first those alone that give way, then who
-//            gives way with a tenth of their speed, and so on. They are solved from the impulses that held them
+//            The frame begins anew with the island awake that was struck, or with those that could not be held: first those alone that
+//            give way, then who gives way with a tenth of their speed, and so on. They are solved from the impulses that held them
 //   threads: one caller at a time
 #pragma once
 
@@ -47,8 +47,7 @@ class CertifiedFreezing {
 
   // Start of a frame, when its contacts and the impulses that held are known: wakes who is no longer held. still: per body.
   void BeginFrame(const SuiteFrame& frame, const Settings& settings, std::vector<Stillness>* still);
-  // The same once more, where the frame begins anew. hit: per body, whether it was struck while frozen; may be empty. What is struck wakes
-  // alone if that is the first reason to begin anew, and with its island if not.
+  // The same once more, where the frame begins anew. hit: per body, whether it was struck while frozen: its island wakes; may be empty.
   void Wake(const SuiteFrame& frame, std::span<const std::uint8_t> hit, const Settings& settings);
 
   // Once the frame has been moved, before EndFrame: finds what impulses of it leave off balance of frozen bodies. Returns false where

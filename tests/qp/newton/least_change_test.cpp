@@ -15,12 +15,11 @@ using qp::Problem;
 using qp::Vector3;
 using qp::Vector6;
 
-// Of a body at the origin, with a wall below: normal y, tangents x and z. sign: -1 where the body is above another.
-qp::Jacobian JacobianAt(const Vector3& point, double sign) {
+// Of a body at the origin, with a wall below: normal y, tangents x and z.
+qp::Jacobian JacobianAt(const Vector3& point) {
   qp::Jacobian jacobian;
   const Vector3 axes[] = {Vector3::UnitY(), Vector3::UnitX(), Vector3::UnitZ()};
-  for (int row = 0; row < 3; ++row)
-    jacobian.row(row) << sign * axes[row].transpose(), sign * point.cross(axes[row]).transpose();
+  for (int row = 0; row < 3; ++row) jacobian.row(row) << axes[row].transpose(), point.cross(axes[row]).transpose();
   return jacobian;
 }
 
@@ -33,7 +32,7 @@ Problem Tables(int count) {
       for (const double z : {-1.0, 1.0}) {
         qp::ContactTerm& foot = problem.contacts.emplace_back();
         foot.body_b = body;
-        foot.jacobian_b = JacobianAt({x, -1, z}, 1);
+        foot.jacobian_b = JacobianAt({x, -1, z});
         foot.friction = 0.5;
       }
   return problem;
