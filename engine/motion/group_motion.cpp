@@ -476,11 +476,10 @@ bool GroupMotion::IsBalanced(double dt, const Job& job) const {
       torque += sign * (contact.point_W - b.position_W).cross(outcome.touching_force_W[c]);
       loads += outcome.touching_force_W[c].norm();
     }
-    if (force.norm() > kTrembling * loads || torque.norm() > kTrembling * loads * b.radius) return false;
+    const double most = CertifiedFreezing::kCalm * loads;
+    if (force.norm() > most || torque.norm() > most * b.radius) return false;
     const Vector3 spin_W = b.InertiaW() * b.angular_velocity_W;
-    if (b.mass * b.linear_velocity_W.norm() > CertifiedFreezing::kCalm * loads * dt ||
-        spin_W.norm() > CertifiedFreezing::kCalm * loads * dt * b.radius)
-      return false;
+    if (b.mass * b.linear_velocity_W.norm() > most * dt || spin_W.norm() > most * dt * b.radius) return false;
   }
   return true;
 }

@@ -214,6 +214,34 @@ TEST(CertifiedFreezing, PileThatIsStruckMovesAsIfItHadNeverBeenFrozen) {
   EXPECT_TRUE(touched);
 }
 
+// What freezes is held by the impulses that are told, also where a step that ended in rest moved it before.
+TEST(CertifiedFreezing, WhatIsFrozenIsHeldInEveryStep) {
+  constexpr int kBoxes = 60;
+  World world(OneThread());
+  world.Add(Floor());
+  const auto share = [](int i, double factor) { return i * factor - std::floor(i * factor); };
+  for (int i = 0; i < kBoxes; ++i) {
+    const Vector3 half(0.1 + 0.3 * share(i, 0.6180339), 0.1 + 0.3 * share(i, 0.7548776),
+                       0.1 + 0.3 * share(i, 0.5698402));
+    world.Add({.shape = Shape::Box(half),
+               .position_W = {2.4 * share(i, 0.4142135) - 1.2, 2.4 * share(i, 0.7320508) - 1.2, 0.5 + 0.85 * i},
+               .friction = 0.5,
+               .restitution = 0});
+  }
+  int held = 0;
+  for (int step = 0; step < 180; ++step) {
+    const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
+    testing::Step(&world, kDt);
+    for (int i = 1; i <= kBoxes; ++i) {
+      if (!before[i].frozen || !world.body(i).frozen) continue;
+      const double weight = before[i].mass * kGravity * kDt;
+      EXPECT_LT((ImpulseOn(world, i) - Vector3(0, 0, weight)).norm(), 1e-6 * weight) << step << " " << i;
+      ++held;
+    }
+  }
+  EXPECT_GT(held, 500);
+}
+
 TEST(CertifiedFreezing, NeverFreezesInTheAirOrAtTheTopOfAFlight) {
   World world(OneThread());
   world.Add(Floor());
