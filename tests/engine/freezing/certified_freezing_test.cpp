@@ -229,7 +229,7 @@ TEST(CertifiedFreezing, WhatIsFrozenIsHeldInEveryStep) {
                .restitution = 0});
   }
   int held = 0;
-  for (int step = 0; step < 180; ++step) {
+  for (int step = 0; step < 220; ++step) {
     const std::vector<Body> before(world.bodies().begin(), world.bodies().end());
     testing::Step(&world, kDt);
     for (int i = 1; i <= kBoxes; ++i) {
