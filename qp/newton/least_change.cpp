@@ -38,18 +38,6 @@ void LeastChange::Prepare(const std::vector<Vector3>& impulses, Problem* problem
   fresh_ = false;
 }
 
-// So that no impulse is on its cone.
-void LeastChange::DrawInside() {
-  for (size_t c = 0; c < impulses_.size(); ++c) {
-    const double most = kAlmost * problem_->contacts[c].friction * impulses_[c][0],
-                 slip = impulses_[c].tail<2>().norm();
-    if (slip <= most) continue;
-    step_[c] << 0, (most / slip - 1) * impulses_[c].tail<2>();
-    impulses_[c] += step_[c];
-    AddForce(problem_->contacts[c], 6, 0, -1, step_[c], &wanted_);
-  }
-}
-
 // The factor for the impulses so far.
 void LeastChange::Weigh(Aim aim) {
   Problem& problem = *problem_;
@@ -139,6 +127,17 @@ void LeastChange::Take(double share) {
     impulses_[c] += part;
     AddForce(problem_->contacts[c], 6, 0, -1, part, &wanted_);
   }
+}
+
+// So that no impulse is on its cone.
+void LeastChange::DrawInside() {
+  for (size_t c = 0; c < impulses_.size(); ++c) {
+    const auto tangent = impulses_[c].tail<2>();
+    const double most = kAlmost * problem_->contacts[c].friction * impulses_[c][0], slip = tangent.norm();
+    step_[c].setZero();
+    if (slip > most) step_[c].tail<2>() = (most / slip - 1) * tangent;
+  }
+  Take(1);
 }
 
 bool LeastChange::FindCentre(const std::vector<double>& limits) {

@@ -46,10 +46,10 @@ class LeastChange {
 
  private:
   enum class Aim { kLeast, kCentre };
-  void DrawInside();
   void Weigh(Aim aim);
   bool Solve(const std::vector<double>& limits);
   void Take(double share);
+  void DrawInside();
   bool FindCentre(const std::vector<double>& limits);
   double ShareInCones(double outside) const;
   void Multiply(const std::vector<double>& w, std::vector<double>* aw) const;
@@ -59,7 +59,7 @@ class LeastChange {
   KktSystem system_;
   bool fresh_ = false;                            // the factor is that of start_
   std::vector<Vector3> start_, impulses_, step_;  // at hand; so far; what these change by next
-  std::vector<Vector3> drift_;                    // what of it gives nothing that is wanted
+  std::vector<Vector3> drift_;                    // the step without w
   std::vector<Matrix3> weights_;                  // D
   std::vector<double> missed_, wanted_, w_, residual_, correction_, image_;
 };
