@@ -24,6 +24,12 @@ constexpr int kMostLooks =
 
 bool IsOurs(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
+// Whether a body is frozen all the while: it is where it was, and what acts on it over the step must cancel.
+bool StandsFrozen(const Body& before, const Body& after) {
+  return before.frozen && after.frozen && before.position_W == after.position_W &&
+         before.rotation_WB.coeffs() == after.rotation_WB.coeffs();
+}
+
 // In the frame of W.
 Vector3 SpinOf(const Matrix3& inverse_inertia_B, const Quaternion& rotation, const Vector3& momentum_W) {
   return rotation * Vector3(inverse_inertia_B * (rotation.conjugate() * momentum_W));
@@ -146,7 +152,7 @@ Ledger LedgerKeeper::Judge(const LedgerStep& step) {
   pool_->ForEachOf(n, [&](size_t i) { JudgeBody(step, static_cast<int>(i), &accounts_[i]); });
   Ledger ledger;
   for (size_t i = 0; i < n; ++i) {
-    if (!IsOurs(step.before[i]) || (step.before[i].frozen && step.after[i].frozen)) continue;
+    if (!IsOurs(step.before[i])) continue;
     const int body = static_cast<int>(i);
     ledger.momentum_unexplained.Include(accounts_[i].momentum, body);
     ledger.angular_momentum_unexplained.Include(accounts_[i].angular, body);
@@ -158,7 +164,7 @@ Ledger LedgerKeeper::Judge(const LedgerStep& step) {
 }
 
 // The centre's way under gravity, external force and the reported impulses: parabolas between moments at which a force
-// begins or ends, or a blow falls.
+// begins or ends, or a blow falls. What stands frozen stays where it is, and ends with the velocity that all that would give.
 void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* account) const {
   const Body& body = step.before[number];
   std::vector<Moment>& course = account->course;
@@ -168,9 +174,17 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     course.push_back({step.dt, body.position_W + step.dt * body.linear_velocity_W, body.linear_velocity_W});
     return;
   }
+  const Vector3 constant = step.gravity_W + body.force_W / body.mass;
+  const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
+  if (StandsFrozen(body, step.after[number])) {
+    course.push_back({0, body.position_W, Vector3::Zero()});
+    course.push_back({step.dt, body.position_W, step.dt * constant});
+    for (const int k : own)
+      course.back().velocity_W += SignOn(step.impulses[k], number) / body.mass * step.impulses[k].impulse_W;
+    return;
+  }
   thread_local std::vector<double> times;
   times.assign({0, step.dt});
-  const std::span<const int> own(places_.data() + start_[number], start_[number + 1] - start_[number]);
   for (const int k : own) {
     times.push_back(step.impulses[k].time);
     times.push_back(step.impulses[k].time + step.impulses[k].duration);
@@ -189,7 +203,6 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
     when.emplace_back(moment_of(j.time), moment_of(j.time + j.duration));
   }
   Moment now{0, body.position_W, body.linear_velocity_W};
-  const Vector3 constant = step.gravity_W + body.force_W / body.mass;
   for (size_t s = 0; s < times.size(); ++s) {
     now.time = times[s];
     Vector3 acceleration = constant;
@@ -300,10 +313,11 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
                energy_after = KineticEnergy(after, momentum_after);
   Vector3 momentum = momentum_before;
   Quaternion rotation = before.rotation_WB;
+  const bool stands = StandsFrozen(before, after);
   double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
   account->spins.push_back({0, rotation, momentum});
   for (const Kick& kick : kicks) {
-    rotation = Turn(before, rotation, momentum, kick.time - t);
+    if (!stands) rotation = Turn(before, rotation, momentum, kick.time - t);
     if (kick.of_torque)
       worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
     momentum += kick.moment;
@@ -311,7 +325,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     t = std::max(t, kick.time);
     account->spins.push_back({t, rotation, momentum});
   }
-  rotation = Turn(before, rotation, momentum, step.dt - t);
+  if (!stands) rotation = Turn(before, rotation, momentum, step.dt - t);
+  if (stands) account->spins.clear();
   const double fall = step.dt * (before.mass * step.gravity_W.norm() + before.force_W.norm() +
                                  before.torque_W.norm() / before.radius);  // [N s] what all that pulls would give
   const double rounding = 4 * std::numeric_limits<double>::epsilon() *

@@ -8,6 +8,8 @@
 //   sides        no body's centre goes through another body
 //   way          a body is where its velocities took it
 //
+// A body that is frozen all the step stays where it is, and what acts on it over the step must cancel.
+//
 //   units: SI; relative numbers are over what is at hand, see LedgerEntry    threads: bodies are shared by the pool
 #pragma once
 

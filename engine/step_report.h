@@ -26,7 +26,7 @@ struct Certificate {
 };
 
 // What the bodies of a step did that physics does not allow, judged by ledger.h; the worst of each, and whose it was. A body's
-// number, -1: nobody. Frozen bodies rest: what their impulses leave unbalanced is `frozen_imbalance`.
+// number, -1: nobody. What is frozen is judged, too: the impulses of its contacts must carry it.
 struct LedgerEntry {
   double value = 0;                     // how much
   int body = -1;                        // whose

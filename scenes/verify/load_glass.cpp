@@ -21,24 +21,13 @@ Vector3 ImpulseOnContainer(const World& world) {
   return sum;
 }
 
-// [N] sum of the sizes of all forces on bodies that froze.
-double ForceOnFrozen(const World& world, double dt) {
-  double sum = 0;
-  for (size_t c = 0; c < world.resolved_contacts().size(); ++c) {
-    const Contact& contact = world.resolved_contacts()[c];
-    const int frozen = world.body(contact.body_a).frozen + world.body(contact.body_b).frozen;
-    sum += frozen * world.impulses()[c].norm() / dt;
-  }
-  return sum;
-}
-
 void WeighGlass(const CheckSettings& settings, const char* scene, int count, double seconds, Measurements* out) {
   BuiltScene built = BuildScene(*FindScene(scene), {.count = count}, settings.engine);
   World& world = built.world;
   const double weight = Weight(world);
   const Vector3 gravity_impulse(0, 0, -weight * settings.dt);
   Vector3 on_container = Vector3::Zero();
-  double worst_step = 0, frozen_force = 0;
+  double worst_step = 0;
   const int frames = Frames(seconds, settings.dt);
   for (int frame = 0; frame < frames; ++frame) {
     const Vector3 before = Momentum(world);
@@ -46,19 +35,15 @@ void WeighGlass(const CheckSettings& settings, const char* scene, int count, dou
     const Vector3 impulse = ImpulseOnContainer(world);
     const Vector3 unexplained = Momentum(world) - before - gravity_impulse + impulse;
     worst_step = std::max(worst_step, unexplained.norm() / gravity_impulse.norm());
-    frozen_force = std::max(frozen_force, ForceOnFrozen(world, settings.dt));
     on_container += impulse;
   }
   const double time = frames * settings.dt;
   const std::string name = ", " + std::string(scene) + " with " + std::to_string(count);
   // The pieces started at rest; what momentum they have at the end the scale has not felt yet.
   const double mean = -on_container.z() / time;
-  // A frozen body may be out of balance by 1e-3 of the forces on it, or it would wake (StepReport::frozen_imbalance).
-  const double bound = 1e-6 + 1e-3 * frozen_force / weight;
-  const std::string note =
-      frozen_force > 0 ? "1e-3 of the forces on frozen bodies: the tolerance of their balance" : "";
-  out->Relative("mean force on the container" + name, "N", weight + Momentum(world).z() / time, mean, bound, note);
-  out->AtMost("momentum that no impulse explains, worst step" + name, "weight x dt", worst_step, bound, note);
+  constexpr double kBound = 1e-6;
+  out->Relative("mean force on the container" + name, "N", weight + Momentum(world).z() / time, mean, kBound);
+  out->AtMost("momentum that no impulse explains, worst step" + name, "weight x dt", worst_step, kBound);
 }
 
 }  // namespace

@@ -132,6 +132,36 @@ TEST_F(LedgerTest, SeesEveryKindOfWrong) {
   EXPECT_FALSE(Judge().Clean());
 }
 
+// What is frozen is held by what is reported of its contacts: over the step they carry its weight and what pushes it, wherever in the
+// step that push falls.
+TEST_F(LedgerTest, WhatIsFrozenMustBeHeld) {
+  before[1].position_W = {0, 0, 0.4};
+  before[1].linear_velocity_W.setZero();
+  before[1].frozen = true;
+  after = before;
+  const auto at = [](const Vector3& point_W, const Vector3& impulse_W, double time, double duration) {
+    LedgerImpulse push;
+    push.contact.body_a = 0, push.contact.body_b = 1;
+    push.contact.point_W = point_W;
+    push.impulse_W = impulse_W;
+    push.time = time;
+    push.duration = duration;
+    return push;
+  };
+  EXPECT_NEAR(Judge().momentum_unexplained.value, 1, 1e-14);  // no impulse carries its weight
+  impulses = {at({0.4, 0, 0.1}, {0, 0, 0.5}, 0, kDt), at({-0.4, 0, 0.1}, {0, 0, 0.5}, 0, kDt)};
+  EXPECT_TRUE(Judge().Clean());
+  EXPECT_EQ(Judge().displacement_without_velocity.value, 0);
+  impulses.push_back(
+      at({0.4, 0, 0.5}, {0, 0, -0.1}, 0.6 * kDt, 0));  // a blow from above, as if the box stood on nothing else
+  EXPECT_NEAR(Judge().momentum_unexplained.value, 0.1 / 1.1, 1e-12);
+  impulses[0].impulse_W.z() += 0.1;  // below the blow, spread over the step
+  EXPECT_TRUE(Judge().Clean());
+  impulses[0].impulse_W.z() -= 0.1, impulses[1].impulse_W.z() += 0.1;  // beside it
+  EXPECT_LT(Judge().momentum_unexplained.value, 1e-14);
+  EXPECT_GT(Judge().angular_momentum_unexplained.value, 0.05);
+}
+
 TEST_F(LedgerTest, SeesABodyGoThrough) {
   before[1].position_W.z() = 1;
   before[1].linear_velocity_W = {0, 0, -20};
