@@ -166,9 +166,8 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
       {&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
-  // What closing walls squeeze may have no way out: it is sent back no faster than it came. Who would gain by it is not sent back.
-  const double most = driven_ ? kFastest * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm()
-                              : (gained_[a] || gained_[b] ? 0 : INFINITY);
+  // What closing walls squeeze may have no way out: it is sent back no faster than it came.
+  const double most = driven_ ? kFastest * floor_ + (begin_[b].linear_W - begin_[a].linear_W).norm() : INFINITY;
   worker->probe.clear();
   CollideShapes(shapes_[a], at_a.placement(), shapes_[b], at_b.placement(), settings_.overlap_tolerance * size,
                 &worker->probe);
