@@ -313,11 +313,14 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
                energy_after = KineticEnergy(after, momentum_after);
   Vector3 momentum = momentum_before;
   Quaternion rotation = before.rotation_WB;
-  const bool stands = StandsFrozen(before, after);
   double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
+  const bool stands = StandsFrozen(before, after);
+  const auto turn_until = [&](double time) {
+    if (!stands) rotation = Turn(before, rotation, momentum, time - t);
+  };
   account->spins.push_back({0, rotation, momentum});
   for (const Kick& kick : kicks) {
-    if (!stands) rotation = Turn(before, rotation, momentum, kick.time - t);
+    turn_until(kick.time);
     if (kick.of_torque)
       worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
     momentum += kick.moment;
@@ -325,8 +328,8 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     t = std::max(t, kick.time);
     account->spins.push_back({t, rotation, momentum});
   }
-  if (!stands) rotation = Turn(before, rotation, momentum, step.dt - t);
-  if (stands) account->spins.clear();
+  turn_until(step.dt);
+  if (stands) account->spins.clear();  // what pushes it turns it nowhere
   const double fall = step.dt * (before.mass * step.gravity_W.norm() + before.force_W.norm() +
                                  before.torque_W.norm() / before.radius);  // [N s] what all that pulls would give
   const double rounding = 4 * std::numeric_limits<double>::epsilon() *

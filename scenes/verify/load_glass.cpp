@@ -41,9 +41,9 @@ void WeighGlass(const CheckSettings& settings, const char* scene, int count, dou
   const std::string name = ", " + std::string(scene) + " with " + std::to_string(count);
   // The pieces started at rest; what momentum they have at the end the scale has not felt yet.
   const double mean = -on_container.z() / time;
-  constexpr double kBound = 1e-6;
-  out->Relative("mean force on the container" + name, "N", weight + Momentum(world).z() / time, mean, kBound);
-  out->AtMost("momentum that no impulse explains, worst step" + name, "weight x dt", worst_step, kBound);
+  const double bound = 1e-6;
+  out->Relative("mean force on the container" + name, "N", weight + Momentum(world).z() / time, mean, bound);
+  out->AtMost("momentum that no impulse explains, worst step" + name, "weight x dt", worst_step, bound);
 }
 
 }  // namespace

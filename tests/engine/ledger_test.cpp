@@ -162,6 +162,24 @@ TEST_F(LedgerTest, WhatIsFrozenMustBeHeld) {
   EXPECT_GT(Judge().angular_momentum_unexplained.value, 0.05);
 }
 
+// One that woke, fell and was stopped is judged by its course, though it is frozen at both ends.
+TEST_F(LedgerTest, WhatWokeAndFrozeAgainHasACourse) {
+  before[1].linear_velocity_W.setZero();
+  before[1].frozen = true;
+  after[1] = before[1];
+  after[1].position_W += 0.5 * kDt * kDt * kGravity;
+  LedgerImpulse stop;
+  stop.contact.body_a = 0, stop.contact.body_b = 1;
+  stop.contact.point_W = after[1].position_W;
+  stop.impulse_W = -kDt * kGravity;
+  stop.time = kDt;
+  impulses = {stop};
+  EXPECT_TRUE(Judge().Clean());
+  EXPECT_LT(Judge().displacement_without_velocity.value, 1e-12);
+  after[1].position_W += Vector3(1e-3, 0, 0);
+  EXPECT_NEAR(Judge().displacement_without_velocity.value, 1e-3, 1e-12);
+}
+
 TEST_F(LedgerTest, SeesABodyGoThrough) {
   before[1].position_W.z() = 1;
   before[1].linear_velocity_W = {0, 0, -20};
