@@ -160,6 +160,11 @@ TEST_F(LedgerTest, WhatIsFrozenMustBeHeld) {
   impulses[0].impulse_W.z() -= 0.1, impulses[1].impulse_W.z() += 0.1;  // beside it
   EXPECT_LT(Judge().momentum_unexplained.value, 1e-14);
   EXPECT_GT(Judge().angular_momentum_unexplained.value, 0.05);
+  // A blow from the side, late in the step, held by friction and by more weight on the far foot all the step: nothing moves in between.
+  impulses = {at({0.4, 0, 0.1}, {0.1, 0, 0.45}, 0, kDt), at({-0.4, 0, 0.1}, {0, 0, 0.55}, 0, kDt),
+              at({0.5, 0, 0.5}, {-0.1, 0, 0}, 0.6 * kDt, 0)};
+  EXPECT_TRUE(Judge().Clean());
+  EXPECT_EQ(Judge().displacement_without_velocity.value, 0);
 }
 
 // One that woke, fell and was stopped is judged by its course, though it is frozen at both ends.
