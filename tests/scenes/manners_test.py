@@ -167,8 +167,9 @@ class Interrupts(unittest.TestCase):
                 self.assertEqual(json.loads(again.communicate(timeout=60)[0])["state_hash"], report["state_hash"])
 
     def test_second_signal_ends_at_once(self):
-        # A frame of many seconds, so that the first signal cannot be obeyed before the second is there.
-        program = start(["run", "cubejam", "--count", "20000", "--report", self.path("r.json"), "--html", self.path("p.html")])
+        # The first frame takes half a minute, so that the first signal cannot be obeyed before the second is there.
+        program = start(["run", "cubejam", "--count", "20000", "--dt", "1", "--report", self.path("r.json"), "--html",
+                         self.path("p.html")])
         time.sleep(0.2)
         wait_for(lambda: caught(program.pid))
         wait_for(lambda: os.listdir(self.folder.name))  # the page is written as the run goes
