@@ -8,7 +8,7 @@ import tempfile
 import time
 import unittest
 
-from program import ISLET, caught, on_terminal, read, start, wait_for
+from program import ISLET, caught, on_terminal, read, start, wait_for, worked
 
 LONG = ["run", "cubeglass", "--count", "60", "--frames", "1000000"]  # an hour
 
@@ -173,6 +173,7 @@ class Interrupts(unittest.TestCase):
         time.sleep(0.2)
         wait_for(lambda: caught(program.pid))
         wait_for(lambda: os.listdir(self.folder.name))  # the page is written as the run goes
+        wait_for(lambda: worked(program.pid) > 2)  # the scene takes half a second: its first frame is under way
         program.send_signal(signal.SIGINT)
         self.assertIn("once more ends it at once", program.stderr.readline() + program.stderr.readline())
         before = time.monotonic()

@@ -57,3 +57,9 @@ def caught(pid):
     with open(f"/proc/{pid}/status") as status:
         mask = next(line for line in status if line.startswith("SigCgt"))
     return int(mask.split()[1], 16) >> (signal.SIGINT - 1) & 1
+
+
+def worked(pid):
+    """[s] of a core that the process has used so far."""
+    with open(f"/proc/{pid}/stat") as stat:
+        return int(stat.read().rsplit(")", 1)[1].split()[11]) / os.sysconf("SC_CLK_TCK")
