@@ -11,7 +11,8 @@ namespace islet {
 
 // What took how long. Slices of one thread nest: what lies in the time of another is a part of it.
 //   "collision_qp", "static_qp"   one problem of an island, as counted in StepReport::collision_qp and static_qp
-//   "detect", "solve"             stages of a crowd: contacts found; all its problems, on all workers
+//   "detect"                      contacts of a crowd found, or those of bodies that came since the last step
+//   "solve"                       all problems of a crowd, on all workers
 //   "groups", "crowd", "ledger"   what a step consists of: small groups moved, the crowd moved, both judged
 struct Slice {
   const char* name = "";

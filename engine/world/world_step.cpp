@@ -318,7 +318,8 @@ StepReport World::Impl::StepWhole(double dt) {
   if (settings.stateless) ForgetAll();
   frozen_before.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) frozen_before[i] = bodies[i].frozen;
-  const double checked = Seconds() - start_seconds;
+  const double checked_at = Seconds(), checked = checked_at - start_seconds;
+  TellSlice({"detect", start_seconds, checked_at});
   if (StepOnce(dt, Races::kRefused, &report)) {
     report.seconds.detect += checked;
     CountFrozen(&report);

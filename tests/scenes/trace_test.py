@@ -32,7 +32,7 @@ class TraceFile(unittest.TestCase):
                                   (self.seconds(slices, "static_qp"), 40 * report["static_qp"]["seconds_per_frame"]),
                                   (self.seconds(slices, "collision_qp"), 40 * report["collision_qp"]["seconds_per_frame"])):
                 self.assertGreater(told, 0)
-                self.assertAlmostEqual(told, counted, delta=1e-3 * counted)
+                self.assertAlmostEqual(told, counted, delta=1e-5 * counted)
             self.check_nesting(slices)
             lanes = {event["tid"] for event in slices}
             self.assertLessEqual(len(lanes), int(threads))
