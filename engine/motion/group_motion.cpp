@@ -40,6 +40,18 @@ double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape
          radius * VisibleSpin(of_small, small.rotation_WB, small.angular_velocity_W - turn).norm();
 }
 
+// [m/s^2] fastest that the user's forces and torques bend the way of a point of one body, as the other one sees it.
+double PullBetween(const Body& x, const Body& y) {
+  Vector3 pull = Vector3::Zero();
+  double twist = 0;
+  for (const Body* b : {&x, &y}) {
+    if (!b->Moves()) continue;
+    pull += (b == &x ? 1 : -1) / b->mass * b->force_W;
+    twist += b->radius * SpinOf(*b, b->rotation_WB, b->torque_W).norm();
+  }
+  return pull.norm() + twist;
+}
+
 // [m] farthest that a point of the body has moved from there, at most.
 double Strayed(const Body& body, const Pose& from) {
   const Quaternion turn = body.rotation_WB * from.rotation_WB.conjugate();
@@ -377,16 +389,21 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   return true;
 }
 
-// Whether two bodies of a crowd may meet, and would move against each other by more than they are thick.
+// Whether two bodies of a crowd may go through each other within a step, or in and out again: where they move against each other by more than
+// they are thick, or the user's forces bend a way by more than what is no contact any more.
 bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const {
   for (int g = 0; g < groups_.size(); ++g) {
     if (!IsCrowd(groups_.bodies_of(g))) continue;
     for (int k = 0; k < groups_.num_pairs(g); ++k) {
       const auto [a, b] = groups_.pair(g, k);
-      if (shapes[a].kind() == ShapeKind::kHalfSpace || shapes[b].kind() == ShapeKind::kHalfSpace) continue;
-      const double way = SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]) * dt;
+      const bool thin = shapes[a].kind() != ShapeKind::kHalfSpace && shapes[b].kind() != ShapeKind::kHalfSpace;
+      const double way = dt * SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]),
+                   bend = 0.5 * dt * dt * PullBetween(bodies[a], bodies[b]), size_a = shapes[a].size(),
+                   size_b = shapes[b].size();
       const double apart = (bodies[a].position_W - bodies[b].position_W).norm() - bodies[a].radius - bodies[b].radius;
-      if (way > 0.5 * (shapes[a].size() + shapes[b].size()) && way > apart) return true;
+      const bool races =
+          (thin && way + bend > 0.5 * (size_a + size_b)) || std::min(way, bend) > kInside * std::min(size_a, size_b);
+      if (races && way + bend > apart) return true;
     }
   }
   return false;

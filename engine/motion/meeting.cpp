@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kAdvances = 200;  // of one pair
 constexpr int kTouches = 12;    // of them near it, and hardly nearer than the one before: they touch
-constexpr double kInside =
-    0.02;  // of a size: bodies that are so deep in each other are no contact, and the report says so
 
 // [m/s] fastest approach of the centres along the normal (from a to b) from t on: what changes linearly is fastest at an end.
 double Approach(const MeetingQuery& query, double t, const Vector3& normal) {

@@ -15,6 +15,8 @@ inline constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes ba
 inline constexpr double kFastest = 20;   // times the least v_ref: what a way out of an overlap, or a turn, may ask for
 // Of a size: how exactly gaps of what touches meet their end; half of it: bodies have met.
 inline constexpr double kTouching = 0.5 * kTouch;
+// Of a size: bodies that are so deep in each other are no contact any more. No way of a piece goes through that, and the report tells it.
+inline constexpr double kInside = 0.02;
 
 // Of a step of a group of so many bodies that move: a tenth to half a second for three and more. One that needs as much alone is jammed.
 inline int MostWork(int bodies) { return std::min(100000, 35000 * std::min(bodies, 3)); }

@@ -174,7 +174,7 @@ class Stepper {
   void PoseAtEnd();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
-  double PullAlong(const Vector3& normal_W) const;
+  double PullAlong(const Contact& contact) const;
   double BendOf(const Contact& contact) const;
   double LeastRebound(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;
@@ -201,16 +201,16 @@ class Stepper {
   bool Pushed() const;
 
   // Of the step.
-  double dt_ = 0;                 // [s]
-  double pull_ = 0;               // [m/s^2] fastest that gravity and forces make a body
-  std::vector<Vector3> pulls_W_;  // [m/s^2] those that there are
-  double twist_ = 0;              // [m/s^2] of them: what torques make a point
-  double floor_ = 0;              // [m/s] least v_ref
-  double brief_ = 0;              // [s] what is over that soon is none
-  int budget_ = 0;                // blows in this step at which they have to be faster
-  int cuts_ = 0;                  // pieces that ended at one
-  int work_ = 0;                  // so far
-  double threshold_ = 0;          // [m/s] approaches below it are none
+  double dt_ = 0;                               // [s]
+  double pull_ = 0;                             // [m/s^2] fastest that gravity and forces make a body
+  std::vector<std::pair<int, Vector3>> pulls_;  // [m/s^2] of bodies with forces of their own
+  double twist_ = 0;                            // [m/s^2] of them: what torques make a point
+  double floor_ = 0;                            // [m/s] least v_ref
+  double brief_ = 0;                            // [s] what is over that soon is none
+  int budget_ = 0;                              // blows in this step at which they have to be faster
+  int cuts_ = 0;                                // pieces that ended at one
+  int work_ = 0;                                // so far
+  double threshold_ = 0;                        // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;

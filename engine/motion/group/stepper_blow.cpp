@@ -17,16 +17,23 @@ constexpr double kRocks = 0.25;
 
 }  // namespace
 
-// [m/s^2] fastest that weight brings bodies together along a normal. What is held by others feels a little of it along any.
-double Stepper::PullAlong(const Vector3& normal_W) const {
-  double pull = kTrembling * pull_;
-  for (const Vector3& pull_W : pulls_W_) pull = std::max(pull, twist_ + std::abs(normal_W.dot(pull_W)));
+// [m/s^2] fastest that weight and forces bring the bodies of a contact together. A force on one of them acts in its own sense, one on another
+// in any that contacts may turn it to. What is held by others feels a little of it along any normal.
+double Stepper::PullAlong(const Contact& contact) const {
+  const Vector3& n = contact.normal_W;
+  double pull = std::max(kTrembling * pull_, twist_ + std::abs(n.dot(settings_.gravity)));
+  for (const auto& [body, pull_W] : pulls_) {
+    const double along = body == contact.body_a   ? n.dot(pull_W)
+                         : body == contact.body_b ? -n.dot(pull_W)
+                                                  : std::abs(n.dot(pull_W));
+    pull = std::max(pull, twist_ + along);
+  }
   return pull;
 }
 
 // [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
 double Stepper::BendOf(const Contact& contact) const {
-  double bend = PullAlong(contact.normal_W);
+  double bend = PullAlong(contact);
   for (const int i : {contact.body_a, contact.body_b}) {
     const Body& b = group_->bodies[i];
     if (b.kind != BodyKind::kKinematic) continue;
@@ -36,7 +43,7 @@ double Stepper::BendOf(const Contact& contact) const {
 }
 
 // [m/s] a slower one is none, since weight ends it at once.
-double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_ * PullAlong(contact.normal_W); }
+double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_ * PullAlong(contact); }
 
 // [m/s] approaches above it are blows: what they do is not over at once. Where there have been too many in the step, it takes more
 // and more.
@@ -50,7 +57,7 @@ double Stepper::CutSpeed(const Contact& contact) const {
 bool Stepper::WillHit(const Contact& contact, double opening) const {
   const double approach = std::max(0.0, -opening), cut = CutSpeed(contact);
   const bool closed = contact.gap <= kMet * Size({contact.body_a, contact.body_b});
-  return approach * approach + (closed ? 0 : 2 * PullAlong(contact.normal_W) * contact.gap) > cut * cut;
+  return approach * approach + (closed ? 0 : 2 * PullAlong(contact) * contact.gap) > cut * cut;
 }
 
 // Whether the impulse of a contact that presses is one that its velocity allows: closed, and stuck or rubbing.

@@ -12,8 +12,6 @@
 namespace islet::motion {
 namespace {
 
-constexpr double kThrough = 0.25;  // of a size: an overlap on the way through a piece that ends without one
-
 // [m/s] of a contact at t, where the bodies are then.
 double ApproachOnWay(const MeetingQuery& query, const Pose& at_a, const Pose& at_b, const Contact& c, double t) {
   const auto velocity = [&](const Path& path, const Pose& at) -> Vector3 {
@@ -157,7 +155,7 @@ bool Stepper::WayIsBarred(double h) {
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (yields_[p] > 0) continue;
     const int pair = static_cast<int>(p);
-    const MeetingQuery way = WayOf(pair, h, GapBefore(pair), kThrough);
+    const MeetingQuery way = WayOf(pair, h, GapBefore(pair), kInside);
     if (way.Farthest() > 0.5 * way.deep && First(way, h) < h) return true;
   }
   return false;

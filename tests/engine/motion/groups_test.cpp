@@ -99,5 +99,73 @@ TEST(Groups, WhoIsTurnedByTheUserMeetsWhatIsOnItsWay) {
   }
 }
 
+// A ball flies at the lowest brick of a tower under a force that sends it back: at the end of the step it is where it was, as fast as it was.
+double ImpulseOfReturning(double speed, int bricks) {
+  constexpr double kStep = 1.0 / 60, kGap = 0.01, kRadius = 0.1;
+  World world(Awake());
+  world.Add(Floor(0.5, 0));
+  for (int i = 0; i < bricks; ++i)
+    world.Add({.shape = Shape::Box({0.5, 0.25, 0.25}),
+               .mass = 1,
+               .position_W = {0, 0, 0.25 + 0.5 * i},
+               .friction = 0.5,
+               .restitution = 0});
+  BodyDefinition ball = Ball({0.5 + kRadius + kGap, 0, 0.25}, kRadius, 0.5, 0);
+  ball.mass = 1;
+  ball.linear_velocity_W = {-speed, 0, 0};
+  const int flies = world.Add(ball);
+  world.SetForce(flies, {2 * speed / kStep, 0, -world.settings().gravity.z()}, Vector3::Zero());
+  EXPECT_FALSE(world.Step(kStep).Failed());
+  const double approach = std::sqrt(speed * speed - 4 * speed / kStep * kGap);
+  return (world.body(flies).linear_velocity_W.x() - speed) / (0.5 * approach);  // of what two equal masses exchange
+}
+
+TEST(Groups, WhomAForceTurnsBackHitsBefore) {
+  for (const int bricks : {1, 3, 8, 12, 16})
+    for (const double speed : {3, 5, 8, 20, 40})
+      EXPECT_NEAR(ImpulseOfReturning(speed, bricks), 1, 1e-6) << speed << ' ' << bricks;
+}
+
+// A crowd may miss a share of the blow: it lasts as long as a part of its step.
+TEST(Groups, WhomAForceTurnsBackHitsACrowdBefore) {
+  for (const double speed : {5, 8, 20, 40}) EXPECT_NEAR(ImpulseOfReturning(speed, 24), 1, 0.15) << speed;
+}
+
+// A brick is turned about its middle by its user, past another that stands beside it, in one step. A third one stands on one of them, or on none.
+TEST(Groups, WhoIsTurnedPastAnotherHitsIt) {
+  constexpr double kStep = 1.0 / 60;
+  for (const BodyKind kind : {BodyKind::kDynamic, BodyKind::kFixed})
+    for (const double above : {-1.0, 0.0, 1.02})
+      for (const double torque : {500, 650, 700, 800, 1000, 1300}) {
+        World world(Awake());
+        world.Add(Floor(0.5, 0));
+        BodyDefinition brick{.shape = Shape::Box({0.5, 0.25, 0.25}),
+                             .mass = 1,
+                             .position_W = {1.02, 0, 0.25},
+                             .friction = 0.5,
+                             .restitution = 0};
+        const int turned = world.Add(brick);
+        brick.kind = kind;
+        brick.position_W.x() = 0;
+        const int stands = world.Add(brick);
+        if (above >= 0)
+          world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
+                     .mass = 1,
+                     .position_W = {above, 0, 0.6},
+                     .friction = 0.5,
+                     .restitution = 0});
+        for (int i = 0; i < 5; ++i) testing::Step(&world, kStep);
+        world.SetForce(turned, Vector3::Zero(), {0, 0, torque});
+        EXPECT_FALSE(world.Step(kStep).Failed());
+        bool hit = false;
+        for (size_t c = 0; c < world.impulses().size(); ++c) {
+          const Contact& contact = world.resolved_contacts()[c];
+          hit = hit || (std::minmax(contact.body_a, contact.body_b) == std::minmax(turned, stands) &&
+                        !world.impulses()[c].isZero(0));
+        }
+        EXPECT_TRUE(hit) << torque << ' ' << above << ' ' << (kind == BodyKind::kFixed);
+      }
+}
+
 }  // namespace
 }  // namespace islet
