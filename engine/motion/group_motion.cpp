@@ -28,28 +28,31 @@ std::uint64_t Mixed(std::uint64_t hash, double number) {
 }
 std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(Mixed(hash, v.x()), v.y()), v.z()); }
 
+// Of a spin, how fast it is seen to move a point of the body, at most: [m/s], or [m/s^2] of what a torque gives.
+double Whirl(const Body& body, const Shape& shape, const Vector3& spin_W) {
+  return shape.kind() == ShapeKind::kSphere ? 0 : body.radius * VisibleSpin(shape, body.rotation_WB, spin_W).norm();
+}
+
 // [m/s] fastest that a point of the smaller of two bodies moves, as the larger one sees it. What turns in itself is not seen to turn.
 double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y) {
   const bool x_is_small = x.radius < y.radius;
   const Body &small = x_is_small ? x : y, &large = x_is_small ? y : x;
   const Vector3 turn =
       (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
-  const Shape& of_small = x_is_small ? of_x : of_y;
-  const double radius = of_small.kind() == ShapeKind::kSphere ? 0 : small.radius;
   return (small.linear_velocity_W - large.linear_velocity_W - turn.cross(small.position_W - large.position_W)).norm() +
-         radius * VisibleSpin(of_small, small.rotation_WB, small.angular_velocity_W - turn).norm();
+         Whirl(small, x_is_small ? of_x : of_y, small.angular_velocity_W - turn);
 }
 
-// [m/s^2] fastest that the user's forces and torques bend the way of a point of one body, as the other one sees it.
-double PullBetween(const Body& x, const Body& y) {
-  Vector3 pull = Vector3::Zero();
-  double twist = 0;
-  for (const Body* b : {&x, &y}) {
-    if (!b->Moves()) continue;
-    pull += (b == &x ? 1 : -1) / b->mass * b->force_W;
-    twist += b->radius * SpinOf(*b, b->rotation_WB, b->torque_W).norm();
-  }
-  return pull.norm() + twist;
+// [m/s^2] by how much the user's forces and torques bend the way of a point of one body, as the other one sees it, more than weight alone
+// bends it in front of a wall.
+double PullBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y, const Vector3& gravity_W) {
+  const auto pull = [&](const Body& b) -> Vector3 {
+    return b.Moves() ? Vector3(gravity_W + b.force_W / b.mass) : Vector3::Zero();
+  };
+  const auto twist = [](const Body& b, const Shape& shape) {
+    return b.Moves() ? Whirl(b, shape, SpinOf(b, b.rotation_WB, b.torque_W)) : 0.0;
+  };
+  return std::max(0.0, (pull(x) - pull(y)).norm() - gravity_W.norm()) + twist(x, of_x) + twist(y, of_y);
 }
 
 // [m] farthest that a point of the body has moved from there, at most.
@@ -398,8 +401,8 @@ bool GroupMotion::HasRace(double dt, std::span<const Body> bodies, std::span<con
       const auto [a, b] = groups_.pair(g, k);
       const bool thin = shapes[a].kind() != ShapeKind::kHalfSpace && shapes[b].kind() != ShapeKind::kHalfSpace;
       const double way = dt * SpeedBetween(bodies[a], shapes[a], bodies[b], shapes[b]),
-                   bend = 0.5 * dt * dt * PullBetween(bodies[a], bodies[b]), size_a = shapes[a].size(),
-                   size_b = shapes[b].size();
+                   bend = 0.5 * dt * dt * PullBetween(bodies[a], shapes[a], bodies[b], shapes[b], settings_.gravity),
+                   size_a = shapes[a].size(), size_b = shapes[b].size();
       const double apart = (bodies[a].position_W - bodies[b].position_W).norm() - bodies[a].radius - bodies[b].radius;
       const bool races =
           (thin && way + bend > 0.5 * (size_a + size_b)) || std::min(way, bend) > kInside * std::min(size_a, size_b);

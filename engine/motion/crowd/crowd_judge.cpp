@@ -25,10 +25,9 @@ bool Crowd::Judge(int pass) {
   for (size_t e = 0; e < end.size(); ++e) {
     const double size = Size(end[e]);
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
-    // What rolls, whose points do not go with it, would add a little in every step: who is beyond the tolerance goes no deeper.
+    // Who is beyond the tolerance goes no deeper, or every step would add a little.
     const double tolerance = settings_.overlap_tolerance * size;
-    const bool rolls = shapes_[end[e].body_a].HasAxis() || shapes_[end[e].body_b].HasAxis();
-    const double deepest = before_[e] - (rolls && before_[e] < -tolerance ? kSamePoint * size : tolerance);
+    const double deepest = before_[e] - (before_[e] < -tolerance ? kSamePoint * size : tolerance);
     if (end[e].gap >= deepest - dt_ * YieldOf(end[e])) continue;
     met = false;
     Disturb(end[e]);
