@@ -100,7 +100,7 @@ class World {
 
   // [m], unit length. Wakes the body; its velocity stays.
   void Teleport(int body, const Vector3& position_W, const Quaternion& rotation_WB);
-  // [m/s], [rad/s]. Wakes the body; throws for a fixed one.
+  // [m/s], [rad/s]. Wakes the body; throws for a fixed one, unless both are zero.
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
   // [N], [N m]; stays until changed. Of a body that is not dynamic it waits until it is.
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);

@@ -155,7 +155,10 @@ void World::SetVelocity(int body, const Vector3& linear_W, const Vector3& angula
   Body& b = impl_->At(body);
   RequireFinite(NameOf(body), "linear velocity", linear_W);
   RequireFinite(NameOf(body), "angular velocity", angular_W);
-  if (b.kind == BodyKind::kFixed) Reject(NameOf(body), "velocity", "of a fixed body must be zero; make it kinematic");
+  if (b.kind == BodyKind::kFixed) {
+    if (linear_W.isZero(0) && angular_W.isZero(0)) return;
+    Reject(NameOf(body), "velocity", "of a fixed body must be zero; make it kinematic");
+  }
   SetTwist({linear_W, angular_W}, &b);
   b.frozen = false;
   impl_->Changed();

@@ -149,6 +149,7 @@ TEST(World, BadCallsAreNamed) {
   ExpectRefused([&] { world.SetVelocity(cube, {0, kInfinity, 0}, {0, 0, 0}); }, {"body 1", "linear velocity", "inf"});
   ExpectRefused([&] { world.SetVelocity(cube, {0, 0, 0}, {0, kNan, 0}); }, {"body 1", "angular velocity", "nan"});
   ExpectRefused([&] { world.SetVelocity(0, {0, 1, 0}, {0, 0, 0}); }, {"body 0", "fixed"});
+  EXPECT_NO_THROW(world.SetVelocity(0, {0, 0, 0}, {0, 0, 0}));
   ExpectRefused([&] { world.SetForce(cube, {0, kNan, 0}, {0, 0, 0}); }, {"body 1", "force", "nan"});
   ExpectRefused([&] { world.SetForce(cube, {0, 0, 0}, {0, 0, kNan}); }, {"body 1", "torque", "nan"});
   ExpectRefused([&] { world.SetGravity({0, 0, kNan}); }, {"gravity"});
