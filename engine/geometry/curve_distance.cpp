@@ -142,9 +142,11 @@ CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
 }
 
 Vector3 FarthestOnCircle(const Circle& circle, const Vector3& direction, const Vector3& fallback) {
-  const Vector3 across = direction - circle.axis.dot(direction) * circle.axis;
+  // Twice, or what rounding leaves along the axis would lift the point out of its plane where little is across.
+  Vector3 across = direction - circle.axis.dot(direction) * circle.axis;
+  across -= circle.axis.dot(across) * circle.axis;
   const double norm = across.norm();
-  if (norm <= kNegligible * direction.norm()) return circle.centre + circle.radius * fallback;
+  if (norm <= kUlp * direction.norm()) return circle.centre + circle.radius * fallback;
   return circle.centre + circle.radius / norm * across;
 }
 

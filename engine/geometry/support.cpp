@@ -8,14 +8,15 @@ namespace {
 
 // [m] from the centre, along a unit vector.
 double Reach(const Shape& shape, const Matrix3& rotation_WB, const Vector3& direction_W) {
-  const double axial = std::abs(rotation_WB.col(2).dot(direction_W));
+  const Vector3 axis_W = rotation_WB.col(2);
+  const double axial = std::abs(axis_W.dot(direction_W));
   switch (shape.kind()) {
     case ShapeKind::kSphere:
       return shape.girth();
     case ShapeKind::kCapsule:
       return shape.half_length() * axial + shape.girth();
     case ShapeKind::kCylinder:
-      return shape.half_length() * axial + shape.girth() * std::sqrt(std::max(0.0, 1 - axial * axial));
+      return shape.half_length() * axial + shape.girth() * axis_W.cross(direction_W).norm();
     default: {
       const Vector3 direction_B = rotation_WB.transpose() * direction_W;
       double farthest = -INFINITY;

@@ -261,5 +261,29 @@ TEST(RoundContact, SymmetricPosesAreNoException) {
   }
 }
 
+// Two drums stand on each other, tilted and shifted by no more than rounding makes them: they touch all around, by columns between their ends
+// that are as long as the tilt says. Where half of them were lost a column of drums fell.
+TEST(RoundContact, FlushDrumsTouchAllAround) {
+  constexpr double kRadius = 0.2, kHalf = 0.05;
+  const Shape drum = Shape::Cylinder(kRadius, kHalf);
+  for (const double tilt : {0.0, 1e-13, 1e-11, 3e-10, 1e-9, 2e-9, 1e-8, 1e-7, 1e-6}) {
+    for (const double shift : {0.0, 1e-12, 1.2e-10, 4e-10, 1e-8, 1e-6}) {
+      const Placement low{Vector3::Zero(), Matrix3::Identity()},
+          high{{shift, 0, 2 * kHalf}, Eigen::AngleAxisd(tilt, Vector3::UnitY()).toRotationMatrix()};
+      std::vector<Contact> contacts;
+      CollideShapes(drum, low, drum, high, 1e-3, &contacts);
+      double least_x = 0, most_x = 0, least_y = 0, most_y = 0;
+      for (const Contact& c : contacts) {
+        least_x = std::min(least_x, c.point_W.x()), most_x = std::max(most_x, c.point_W.x());
+        least_y = std::min(least_y, c.point_W.y()), most_y = std::max(most_y, c.point_W.y());
+        EXPECT_NEAR(c.gap, -tilt * (c.point_W.x() - shift), 1e-14 + 2e-6 * tilt) << tilt << " " << shift;
+      }
+      EXPECT_GE(contacts.size(), 8u) << tilt << " " << shift;
+      for (const double far : {-least_x, most_x, -least_y, most_y})
+        EXPECT_NEAR(far, kRadius, 2e-6) << tilt << " " << shift;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace islet
