@@ -56,12 +56,13 @@ Contact Between(const Course& a, const Course& b, Contact contact, const Vector3
 }
 
 // Turns the normal between two axes to where mean velocities open the contact as fast as its gap changes: Newton's method, in both
-// directions, since the points on the axes move on with it. No farther than the normal turned in the piece.
+// directions, since the points on the axes move on with it. No farther than the normal turned in the piece. Where a step does not halve what is
+// off, the method has ended: between axes that are all but parallel it would creep.
 void RollBetween(const Course& a, const Course& b, double opening, double turn, Contact* contact) {
   if (turn == 0) return;
   for (double left = INFINITY;;) {
     const double off = opening - Opening(a, b, *contact);
-    if (!(std::abs(off) < left)) return;
+    if (!(std::abs(off) < 0.5 * left)) return;
     left = std::abs(off);
     const Matrix3 frame = ContactFrame(contact->normal_W);
     Vector3 slope = Vector3::Zero();
