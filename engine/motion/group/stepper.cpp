@@ -139,16 +139,14 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   int movers = 0;  // bodies that contacts can move
   pull_ = settings.gravity.norm();
   pulls_.clear();
-  twist_ = 0;
   for (size_t i = 0; i < group->bodies.size(); ++i) {
     const Body& b = group->bodies[i];
     if (!b.Moves()) continue;
     ++movers;
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
-    pulls_.push_back({static_cast<int>(i), settings.gravity + b.force_W / b.mass});
-    const double twist = b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm();
-    twist_ = std::max(twist_, twist);
-    pull_ = std::max(pull_, pulls_.back().second.norm() + twist);
+    pulls_.push_back({static_cast<int>(i), settings.gravity + b.force_W / b.mass,
+                      b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm()});
+    pull_ = std::max(pull_, pulls_.back().along_W.norm() + pulls_.back().twist);
   }
   floor_ = std::max({pull_ * dt, 1e-3 * FastestPoint(group->bodies), 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;

@@ -63,6 +63,11 @@ class Stepper {
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
   };
+  struct Pull {  // of a body with a force or a torque of its own
+    int body;
+    Vector3 along_W;  // [m/s^2] with gravity
+    double twist;     // [m/s^2] what the torque makes a point
+  };
   struct Progress {     // of the step
     double t = 0;       // [s] done
     double most = 0;    // [s] length of the next piece
@@ -174,6 +179,7 @@ class Stepper {
   void PoseAtEnd();
   void ApplyAtEnd(std::span<const Vector3> impulses_W);
   static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
+  bool ActsOn(int body, const Contact& contact) const;
   double PullAlong(const Contact& contact) const;
   double BendOf(const Contact& contact) const;
   double LeastRebound(const Contact& contact) const;
@@ -201,16 +207,15 @@ class Stepper {
   bool Pushed() const;
 
   // Of the step.
-  double dt_ = 0;                               // [s]
-  double pull_ = 0;                             // [m/s^2] fastest that gravity and forces make a body
-  std::vector<std::pair<int, Vector3>> pulls_;  // [m/s^2] of bodies with forces of their own
-  double twist_ = 0;                            // [m/s^2] of them: what torques make a point
-  double floor_ = 0;                            // [m/s] least v_ref
-  double brief_ = 0;                            // [s] what is over that soon is none
-  int budget_ = 0;                              // blows in this step at which they have to be faster
-  int cuts_ = 0;                                // pieces that ended at one
-  int work_ = 0;                                // so far
-  double threshold_ = 0;                        // [m/s] approaches below it are none
+  double dt_ = 0;            // [s]
+  double pull_ = 0;          // [m/s^2] fastest that gravity and forces make a body
+  std::vector<Pull> pulls_;  // of bodies with forces of their own
+  double floor_ = 0;         // [m/s] least v_ref
+  double brief_ = 0;         // [s] what is over that soon is none
+  int budget_ = 0;           // blows in this step at which they have to be faster
+  int cuts_ = 0;             // pieces that ended at one
+  int work_ = 0;             // so far
+  double threshold_ = 0;     // [m/s] approaches below it are none
   Settings settings_;
   const MixMaterial* mix_ = nullptr;
   Group* group_ = nullptr;
@@ -241,6 +246,7 @@ class Stepper {
   std::vector<Contact> now_, end_, held_, next_, last_, probe_, ahead_;
   std::vector<int> now_pair_, end_pair_;
   std::vector<double> least_gap_;  // [m] per pair, as the piece begins
+  std::vector<int> joined_;        // per body: the first of those that touch each other then, walls apart
   std::vector<Held> held_of_, next_of_;
   std::vector<Vector3> impulse_W_, next_impulse_W_, acted_at_;  // per held contact [N s], [m]
   std::vector<std::uint8_t> closed_;                            // per contact of now_: closed as the piece begins

@@ -17,18 +17,25 @@ constexpr double kRocks = 0.25;
 
 }  // namespace
 
+// Whether a force on a body may move one of a contact: it is one of them, or pushes it through what touches as the piece begins.
+bool Stepper::ActsOn(int body, const Contact& contact) const {
+  return joined_[body] == joined_[contact.body_a] || joined_[body] == joined_[contact.body_b];
+}
+
 // [m/s^2] fastest that weight and forces bring the bodies of a contact together. A force on one of them acts in its own sense, one on another
 // in any that contacts may turn it to. What is held by others feels a little of it along any normal.
 double Stepper::PullAlong(const Contact& contact) const {
   const Vector3& n = contact.normal_W;
-  double pull = std::max(kTrembling * pull_, twist_ + std::abs(n.dot(settings_.gravity)));
-  for (const auto& [body, pull_W] : pulls_) {
-    const double along = body == contact.body_a   ? n.dot(pull_W)
-                         : body == contact.body_b ? -n.dot(pull_W)
-                                                  : std::abs(n.dot(pull_W));
-    pull = std::max(pull, twist_ + along);
+  double along = std::abs(n.dot(settings_.gravity)), twist = 0;
+  for (const Pull& pull : pulls_) {
+    if (!ActsOn(pull.body, contact)) continue;
+    const double towards = n.dot(pull.along_W);
+    along = std::max(along, pull.body == contact.body_a   ? towards
+                            : pull.body == contact.body_b ? -towards
+                                                          : std::abs(towards));
+    twist = std::max(twist, pull.twist);
   }
-  return pull;
+  return std::max(kTrembling * pull_, along + twist);
 }
 
 // [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.

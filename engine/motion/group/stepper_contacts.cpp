@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/rotation.h"
+#include "islands/disjoint_sets.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -57,13 +58,18 @@ void Stepper::FindTouching() {
   MeasureGaps();
 }
 
-// Of each pair the least gap as the piece begins.
+// As the piece begins: of each pair the least gap, and which bodies that move touch each other, directly or by others.
 void Stepper::MeasureGaps() {
   least_gap_.assign(group_->pairs.size(), kFar);
   for (size_t c = 0; c < now_.size(); ++c) {
     double& least = least_gap_[now_pair_[c]];
     least = std::min(least, now_[c].gap);
   }
+  joined_.resize(group_->bodies.size());
+  islands::DisjointSets sets(joined_);
+  for (const Contact& c : now_)
+    if (group_->bodies[c.body_a].Moves() && group_->bodies[c.body_b].Moves()) sets.Union(c.body_a, c.body_b);
+  for (size_t i = 0; i < joined_.size(); ++i) joined_[i] = sets.Find(static_cast<int>(i));
 }
 
 void Stepper::DetectEnd() {

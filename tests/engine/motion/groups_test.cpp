@@ -131,6 +131,29 @@ TEST(Groups, WhomAForceTurnsBackHitsACrowdBefore) {
   for (const double speed : {5, 8, 20, 40}) EXPECT_NEAR(ImpulseOfReturning(speed, 24), 1, 0.15) << speed;
 }
 
+// An elastic ball hits a wall while another one, that comes near both and touches neither, is pulled away.
+TEST(Groups, WhatPullsAnotherChangesNoBlow) {
+  for (const double pull : {0.0, 1e2, 1e4}) {  // [N]
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    world.Add({.shape = Shape::Box({1, 1, 1}),
+               .kind = BodyKind::kFixed,
+               .position_W = {-1, 0, 0},
+               .friction = 0,
+               .restitution = 1});
+    BodyDefinition ball = Ball({0.105, 0, 0}, 0.1, 0, 1);
+    ball.mass = 1;
+    ball.linear_velocity_W = {-1, 0, 0};
+    const int flies = world.Add(ball);
+    ball.position_W.y() = 0.201;
+    ball.linear_velocity_W.setZero();
+    world.SetForce(world.Add(ball), {pull, 0, 0}, Vector3::Zero());
+    EXPECT_FALSE(world.Step(1.0 / 60).Failed());
+    EXPECT_NEAR(world.body(flies).linear_velocity_W.x(), 1, 1e-9) << pull;
+  }
+}
+
 // A brick is turned about its middle by its user, past another that stands beside it, in one step. A third one stands on one of them, or on none.
 TEST(Groups, WhoIsTurnedPastAnotherHitsIt) {
   constexpr double kStep = 1.0 / 60;
