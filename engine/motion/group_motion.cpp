@@ -50,7 +50,7 @@ double PullBetween(const Body& x, const Shape& of_x, const Body& y, const Shape&
     return b.Moves() ? Vector3(gravity_W + b.force_W / b.mass) : Vector3::Zero();
   };
   const auto twist = [](const Body& b, const Shape& shape) {
-    return b.Moves() ? Whirl(b, shape, SpinOf(b, b.rotation_WB, b.torque_W)) : 0.0;
+    return b.Moves() && !b.torque_W.isZero(0) ? Whirl(b, shape, SpinOf(b, b.rotation_WB, b.torque_W)) : 0.0;
   };
   return std::max(0.0, (pull(x) - pull(y)).norm() - gravity_W.norm()) + twist(x, of_x) + twist(y, of_y);
 }
