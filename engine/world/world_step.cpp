@@ -165,7 +165,7 @@ void World::Impl::SetApart(bool apart) {
 }
 
 void World::Impl::StepCrowd(double dt, StepReport* report) {
-  double lap = Seconds();
+  const double lap = Seconds();
   if (stale) CheckTouching(before);
   planned.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
@@ -178,8 +178,7 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
     DetectMoving(planned);
   }
   const double detected_at = Seconds();
-  report->seconds.detect += detected_at - lap;
-  TellSlice({"detect", lap, detected_at});
+  CountStage("detect", lap, detected_at, &report->seconds.detect);
   const double others = report->seconds.Total();
   crowd_motion.Step(
       dt, [this](std::span<const Vector3> travel_W) { DetectMoving(travel_W); }, observer, bodies, shapes,
@@ -318,8 +317,8 @@ StepReport World::Impl::StepWhole(double dt) {
   if (settings.stateless) ForgetAll();
   frozen_before.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) frozen_before[i] = bodies[i].frozen;
-  const double checked_at = Seconds(), checked = checked_at - start_seconds;
-  TellSlice({"detect", start_seconds, checked_at});
+  double checked = 0;
+  CountStage("detect", start_seconds, Seconds(), &checked);
   if (StepOnce(dt, Races::kRefused, &report)) {
     report.seconds.detect += checked;
     CountFrozen(&report);

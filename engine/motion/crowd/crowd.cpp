@@ -115,9 +115,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     Fly();
     const double looking = Seconds();
     find(travel_);
-    const double found = Seconds();
-    report->seconds.detect += found - looking;
-    TellSlice({"detect", looking, found});
+    CountStage("detect", looking, Seconds(), &report->seconds.detect);
     const bool met = Judge(pass);
     if (met || pass == kPasses) break;
     NextTargets();
