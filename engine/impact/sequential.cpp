@@ -88,9 +88,9 @@ void SequentialResolver::ApplyAt(int c, const Contact& contact, const Vector3& i
 }
 
 // Whether it rests on an immovable body, which takes the blow with it.
-bool SequentialResolver::Answers(int c, double velocity) const {
+bool SequentialResolver::Answers(int c, int number, double velocity) const {
   const bool wall = !locals_[sides_[c].first].moves() || !locals_[sides_[c].second].moves();
-  return walls_answer_ && wall && std::abs(velocity) <= threshold_;
+  return walls_answer_ && wall && std::abs(velocity) <= (resting_.empty() ? threshold_ : resting_[number]);
 }
 
 // All that are as fast as the fastest, wherever they are, or it would depend on the bounce limit who has bounced; of their bodies all that
@@ -119,7 +119,7 @@ void SequentialResolver::FindTies(std::span<const int> group_contacts, std::span
   };
   for (size_t k = 0, fastest = tied_.size(); k < fastest; ++k) tie_bodies_of(tied_[k]);
   add_where(tied_bodies_.size(), [&](int c, double velocity) { return velocity <= nearly && !IsSpent(c); });
-  add_where(tied_bodies_.size(), [&](int c, double velocity) { return Answers(c, velocity); });
+  add_where(tied_bodies_.size(), [&](int c, double velocity) { return Answers(c, group_contacts[c], velocity); });
 }
 
 // The tied contacts and the bodies that move in them, as a problem of their own; walls' velocities as drift.
@@ -193,7 +193,7 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
                   &j = tied_solution_.impulses[k];
     gain += 0.5 * j.dot(before + after);
     work += std::abs(j.dot(before));
-    if (Answers(tied_[k], before[0])) left += std::abs(j[0] * before[0]);
+    if (Answers(tied_[k], group_contacts[tied_[k]], before[0])) left += std::abs(j[0] * before[0]);
   }
   return gain - kExact * work - left;
 }
@@ -261,6 +261,7 @@ int SequentialResolver::Resolve(std::span<const int> group_bodies, std::span<con
   Load(group_bodies, group_contacts, contacts, bodies);
   threshold_ = rule.threshold;
   walls_answer_ = rule.walls_answer;
+  resting_ = rule.resting;
   least_rebound_ = rule.least_rebound;
   tie_ = rule.tie;
   time_ = rule.time;

@@ -31,9 +31,10 @@ int BounceLimit(int setting, int num_bodies, int num_contacts);
 
 // Which contacts of a group bounce, and how often.
 struct BounceRule {
-  double threshold;                            // [m/s] > 0; a contact collides if it approaches faster
-  int limit = kAutoBounceLimit;                // c_b, or by BounceLimit
-  bool walls_answer = false;                   // what rests on an immovable body takes a blow with it, not before it
+  double threshold;                      // [m/s] > 0; a contact collides if it approaches faster
+  int limit = kAutoBounceLimit;          // c_b, or by BounceLimit
+  bool walls_answer = false;             // what rests on an immovable body takes a blow with it, not before it
+  std::span<const double> resting = {};  // [m/s] per contact of the world: what is no faster rests; empty: threshold
   std::span<const double> least_rebound = {};  // [m/s] per contact of the world: a slower one is none; empty: all do
   double time = INFINITY;                      // [s] in which what is open may close
   double tie = 0;  // of the fastest: by how much approaches of a body that come at once may differ
@@ -49,7 +50,7 @@ class SequentialResolver {
   void Load(std::span<const int> group_bodies, std::span<const int> group_contacts, const ContactFrames& contacts,
             std::span<const Body> bodies);
   double NormalVelocityOf(int local_contact, const Contact& contact) const;
-  bool Answers(int local_contact, double velocity) const;
+  bool Answers(int local_contact, int number, double velocity) const;
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   double SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts, double friction_share);
@@ -66,7 +67,7 @@ class SequentialResolver {
   std::vector<int> touch_start_, touches_;  // per body: contacts of the group
   double threshold_ = 0;                    // [m/s]
   bool walls_answer_ = false;
-  std::span<const double> least_rebound_;  // of the rule, while Resolve runs
+  std::span<const double> resting_, least_rebound_;  // of the rule, while Resolve runs
   double tie_ = 0, time_ = INFINITY;
   std::vector<double> keys_;
   ContactQueue queue_;

@@ -373,7 +373,7 @@ void Crowd::Strike(int island, Worker* worker) {
   }
   bounces_of_[island] =
       worker->sequential.Resolve(bodies, contacts, all, settings_.bounce_law,
-                                 {threshold_, settings_.bounce_limit, true, {}, INFINITY, kTie}, posed_, blows_);
+                                 {threshold_, settings_.bounce_limit, true, {}, {}, INFINITY, kTie}, posed_, blows_);
   struck_[island] =
       worker->responder.ResolveCollisions({bodies, contacts}, all, settings_, floor_, threshold_, posed_, collisions_);
   struck_[island].seconds += struck;

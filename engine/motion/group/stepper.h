@@ -269,8 +269,8 @@ class Stepper {
   std::vector<int> problem_of_;
   std::vector<Matrix3> frames_;
   std::vector<Vector3> local_impulses_, bounces_, carried_W_;
-  std::vector<double> least_rebounds_;  // [m/s] of the contacts of a blow
-  std::vector<std::uint8_t> strikes_;   // which of them hit
+  std::vector<double> resting_, least_rebounds_;  // [m/s] of the contacts of a blow
+  std::vector<std::uint8_t> strikes_;             // which of them hit
   std::vector<double> targets_;
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;

@@ -208,7 +208,12 @@ void Stepper::Strike() {
   if (std::find(strikes_.begin(), strikes_.end(), true) == strikes_.end()) return;
   PartProblem();
   least_rebounds_.clear();
-  for (const Contact& c : problem_) least_rebounds_.push_back(LeastRebound(c));
+  resting_.clear();
+  for (size_t c = 0; c < problem_.size(); ++c) {
+    least_rebounds_.push_back(LeastRebound(problem_[c]));
+    // What pressed in the piece rests, though its gap changes as it slides or turns.
+    resting_.push_back(CarriedBy(problem_of_[c]).isZero(0) ? threshold_ : std::max(threshold_, least_rebounds_.back()));
+  }
   bounces_.assign(problem_.size(), Vector3::Zero());
   local_impulses_.assign(problem_.size(), Vector3::Zero());
   for (int island = 0; island < partition_.num_islands(); ++island) {
@@ -216,9 +221,9 @@ void Stepper::Strike() {
     // What nothing hits has settled.
     if (std::none_of(view.contacts.begin(), view.contacts.end(), [&](int c) { return strikes_[c]; })) continue;
     const ContactFrames contacts{problem_, frames_};
-    out_->bounces +=
-        sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
-                            {threshold_, settings_.bounce_limit, true, least_rebounds_, dt_}, posed_, bounces_);
+    out_->bounces += sequential_.Resolve(view.bodies, view.contacts, contacts, settings_.bounce_law,
+                                         {threshold_, settings_.bounce_limit, true, resting_, least_rebounds_, dt_},
+                                         posed_, bounces_);
     for (const int c : view.contacts) {
       const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);
       if (ReboundSpeed(problem_[c], approach, least_rebounds_[c]) == 0) problem_[c].restitution = 0;
