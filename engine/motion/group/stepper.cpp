@@ -199,6 +199,7 @@ double Stepper::FindCourse(double h) {
 // that is too deep; where the piece may be halved nothing is settled then.
 bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   DetectEnd();
+  if (may_halve && CameThrough()) return true;
   double missed = Missed();
   const bool moves = LeversMove(*h) || NormalsMove() || SinksFreely();
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched

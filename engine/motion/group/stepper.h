@@ -168,6 +168,7 @@ class Stepper {
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query, double until);
   bool WayIsBarred(double h);
+  bool CameThrough() const;
   void Probe(const MeetingQuery& query, const GroupPair& pair, double t);
   void Guard(const SlowMeeting& slow);
   double EndAtBlow(double h, double moment, double most);
