@@ -244,18 +244,18 @@ Vector3 LedgerKeeper::OffChord(const Account& account, const LedgerImpulse& j) c
   return 2.0 / 3 * (PositionAt(account, j.time + 0.5 * j.duration) - CentreAt(account, j));
 }
 
-// What friction at a wall that turns works beside the velocities at the middle of the chord: the wall goes by under the mean place of the
+// What acts at a wall that turns works beside the velocities at the middle of the chord: the wall goes by under the mean place of the
 // centre. What speeds that up along its way, as the wall sees it, does not count.
 void LedgerKeeper::JudgeTurningWall(const LedgerImpulse& j, const Body& wall, double sign, Account* account) const {
   if (wall.angular_velocity_W.isZero(0) || j.duration == 0) return;
-  const Vector3 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W,
-                off = OffChord(*account, j),
+  const Vector3 off = OffChord(*account, j),
                 way = PositionAt(*account, j.time + j.duration) - PositionAt(*account, j.time) -
-                      j.duration * wall.linear_velocity_W;
+                      j.duration * wall.linear_velocity_W,
+                friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W;
   const double square = way.squaredNorm();
   const Vector3 across = square > 0 ? Vector3(off - off.dot(way) / square * way) : off;
-  account->gain -= sign * friction_W.dot(wall.angular_velocity_W.cross(across));
-  // A first look foresees it, and may be wrong by as much.
+  account->gain -= sign * j.impulse_W.dot(wall.angular_velocity_W.cross(across));
+  // A first look foresees what friction does there, and may be wrong by as much.
   account->allowed += 2 * friction_W.norm() * wall.angular_velocity_W.cross(off).norm();
 }
 

@@ -30,8 +30,6 @@ Vector3 Across(const Vector3& normal_W, const Vector3& axis_W) {
   return across.norm() > kTilts ? Vector3(across.normalized()) : Vector3(Vector3::Zero());
 }
 
-bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
-
 void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
   const Vector3 &centre = sphere.middle.position_W, &n = contact->normal_W;
   Vector3 rolls = b.MeanVelocity(centre) - a.MeanVelocity(centre);
@@ -216,6 +214,8 @@ void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std
   }
   for (Going& way : ways) way.mean_W += 0.5 * h * way.acceleration_W;
 }
+
+bool IsTurningWall(const Body& b) { return b.kind == BodyKind::kKinematic && !b.angular_velocity_W.isZero(0); }
 
 Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double off, std::span<const Going> ways) {
   const auto slip = [&](int number, int other) -> Vector3 {

@@ -135,6 +135,8 @@ void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std
 inline double OffChord(double h) { return -h * h / 12; }
 inline double OffAhead(double h) { return h * h / 6; }
 
+bool IsTurningWall(const Body& body);
+
 // [m/s] what friction sees of walls that turn beside their velocities: they go by under the mean place of a body's centre. Without it what
 // sticks on a turntable falls behind. What speeds a body up along its way, as the wall sees it, bends nothing. off: one of the two above.
 Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double off, std::span<const Going> ways);

@@ -62,6 +62,7 @@ class Stepper {
   };
   struct Account {                              // of a body, or of all that did something to each other in the piece
     double gain = 0, at_hand = 0, allowed = 0;  // [J]
+    double left = 0;                            // [J] what no point of a contact with a turning wall takes back
   };
   struct Pull {  // of a body with a force or a torque of its own
     int body;

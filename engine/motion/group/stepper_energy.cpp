@@ -56,7 +56,16 @@ void Stepper::KeepAccounts(double h) {
     accounts_[mover].gain += impulse.dot(SurfaceSlip(contact));  // what drives a belt works on what it carries
     edges_.emplace_back(a, b);
   };
-  for (size_t c = 0; c < held_.size(); ++c) act(held_[c], acted_at_[c], impulse_W_[c], false);
+  for (size_t c = 0; c < held_.size(); ++c) {
+    act(held_[c], acted_at_[c], impulse_W_[c], false);
+    const int a = held_[c].body_a, b = held_[c].body_b;
+    if (!IsTurningWall(bodies[a]) && !IsTurningWall(bodies[b])) continue;
+    const Vector3 &n = held_[c].normal_W, wall_slip = held_[c].surface_W - held_of_[c].belt_W;
+    Account& account = accounts_[bodies[a].Moves() ? a : b];
+    const double press = n.dot(impulse_W_[c]);
+    account.gain += press * n.dot(wall_slip);  // friction's part is counted
+    account.left += press * std::abs(n.dot(MeanVelocity(b, acted_at_[c]) - MeanVelocity(a, acted_at_[c]) + wall_slip));
+  }
   FindWork();
   for (size_t p = 0; p < work_of_.size(); ++p) {  // what pushes an overlap out was paid before
     const GroupPair& pair = group_->pairs[p];
@@ -76,9 +85,11 @@ void Stepper::KeepAccounts(double h) {
       sum.gain += accounts_[i].gain;
       sum.at_hand += accounts_[i].at_hand;
       sum.allowed += accounts_[i].allowed;
+      sum.left += accounts_[i].left;
     }
-    gains_ = gains_ || sum.gain > sum.allowed;
-    creates_ = creates_ || sum.gain > sum.allowed + Ledger::kMostEnergy * sum.at_hand;
+    const double most = Ledger::kMostEnergy * sum.at_hand;
+    gains_ = gains_ || sum.gain > sum.allowed + std::min(sum.left, most);
+    creates_ = creates_ || sum.gain > sum.allowed + most;
   }
 }
 

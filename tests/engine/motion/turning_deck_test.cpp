@@ -141,5 +141,39 @@ TEST(TurningDeck, RowsRollAsOneDoes) {
   }
 }
 
+// A box, askew to all axes, rides on a tilted deck that turns about the vertical. It goes on an arc that is not along the deck: its pieces meet what
+// the deck works under the arc. Once they seemed to create energy, and each step was given up after all halvings.
+TEST(TurningDeck, WhatRidesOnATiltedTurntableStaysThere) {
+  constexpr double kRate = 1.8;  // [rad/s]
+  const Quaternion tilt = testing::Turn(0.2, Vector3::UnitY());
+  const auto turn = [](double time) { return testing::Turn(kRate * time, Vector3::UnitZ()); };
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    World world(Awake());
+    BodyDefinition deck = Deck(0.7);
+    deck.position_W = tilt * deck.position_W;
+    deck.rotation_WB = tilt;
+    deck.angular_velocity_W = {0, 0, kRate};
+    world.Add(deck);
+    BodyDefinition box{.shape = Shape::Box({0.1, 0.08, 0.06}), .mass = 0.2, .friction = 0.7, .restitution = 0};
+    box.position_W = tilt * Vector3(0.3, 0.4, 0.06);
+    box.rotation_WB = tilt * testing::Turn(0.5, Vector3::UnitZ());
+    const Vector3 arm = box.position_W - deck.position_W;
+    box.linear_velocity_W = deck.angular_velocity_W.cross(arm);
+    box.angular_velocity_W = deck.angular_velocity_W;
+    const int rides = world.Add(box);
+    double time = 0;
+    int pieces = 0, steps = 0;
+    for (; time < 1 - 1e-9; time += dt, ++steps) {
+      const StepReport report = world.Step(dt);
+      EXPECT_FALSE(report.Failed()) << dt << " " << time;
+      EXPECT_EQ(report.gave_up, 0) << dt << " " << time;
+      pieces += report.pieces;
+    }
+    EXPECT_LE(pieces, 2 * steps) << dt;
+    const Vector3 there = world.body(rides).position_W - deck.position_W;
+    EXPECT_LT((turn(time).conjugate() * there - arm).norm(), 5e-3 * dt) << dt;
+  }
+}
+
 }  // namespace
 }  // namespace islet
