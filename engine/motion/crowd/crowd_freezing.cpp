@@ -22,7 +22,9 @@ void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
   for (size_t c = 0; c < near_->size(); ++c) {
     const Contact& contact = (*near_)[c];
     const Body &a = bodies_[contact.body_a], &b = bodies_[contact.body_b];
-    const bool known = c < forces_W.size() && !forces_W[c].isZero(0);
+    // What is open, by more than gaps may miss, holds nothing: somebody has moved its support.
+    const bool known =
+        c < forces_W.size() && !forces_W[c].isZero(0) && contact.gap <= 4 * settings_.overlap_tolerance * Size(contact);
     const double way = dt * (std::max(0.0, -NormalVelocity(contact, a, b)) + frame_.rest_speed);
     if (!known && contact.gap > settings_.overlap_tolerance * Size(contact) &&
         (a.frozen == b.frozen || contact.gap > way))

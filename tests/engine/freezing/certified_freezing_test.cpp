@@ -307,6 +307,24 @@ TEST(CertifiedFreezing, FallsWhenItsSupportIsTeleportedAway) {
   for (const int body : {2, 3}) EXPECT_NEAR(world.body(body).linear_velocity_W.z(), -kGravity * kDt, 1e-6);
 }
 
+// Where each step takes away next to nothing of it, what rests follows all the same, in groups and in crowds.
+TEST(CertifiedFreezing, FollowsASupportThatIsLoweredBitByBit) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? testing::AsCrowd(OneThread()) : OneThread());
+    BodyDefinition slab = Cube({0, 0, 0});
+    slab.kind = BodyKind::kKinematic;
+    slab.mass.reset();
+    world.Add(slab);
+    for (const double z : {1.0, 2.0}) world.Add(Cube({0, 0, z}));
+    ASSERT_LE(FramesUntilFrozen(&world, 60), 60);
+    for (int k = 1; k <= 300; ++k) {
+      world.Teleport(0, {0, 0, -5e-5 * k}, Quaternion::Identity());
+      testing::Step(&world, kDt);
+      EXPECT_NEAR(world.body(1).position_W.z() - world.body(0).position_W.z(), 1, 1e-3) << crowd << " " << k;
+    }
+  }
+}
+
 // Half of it is left under the load: the rest has to tip.
 TEST(CertifiedFreezing, TipsWhenItsSupportIsShiftedBeyondItsCentre) {
   World world = FrozenStack(2);
