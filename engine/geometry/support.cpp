@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/edge_contact.h"
+
 namespace islet {
 namespace {
 
@@ -42,6 +44,18 @@ double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, 
                        const Vector3& direction_W) {
   return direction_W.dot(pose_b.position_W - pose_a.position_W) - Reach(a, pose_a.rotation_WB, direction_W) -
          Reach(b, pose_b.rotation_WB, -direction_W);
+}
+
+void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
+                 std::vector<Vector3>* normals_W) {
+  for (const Vector3& side_a : FlatSides(a))
+    for (const Vector3& side_b : FlatSides(b)) {
+      const Vector3 of_a = pose_a.rotation_WB * side_a, against_b = -(pose_b.rotation_WB * side_b);
+      if ((of_a - against_b).norm() >= kAngle) continue;
+      const double by_a = SeparationAlong(a, pose_a, b, pose_b, of_a),
+                   by_b = SeparationAlong(a, pose_a, b, pose_b, against_b);
+      if (std::max(by_a, by_b) >= -deep) normals_W->push_back(by_a >= by_b ? of_a : against_b);
+    }
 }
 
 }  // namespace islet

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "engine/geometry/narrow_phase.h"
 
@@ -17,5 +18,10 @@ bool HasSupport(const Shape& shape);
 // [m] the gap between what two such shapes reach along a unit vector from a to b: never more than the gap of the shapes.
 double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                        const Vector3& direction_W);
+
+// Appends the unit vectors, from a to b, along which a flat side of one faces one of the other, and that they are no deeper in each other than
+// this [m] along it.
+void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
+                 std::vector<Vector3>* normals_W);
 
 }  // namespace islet

@@ -5,10 +5,12 @@
 #include <cmath>
 
 #include "engine/contact_pairs.h"
+#include "engine/geometry/support.h"
 #include "engine/motion/tuning.h"
 #include "engine/rotation.h"
 #include "engine/slice.h"
 #include "engine/stopwatch.h"
+#include "qp/smallness.h"
 
 namespace islet::motion {
 
@@ -222,6 +224,28 @@ void Crowd::ReportIslands(StepReport* report) const {
   }
 }
 
+// Takes out what touches by edges alone, and is level along two sides that face each other. Nothing presses there: cubes of a wall touch those
+// beside, above and below, but push none that is diagonal. What closes along both shows as an overlap at the end.
+void Crowd::DropPassing() {
+  const auto passes = [&](const Contact* first, const Contact* last) {
+    const Body &a = bodies_[first->body_a], &b = bodies_[first->body_b];
+    const double level = 2 * settings_.overlap_tolerance * Size(*first);  // what gaps may miss at both ends
+    if ((!a.Moves() && !b.Moves()) || last - first > 2) return false;
+    if (std::any_of(first, last, [&](const Contact& c) { return std::abs(c.gap) > level; })) return false;
+    sides_W_.clear();
+    FacingSides(shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(), shapes_[first->body_b],
+                Pose{b.position_W, b.rotation_WB}.placement(), level, &sides_W_);
+    return sides_W_.size() > 1;
+  };
+  size_t kept = 0;
+  for (size_t c = 0, end = 0; c < near_->size(); c = end) {
+    for (end = c + 1; end < near_->size() && SamePair((*near_)[c], (*near_)[end]);) ++end;
+    if (passes(near_->data() + c, near_->data() + end)) continue;
+    kept = std::move(near_->begin() + c, near_->begin() + end, near_->begin() + kept) - near_->begin();
+  }
+  near_->resize(kept);
+}
+
 // The step, piece by piece. Returns false where something frozen was hit, and is frozen no more.
 bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
   impulses_.clear();
@@ -239,7 +263,13 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
   rides_lost_.clear();
   for (int level = 0; dt - t > 1e-9 * dt;) {
     const double h = std::min(most, dt - t);
-    const Outcome outcome = Piece(t, h, level == kMostHalvings, find, memory, report);
+    const Outcome outcome = Piece(
+        t, h, level == kMostHalvings,
+        [&](std::span<const Vector3> travel_W) {
+          find(travel_W);
+          DropPassing();
+        },
+        memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
     if (outcome == Outcome::kDone) {
       t += h;
@@ -259,6 +289,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   near_ = near;
   observer_ = &observer;
   errors_.assign(bodies.size(), 0.0);
+  DropPassing();
   first_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);
   first_near_ = *near;

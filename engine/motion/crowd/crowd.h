@@ -125,6 +125,7 @@ class Crowd {
   };
 
   // crowd.cpp: the step, piece by piece.
+  void DropPassing();
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   void Load(double dt);
@@ -266,6 +267,7 @@ class Crowd {
   std::vector<Held> held_of_;
   std::vector<Vector3> impulse_W_;          // [N s] per held contact
   std::vector<Vector3> acted_at_;           // [m]
+  std::vector<Vector3> sides_W_;            // of a pair, that face each other
   std::vector<Vector3> centre_;             // [m] of the bodies that its point moves along with, where that was found
   std::vector<PairPlaces> pairs_;           // of what is held, and of what is near
   std::vector<std::uint8_t> opens_;         // per pair: it ends open, though it pressed

@@ -95,7 +95,7 @@ const Contact* Crowd::AtStart(const Contact& end) const {
   const double far = kSamePlace * Size(end);
   const int found =
       FindAgain({first, last}, end.feature, 0.5 * (with_a + with_b), far + 0.5 * (with_a - with_b).norm(), far);
-  return found >= 0 && first[found].normal_W.dot(end.normal_W) > 0 ? &first[found] : nullptr;
+  return found >= 0 && (first[found].normal_W - end.normal_W).norm() < kLargestTurn ? &first[found] : nullptr;
 }
 
 // A contact at the end, at the lever of halfway: on the chord of each body's point.

@@ -99,6 +99,7 @@ class Stepper {
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
+  bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();
   void MeasureGaps();
   void DetectEnd();
@@ -265,6 +266,7 @@ class Stepper {
   std::vector<Contact> guards_;
   std::vector<Guarded> guard_of_;
   std::vector<SlowMeeting> slow_;
+  std::vector<Vector3> sides_W_;  // of a pair, that face each other
   // Scratch of contact problems.
   std::vector<Body> posed_, trial_;
   std::vector<Contact> problem_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/geometry/support.h"
 #include "engine/rotation.h"
 #include "islands/disjoint_sets.h"
 #include "qp/smallness.h"
@@ -38,6 +39,27 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
     Mix(pair, &contact);
     pair_of->push_back(number);
   }
+  if (!SlidesBy(pair, at, {contacts->begin() + static_cast<std::ptrdiff_t>(first), contacts->end()})) return;
+  contacts->resize(first);
+  pair_of->resize(first);
+}
+
+// Whether a pair that touches by edges alone is level along two sides that face each other, and does not close along one of them. It passes by
+// there, so nothing presses along the other: cubes of a wall touch those beside, above and below, but push none that is diagonal.
+bool Stepper::SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found) {
+  const double level = 2 * kTouching * Size(pair);  // gaps at both ends of a piece may miss as much
+  if (found.empty() || found.size() > 2) return false;
+  if (std::any_of(found.begin(), found.end(), [&](const Contact& c) { return std::abs(c.gap) > level; })) return false;
+  sides_W_.clear();
+  FacingSides(*group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
+              at[pair.b].pose.placement(), level, &sides_W_);
+  const auto passes = [&](const Vector3& n) {
+    return std::all_of(found.begin(), found.end(), [&](Contact c) {
+      c.normal_W = n;
+      return n.dot(at[pair.a].VelocityAt(c.point_W) - at[pair.b].VelocityAt(c.point_W)) <= CutSpeed(c);
+    });
+  };
+  return sides_W_.size() > 1 && std::any_of(sides_W_.begin(), sides_W_.end(), passes);
 }
 
 // Materials are the world's to choose, by the bodies' numbers there.
@@ -52,6 +74,7 @@ void Stepper::Mix(const GroupPair& pair, Contact* contact) const {
 void Stepper::FindTouching() {
   now_.clear();
   now_pair_.clear();
+  joined_.assign(group_->bodies.size(), 0);  // all, as long as it is not known
   for (size_t p = 0; p < group_->pairs.size(); ++p)
     DetectPair(static_cast<int>(p), state_, 4 * settings_.overlap_tolerance * Size(group_->pairs[p]), &now_,
                &now_pair_);

@@ -69,21 +69,15 @@ double Stepper::FindMeeting(double h) {
 bool Stepper::StaysLevel(const MeetingQuery& query, const GroupPair& pair, double t) {
   Probe(query, pair, t);
   const Pose at_a = query.path_a.At(t), at_b = query.path_b.At(t);
-  const Placement placed_a = at_a.placement(), placed_b = at_b.placement();
   const double least = query.gap - 2 * kTouching * Size(pair);  // gaps at both ends of a piece may miss as much
-  const auto stays = [&](const Vector3& n) {
-    return SeparationAlong(*query.a, placed_a, *query.b, placed_b, n) >= least &&
-           std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
-             c.normal_W = n;
-             return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
-           });
-  };
-  for (const Vector3& side_a : FlatSides(*query.a))
-    for (const Vector3& side_b : FlatSides(*query.b)) {
-      const Vector3 of_a = placed_a.rotation_WB * side_a, against_b = -(placed_b.rotation_WB * side_b);
-      if ((of_a - against_b).norm() < kAngle && (stays(of_a) || stays(against_b))) return true;
-    }
-  return false;
+  sides_W_.clear();
+  FacingSides(*query.a, at_a.placement(), *query.b, at_b.placement(), -least, &sides_W_);
+  return std::any_of(sides_W_.begin(), sides_W_.end(), [&](const Vector3& n) {
+    return std::all_of(probe_.begin(), probe_.end(), [&](Contact c) {
+      c.normal_W = n;
+      return ApproachOnWay(query, at_a, at_b, c, t) <= CutSpeed(c);
+    });
+  });
 }
 
 // Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the

@@ -196,5 +196,39 @@ TEST(CrowdBlows, HeavyPlateLandsOnLightCubes) {
   }
 }
 
+// A flush wall of two columns, seen from its side: the middle cube of one is struck towards that of the other, or pushed. Those above and below
+// touch it by edges, which nothing presses: both go on with half of what the one had, and nobody else moves.
+TEST(CrowdBlows, FlushWallTakesNothingAcrossItsEdges) {
+  for (const bool crowd : {false, true})
+    for (const bool pushed : {false, true})
+      for (const double apart : {0.0, 0.01})
+        for (const double dt : {1.0 / 30, 1.0 / 240}) {
+          Settings settings = crowd ? testing::AsCrowd(testing::Awake()) : testing::Awake();
+          settings.gravity.setZero();
+          World world(settings);
+          for (const double x : {0.0, 0.2 + apart})
+            for (const double z : {0.0, 0.2, 0.4})
+              world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
+                         .mass = 8,
+                         .position_W = {x, 0, z},
+                         .friction = 0,
+                         .restitution = 0});
+          if (pushed)
+            world.SetForce(1, {160, 0, 0}, Vector3::Zero());
+          else
+            world.SetVelocity(1, {3, 0, 0}, Vector3::Zero());
+          for (double time = 0; time < 0.1 - 1e-9; time += dt) EXPECT_FALSE(world.Step(dt).Failed());
+          // By then a force has given 16 N s.
+          const double speed = pushed ? 1 : 1.5;
+          for (int body = 0; body < 6; ++body) {
+            const Body& b = world.body(body);
+            EXPECT_NEAR(b.linear_velocity_W.x(), body % 3 == 1 ? speed : 0, 1e-6)
+                << crowd << pushed << " " << apart << " " << dt << " " << body;
+            EXPECT_LT(b.linear_velocity_W.tail<2>().norm() + b.angular_velocity_W.norm(), 1e-6)
+                << crowd << pushed << " " << apart << " " << dt << " " << body;
+          }
+        }
+}
+
 }  // namespace
 }  // namespace islet
