@@ -226,8 +226,8 @@ void Crowd::ReportIslands(StepReport* report) const {
 
 // Takes out what touches by edges alone, and is level along two sides that face each other. Nothing presses there: cubes of a wall touch those
 // beside, above and below, but push none that is diagonal. What closes along both shows as an overlap at the end.
-void Crowd::DropPassing() {
-  const auto passes = [&](const Contact* first, const Contact* last) {
+void Crowd::DropLevelEdges() {
+  const auto presses_nothing = [&](const Contact* first, const Contact* last) {
     const Body &a = bodies_[first->body_a], &b = bodies_[first->body_b];
     const double level = 2 * settings_.overlap_tolerance * Size(*first);  // what gaps may miss at both ends
     if ((!a.Moves() && !b.Moves()) || last - first > 2) return false;
@@ -240,8 +240,8 @@ void Crowd::DropPassing() {
   size_t kept = 0;
   for (size_t c = 0, end = 0; c < near_->size(); c = end) {
     for (end = c + 1; end < near_->size() && SamePair((*near_)[c], (*near_)[end]);) ++end;
-    if (passes(near_->data() + c, near_->data() + end)) continue;
-    kept = std::move(near_->begin() + c, near_->begin() + end, near_->begin() + kept) - near_->begin();
+    if (presses_nothing(near_->data() + c, near_->data() + end)) continue;
+    for (size_t k = c; k < end; ++k) (*near_)[kept++] = (*near_)[k];
   }
   near_->resize(kept);
 }
@@ -267,7 +267,7 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
         t, h, level == kMostHalvings,
         [&](std::span<const Vector3> travel_W) {
           find(travel_W);
-          DropPassing();
+          DropLevelEdges();
         },
         memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
@@ -289,7 +289,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   near_ = near;
   observer_ = &observer;
   errors_.assign(bodies.size(), 0.0);
-  DropPassing();
+  DropLevelEdges();
   first_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);
   first_near_ = *near;
