@@ -58,4 +58,13 @@ void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const 
     }
 }
 
+bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const Placement& pose_a, const Shape& b,
+                       const Placement& pose_b, double level, std::vector<Vector3>* normals_W) {
+  normals_W->clear();
+  const auto apart = [&](const Contact& c) { return std::abs(c.gap) > level; };
+  if (contacts.empty() || contacts.size() > 2 || std::any_of(contacts.begin(), contacts.end(), apart)) return false;
+  FacingSides(a, pose_a, b, pose_b, level, normals_W);
+  return normals_W->size() > 1;
+}
+
 }  // namespace islet

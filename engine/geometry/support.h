@@ -24,4 +24,9 @@ double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, 
 void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
                  std::vector<Vector3>* normals_W);
 
+// Whether two shapes with these contacts touch by edges alone, and are level along two such sides: no gap, and none deeper, than this [m].
+// normals_W: all such sides.
+bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const Placement& pose_a, const Shape& b,
+                       const Placement& pose_b, double level, std::vector<Vector3>* normals_W);
+
 }  // namespace islet

@@ -230,12 +230,9 @@ void Crowd::DropLevelEdges() {
   const auto presses_nothing = [&](const Contact* first, const Contact* last) {
     const Body &a = bodies_[first->body_a], &b = bodies_[first->body_b];
     const double level = 2 * settings_.overlap_tolerance * Size(*first);  // what gaps may miss at both ends
-    if ((!a.Moves() && !b.Moves()) || last - first > 2) return false;
-    if (std::any_of(first, last, [&](const Contact& c) { return std::abs(c.gap) > level; })) return false;
-    sides_W_.clear();
-    FacingSides(shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(), shapes_[first->body_b],
-                Pose{b.position_W, b.rotation_WB}.placement(), level, &sides_W_);
-    return sides_W_.size() > 1;
+    return (a.Moves() || b.Moves()) &&
+           TouchByLevelEdges({first, last}, shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(),
+                             shapes_[first->body_b], Pose{b.position_W, b.rotation_WB}.placement(), level, &sides_W_);
   };
   size_t kept = 0;
   for (size_t c = 0, end = 0; c < near_->size(); c = end) {

@@ -48,18 +48,15 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
 // there, so nothing presses along the other: cubes of a wall touch those beside, above and below, but push none that is diagonal.
 bool Stepper::SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found) {
   const double level = 2 * kTouching * Size(pair);  // gaps at both ends of a piece may miss as much
-  if (found.empty() || found.size() > 2) return false;
-  if (std::any_of(found.begin(), found.end(), [&](const Contact& c) { return std::abs(c.gap) > level; })) return false;
-  sides_W_.clear();
-  FacingSides(*group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
-              at[pair.b].pose.placement(), level, &sides_W_);
   const auto passes = [&](const Vector3& n) {
     return std::all_of(found.begin(), found.end(), [&](Contact c) {
       c.normal_W = n;
       return n.dot(at[pair.a].VelocityAt(c.point_W) - at[pair.b].VelocityAt(c.point_W)) <= CutSpeed(c);
     });
   };
-  return sides_W_.size() > 1 && std::any_of(sides_W_.begin(), sides_W_.end(), passes);
+  return TouchByLevelEdges(found, *group_->shapes[pair.a], at[pair.a].pose.placement(), *group_->shapes[pair.b],
+                           at[pair.b].pose.placement(), level, &sides_W_) &&
+         std::any_of(sides_W_.begin(), sides_W_.end(), passes);
 }
 
 // Materials are the world's to choose, by the bodies' numbers there.

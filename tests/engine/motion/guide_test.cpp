@@ -48,8 +48,8 @@ TEST(Guide, RollerThatLocksIsClean) {
     BodyDefinition floor = testing::Floor(0);
     floor.position_W = {0, 0, -0.1};
     world.Add(floor);
-    const int plate = world.Add(
-        {.shape = Shape::Box({2, 0.3, 0.05}), .mass = 1, .position_W = {0, 0, -0.05}, .friction = kFriction});
+    const int plate =
+        world.Add({.shape = Shape::Box({2, 0.3, 0.05}), .mass = 1, .position_W = {0, 0, -0.05}, .friction = kFriction});
     BodyDefinition incline = testing::Floor(kFriction);
     incline.rotation_WB = testing::Turn(M_PI + kAngle, Vector3::UnitY());
     incline.position_W = Vector3(0, 0, kRadius) - kRadius * (incline.rotation_WB * Vector3::UnitZ());

@@ -638,7 +638,7 @@ TEST(Impact, FreeCloudKeepsAngularMomentum) {
 }
 
 // A plank tips and slides over the edge of a block as a ball hits it. The edge bears it at another place at once, so its gap opens and closes as
-// the step ends; even so it takes part in the blow. Once all blows at 1/60 s and e = 0.3 went without it.
+// the step ends; even so it takes part in the blow.
 TEST(Impact, SupportThatSlidesTakesPartInABlow) {
   const auto ball_after = [](double dt, double first, double restitution) -> Vector3 {
     World world(Awake());
@@ -666,8 +666,8 @@ TEST(Impact, SupportThatSlidesTakesPartInABlow) {
   }
 }
 
-// A box spins on a smooth pillar, edge on edge. Where the step began nothing had to press, as far as one could see from there; it went 1 % of a size
-// through the edge and came out at the side of the pillar, with no impulse at all.
+// A box spins on a smooth pillar, edge on edge. From where the step begins nothing seems to have to press: on its free way it would go
+// 1 % of a size through the edge and come out at the side of the pillar.
 TEST(Impact, EdgeGoesNotThroughAnEdge) {
   const auto box_after = [](int steps) {
     World world(Awake());

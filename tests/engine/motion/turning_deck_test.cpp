@@ -142,17 +142,17 @@ TEST(TurningDeck, RowsRollAsOneDoes) {
 }
 
 // A box, askew to all axes, rides on a tilted deck that turns about the vertical. It goes on an arc that is not along the deck: its pieces meet what
-// the deck works under the arc. Once they seemed to create energy, and each step was given up after all halvings.
+// the deck works under the arc.
 TEST(TurningDeck, WhatRidesOnATiltedTurntableStaysThere) {
-  constexpr double kRate = 1.8;  // [rad/s]
+  const double rate = 1.8;  // [rad/s]
   const Quaternion tilt = testing::Turn(0.2, Vector3::UnitY());
-  const auto turn = [](double time) { return testing::Turn(kRate * time, Vector3::UnitZ()); };
+  const auto turn = [rate](double time) { return testing::Turn(rate * time, Vector3::UnitZ()); };
   for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
     World world(Awake());
     BodyDefinition deck = Deck(0.7);
     deck.position_W = tilt * deck.position_W;
     deck.rotation_WB = tilt;
-    deck.angular_velocity_W = {0, 0, kRate};
+    deck.angular_velocity_W = {0, 0, rate};
     world.Add(deck);
     BodyDefinition box{.shape = Shape::Box({0.1, 0.08, 0.06}), .mass = 0.2, .friction = 0.7, .restitution = 0};
     box.position_W = tilt * Vector3(0.3, 0.4, 0.06);
