@@ -30,20 +30,34 @@ Vector3 Across(const Vector3& normal_W, const Vector3& axis_W) {
   return across.norm() > kTilts ? Vector3(across.normalized()) : Vector3(Vector3::Zero());
 }
 
-void RollLever(const Course& sphere, const Course& a, const Course& b, double off, double turn, Contact* contact) {
-  const Vector3 &centre = sphere.middle.position_W, &n = contact->normal_W;
-  Vector3 rolls = b.MeanVelocity(centre) - a.MeanVelocity(centre);
-  rolls -= n.dot(rolls) * n;
-  if (std::abs(off) >= turn * rolls.norm()) return;
-  const double depth = n.dot(contact->point_W - centre);
-  const Vector3 across = contact->point_W - centre - depth * n;
-  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
-  contact->point_W = centre + depth * contact->normal_W + across;
-}
-
 // [m/s] at which the mean velocities open a contact between two axes.
 double Opening(const Course& a, const Course& b, const Contact& contact) {
   return contact.normal_W.dot(b.MeanVelocity(contact.point_W) - a.MeanVelocity(contact.point_W));
+}
+
+// Turns the normal of a sphere about its centre to where mean velocities open the contact as fast as its gap changes. Where the other body has
+// an axis the normal first turns to that, and then along it: off its axis a normal impulse would spin that body in itself.
+void RollLever(const Course& sphere, const Course& a, const Course& b, double opening, double turn, Contact* contact) {
+  const Course& other = &sphere == &a ? b : a;
+  const Vector3 &centre = sphere.middle.position_W, &n = contact->normal_W;
+  const double depth = n.dot(contact->point_W - centre);
+  Vector3 rest = contact->point_W - centre - depth * n;
+  Vector3 aside = (centre - other.middle.position_W).cross(other.axis_W);
+  if (aside.norm() > kTilts * (centre - other.middle.position_W).norm()) {
+    aside.normalize();
+    contact->normal_W = (n - aside.dot(n) * aside).normalized();
+    rest.setZero();
+    contact->point_W = centre + depth * n;
+  } else {
+    aside.setZero();
+  }
+  const double off = opening - Opening(a, b, *contact);
+  Vector3 rolls = b.MeanVelocity(centre) - a.MeanVelocity(centre);
+  rolls -= n.dot(rolls) * n;
+  rolls -= aside.dot(rolls) * aside;
+  if (std::abs(off) >= turn * rolls.norm()) return;
+  contact->normal_W = (n + off / rolls.squaredNorm() * rolls).normalized();
+  contact->point_W = centre + depth * n + rest;
 }
 
 // The contact with that normal, its point on it between both axes.
@@ -286,16 +300,16 @@ Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) 
 }
 
 bool TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact) {
-  const Vector3& n = contact->normal_W;
-  const double off = opening - Opening(a, b, *contact);
   if (a.sphere || b.sphere) {
-    RollLever(a.sphere ? a : b, a, b, off, turn, contact);
+    RollLever(a.sphere ? a : b, a, b, opening, turn, contact);
     return true;
   }
   if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W)) {
     RollBetween(a, b, opening, turn, contact);
     return true;
   }
+  const Vector3& n = contact->normal_W;
+  const double off = opening - Opening(a, b, *contact);
   const Vector3 spin = b.mean_spin_W - a.mean_spin_W;
   Vector3 along = n.cross(spin);
   for (const Vector3& axis : {a.axis_W, b.axis_W}) {

@@ -236,7 +236,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
     const double fresh = FreshOverlap();
     const bool deep =
         fresh > kTouching || (fresh > kExact && DeepestSinceStart() > kTouching) || (redone && WayIsBarred(*h));
-    if (deep && may_halve) return true;
+    if (may_halve && (deep || TurnedFar())) return true;
     Settle();
     struck_ = false;
     strike_W_.assign(end_.size(), Vector3::Zero());

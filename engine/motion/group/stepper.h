@@ -107,6 +107,7 @@ class Stepper {
   void FollowHeld();
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   const Contact* ClosedAtStart(size_t at_end) const;
+  bool TurnedFar() const;
   Vector3 CarriedBy(size_t at_end) const;
   int HeirOf(size_t held) const;
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
@@ -196,6 +197,7 @@ class Stepper {
   // stepper_events.cpp: what ended within a piece.
   double SlipEnds(double h) const;
   double SupportEnds(double h);
+  bool PressesLess(int pair) const;
   bool GoesOn(size_t at_start) const;
   Pose GoingOn(int i, int pair, double until, double t) const;
   size_t ClosedAt(int pair, double until, double t);

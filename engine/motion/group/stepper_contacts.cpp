@@ -14,6 +14,10 @@ namespace {
 
 constexpr double kNearby = 0.1;  // of a size: how far what presses is looked for
 
+bool IsSmooth(const Shape& shape) {
+  return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule;
+}
+
 }  // namespace
 
 // [m] at least between the bodies of a pair, by the spheres around them.
@@ -187,9 +191,14 @@ double Stepper::Shifted() const {
 
 // Of the contacts at another time of the piece the one that this contact is; -1: none. The same feature is the same
 // place only as far as the two bodies' points have parted, or as a piece may turn: the lowest point of a rim goes around it.
+// Where two axes cross may run along both.
 int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const {
   const auto [a, b] = group_->pairs[pair];
   const auto [first, last] = std::equal_range(there.begin(), there.end(), contact, EarlierPair);
+  if (IsSmooth(*group_->shapes[a]) && IsSmooth(*group_->shapes[b])) {
+    const auto same = std::find_if(first, last, [&](const Contact& c) { return c.feature == contact.feature; });
+    if (same != last) return static_cast<int>(same - there.begin());
+  }
   const Vector3 with_a = CarriedWith(a, contact.point_W, from, to), with_b = CarriedWith(b, contact.point_W, from, to);
   const double far = kSamePlace * Size(group_->pairs[pair]);
   const double around = kLargestTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
@@ -233,6 +242,20 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
   const bool same = found >= 0 && (now_[found].normal_W - end.normal_W).norm() < kLargestTurn;
   return same && closed_[found] ? &now_[found] : nullptr;
+}
+
+// Whether what carries all through the piece turned by more than one lever describes.
+bool Stepper::TurnedFar() const {
+  for (size_t e = 0; e < end_.size(); ++e) {
+    if (CarriedBy(e).isZero(0)) continue;
+    bool far = false, near = false;
+    for (size_t c = 0; c < now_.size(); ++c) {
+      if (now_pair_[c] != end_pair_[e] || !closed_[c] || now_[c].feature != end_[e].feature) continue;
+      ((now_[c].normal_W - end_[e].normal_W).norm() < kLargestTurn ? near : far) = true;
+    }
+    if (far && !near) return true;
+  }
+  return false;
 }
 
 // [N s] what a contact at the end held in the piece.

@@ -40,12 +40,13 @@ double Stepper::SlipEnds(double h) const {
 // as long as all its contacts are there if all goes on as it did; if without it the pair is open where the piece ends.
 double Stepper::SupportEnds(double h) {
   double first = (1 - kBrief) * h;
-  bool found = false;
+  bool found = false, less = false;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
     if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])))
       continue;
     const bool sinks = ClosedAt(pair, h, h) > 0;
+    less = less || PressesLess(pair);
     if (sinks && !IsOpenAtEnd(pair)) continue;  // it rolls around an edge
     const size_t closed = ClosedAt(pair, 0, 0);
     double until = 0, from = sinks || closed == 0 ? 0 : h;
@@ -58,7 +59,18 @@ double Stepper::SupportEnds(double h) {
     if (h > kBrief * dt_) until = std::max(until, 0.5 * h);
     if (until > 0 && until < first) first = until, found = true;
   }
-  return found ? first : h;
+  if (found) return first;
+  return less && h > kBrief * dt_ ? 0.5 * h : h;
+}
+
+// Whether a pair that pressed all through the piece presses by less than half of that as it ends: it ended somewhere within it.
+bool Stepper::PressesLess(int pair) const {
+  double pressed = 0, left = 0;
+  for (size_t c = 0; c < held_.size(); ++c)
+    if (held_of_[c].pair == pair) pressed += held_[c].normal_W.dot(impulse_W_[c]);
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (end_pair_[e] == pair) left -= end_[e].normal_W.dot(settle_W_[e]);
+  return left > 0.5 * pressed;
 }
 
 // Whether a contact that pressed as the piece began is there at its end.

@@ -408,6 +408,47 @@ TEST(Round, NormalForcesSpinNothingAboutItsAxis) {
   }
 }
 
+// A capsule falls on what is round and runs over it. Every step of 1/60 s from there on ends as 64 of them do. The place where two crossing
+// rods touch runs along both, faster than anything on them; on a ball a normal impulse has to pass through its centre and the axis.
+TEST(Round, RunsOverWhatIsRoundInWholeSteps) {
+  struct Fall {
+    Shape below;
+    double friction;
+    Vector3 place, axis, velocity, spin;
+    double turn;
+    int meets;  // steps of 1/3840 s until then
+  };
+  const Shape ball = Shape::Sphere(0.1), rod = Shape::Capsule(0.03, 0.3);
+  for (const Fall& fall : {Fall{ball, 0, {-0.03, -0.01, 0.25}, {-1, 0, 1}, {0.7, 0.4, -1}, {-1, 3, -14}, -1.2, 276},
+                           Fall{rod, 0.7, {0.01, 0, 0.18}, {1, -2, 1}, {0.5, -0.3, -1}, {-14, -14, 11}, 0.9, 234},
+                           Fall{rod, 1, {-0.02, 0.02, 0.18}, {-1, 2, 1}, {-0.9, -0.6, -1}, {-8, 14, -4}, 0.6, 291}}) {
+    for (int moment = 1; moment < 13; ++moment) {
+      const auto after = [&](int steps) {
+        World world(Awake());
+        world.Add({.shape = fall.below,
+                   .kind = BodyKind::kFixed,
+                   .rotation_WB = Turn(M_PI / 2, Vector3::UnitY()),
+                   .friction = fall.friction,
+                   .restitution = 0});
+        const int capsule = world.Add({.shape = Shape::Capsule(0.03, 0.08),
+                                       .mass = 1,
+                                       .position_W = fall.place,
+                                       .rotation_WB = Turn(fall.turn, fall.axis.normalized()),
+                                       .linear_velocity_W = fall.velocity,
+                                       .angular_velocity_W = fall.spin,
+                                       .friction = fall.friction,
+                                       .restitution = 0});
+        for (int k = 0; k < fall.meets + 16 * moment; ++k) testing::Step(&world, 1.0 / 3840);
+        for (int k = 0; k < steps; ++k) EXPECT_EQ(testing::Step(&world, 1.0 / 60 / steps).gave_up, 0);
+        return world.body(capsule);
+      };
+      const Body fine = after(64), coarse = after(1);
+      EXPECT_LT((coarse.angular_velocity_W - fine.angular_velocity_W).norm(), 0.7) << fall.meets << " " << moment;
+      EXPECT_LT((coarse.linear_velocity_W - fine.linear_velocity_W).norm(), 0.08) << fall.meets << " " << moment;
+    }
+  }
+}
+
 // A bar that rolls and slips off an equal one stays parallel to it, ends flush or not, and comes to the spin that a fine step gives. The place
 // where two such axes cross is metres away for a billionth of tilt: levers were there.
 TEST(Round, RollsOffABarBesideIt) {

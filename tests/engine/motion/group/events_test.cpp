@@ -161,6 +161,29 @@ TEST(Events, BoxesThatLeaveATableTurn) {
   }
 }
 
+// A box turns on a smooth ball, which bears it for a part of the step only. By the forces of the start it would part from the ball at once, by
+// those of the whole step the ball bears it to its end.
+TEST(Events, WhatTurnsOffABallLeavesItWhenItDoes) {
+  const auto after = [](int steps) {
+    World world(testing::Awake());
+    world.Add({.shape = Shape::Sphere(0.1), .kind = BodyKind::kFixed, .restitution = 0});
+    const int box = world.Add({.shape = Shape::Box({0.08, 0.1, 0.05}),
+                               .mass = 1,
+                               .position_W = {-0.01, 0, 0.25},
+                               .rotation_WB = testing::Turn(1.2, Vector3(2, 0, -1).normalized()),
+                               .linear_velocity_W = {-0.8, 0.5, -1},
+                               .angular_velocity_W = {-4, -8, -15},
+                               .friction = 0,
+                               .restitution = 0});
+    for (int k = 0; k < 265; ++k) testing::Step(&world, 1.0 / 3840);
+    for (int k = 0; k < steps; ++k) testing::Step(&world, 1.0 / 60 / steps);
+    return world.body(box);
+  };
+  const Body fine = after(64), coarse = after(1);
+  EXPECT_LT((coarse.angular_velocity_W - fine.angular_velocity_W).norm(), 0.02);
+  EXPECT_LT((coarse.linear_velocity_W - fine.linear_velocity_W).norm(), 0.002);
+}
+
 // Its rear edge leaves the table's edge in some piece, however short, and gets no kick from it: of 400 phases ten once left a third faster.
 TEST(Events, EdgesThatPartKickNobody) {
   for (const double speed : {1.0, 1.5}) {
