@@ -280,7 +280,8 @@ bool Stepper::Piece(Progress* p) {
   if (deep || (creates_ && !yields)) return false;
   if (work_ < group_->most_work / 2) {  // a step is one without them, too
     // Impulses of a piece before that was that short are no forces.
-    const double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
+    double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
+    if (end == h && h > kBrief * dt_ && WasThereInPart(h)) end = 0.5 * h;
     if (end < h) {
       ++p->events;
       p->most = end;

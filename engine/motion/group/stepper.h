@@ -197,7 +197,7 @@ class Stepper {
   // stepper_events.cpp: what ended within a piece.
   double SlipEnds(double h) const;
   double SupportEnds(double h);
-  bool PressesLess(int pair) const;
+  bool WasThereInPart(double h) const;
   bool GoesOn(size_t at_start) const;
   Pose GoingOn(int i, int pair, double until, double t) const;
   size_t ClosedAt(int pair, double until, double t);

@@ -14,9 +14,7 @@ namespace {
 
 constexpr double kNearby = 0.1;  // of a size: how far what presses is looked for
 
-bool IsSmooth(const Shape& shape) {
-  return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule;
-}
+bool IsSmooth(const Shape& shape) { return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule; }
 
 }  // namespace
 

@@ -40,13 +40,12 @@ double Stepper::SlipEnds(double h) const {
 // as long as all its contacts are there if all goes on as it did; if without it the pair is open where the piece ends.
 double Stepper::SupportEnds(double h) {
   double first = (1 - kBrief) * h;
-  bool found = false, less = false;
+  bool found = false;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
     if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])))
       continue;
     const bool sinks = ClosedAt(pair, h, h) > 0;
-    less = less || PressesLess(pair);
     if (sinks && !IsOpenAtEnd(pair)) continue;  // it rolls around an edge
     const size_t closed = ClosedAt(pair, 0, 0);
     double until = 0, from = sinks || closed == 0 ? 0 : h;
@@ -57,20 +56,30 @@ double Stepper::SupportEnds(double h) {
     if (ClosedAt(pair, until, h) > 0) continue;
     // Forces that do not turn with what tips part it from its edge too soon: half of the piece tells more.
     if (h > kBrief * dt_) until = std::max(until, 0.5 * h);
-    if (until > 0 && until < first) first = until, found = true;
+    if (until > kBrief * kBrief * dt_ && until < first) first = until, found = true;
   }
-  if (found) return first;
-  return less && h > kBrief * dt_ ? 0.5 * h : h;
+  return found ? first : h;
 }
 
-// Whether a pair that pressed all through the piece presses by less than half of that as it ends: it ended somewhere within it.
-bool Stepper::PressesLess(int pair) const {
-  double pressed = 0, left = 0;
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (held_of_[c].pair == pair) pressed += held_[c].normal_W.dot(impulse_W_[c]);
-  for (size_t e = 0; e < end_.size(); ++e)
-    if (end_pair_[e] == pair) left -= end_[e].normal_W.dot(settle_W_[e]);
-  return left > 0.5 * pressed;
+// Whether what carried all through the piece was there for a part of it only, by what is left at its end: the contacts of a pair face another
+// way, and press by less than half of what they did, or are others.
+bool Stepper::WasThereInPart(double h) const {
+  for (size_t c = 0; c < now_.size(); ++c) {
+    if (!closed_[c] || GoesOn(c)) continue;
+    const int pair = now_pair_[c];
+    double pressed = 0, left = 0;
+    for (size_t k = 0; k < held_.size(); ++k)
+      if (held_of_[k].pair == pair) pressed += held_[k].normal_W.dot(impulse_W_[k]);
+    if (!(pressed > kBrief * h * pull_ * LighterMass(now_[c]))) continue;
+    bool same = false, other = false;
+    for (size_t e = 0; e < end_.size(); ++e) {
+      if (end_pair_[e] != pair) continue;
+      left -= end_[e].normal_W.dot(settle_W_[e]);
+      if (!CarriedBy(e).isZero(0)) (ClosedAtStart(e) ? same : other) = true;
+    }
+    if (left > 0.5 * pressed || (other && !same)) return true;
+  }
+  return false;
 }
 
 // Whether a contact that pressed as the piece began is there at its end.

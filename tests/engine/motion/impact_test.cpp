@@ -666,6 +666,37 @@ TEST(Impact, SupportThatSlidesTakesPartInABlow) {
   }
 }
 
+// A plank leans on a box that lies on the floor. It turns about one corner, sets out slowly, and lands on its edge beside that: it turns on about
+// the next corner, as it does in finer steps.
+TEST(Impact, PlankThatRocksGoesOnAboutTheNextCorner) {
+  const auto plank_after = [](double dt, int steps) {
+    World world(Awake());
+    world.Add(Floor(0.6, 0.3));
+    world.Add(
+        {.shape = Shape::Box({0.08, 0.02, 0.02}),
+         .mass = 0.256,
+         .position_W = {-0.193417381950, 0.246495553614, 0.020000006235},
+         .rotation_WB = Quaternion(-0.552661191425, -0.552661163271, -0.441095800289, -0.441096067832).normalized(),
+         .friction = 0.125,
+         .restitution = 0.32});
+    const int plank = world.Add(
+        {.shape = Shape::Box({0.02, 0.02, 0.1}),
+         .mass = 0.32,
+         .position_W = {-0.091627241668, 0.292565579259, 0.043648523307},
+         .rotation_WB = Quaternion(-0.591372630407, -0.187360876324, -0.761170508122, 0.189192419497).normalized(),
+         .linear_velocity_W = {0.001132982226, 0.004457147911, -0.001028228992},
+         .angular_velocity_W = {-0.213271624871, 0.066858217676, 0.054816588039},
+         .friction = 0.125,
+         .restitution = 0.32});
+    for (int k = 0; k < steps; ++k) testing::Step(&world, dt / steps);
+    return world.body(plank).angular_velocity_W;
+  };
+  for (const double dt : {1.0 / 60, 1.0 / 80}) {
+    const Vector3 fine = plank_after(dt, 32);
+    for (const int steps : {1, 2, 4}) EXPECT_LT((plank_after(dt, steps) - fine).norm(), 0.01) << dt << " " << steps;
+  }
+}
+
 // A box spins on a smooth pillar, edge on edge. From where the step begins nothing seems to have to press: on its free way it would go
 // 1 % of a size through the edge and come out at the side of the pillar.
 TEST(Impact, EdgeGoesNotThroughAnEdge) {
