@@ -666,6 +666,37 @@ TEST(Impact, SupportThatSlidesTakesPartInABlow) {
   }
 }
 
+// A box lies with its face on the edge of a ridge, leaves it slowly, moves along and turns: the ridge meets the face again in the same step, up
+// to 4 % of a size deep on a free way that parts from it before the step ends.
+TEST(Impact, WhatPartsMayMeetAgainWithinTheStep) {
+  struct Way {
+    double along, spin, leaves, dt;
+  };
+  for (const Way& way : {Way{3, -6, 0.01, 1.0 / 30}, Way{12, -25, 0.1, 1.0 / 120}, Way{24, -50, 0.1, 1.0 / 240}}) {
+    const auto box_after = [&](int steps) {
+      World world(Awake());
+      world.Add({.shape = Shape::Box({0.1, 0.5, 0.1}),
+                 .kind = BodyKind::kFixed,
+                 .position_W = {0, 0, -0.1 * std::sqrt(2.0)},
+                 .rotation_WB = testing::Turn(M_PI / 4, Vector3::UnitY()),
+                 .friction = 0,
+                 .restitution = 0});
+      const int box = world.Add({.shape = Shape::Box({0.05, 0.05, 0.05}),
+                                 .mass = 1,
+                                 .position_W = {0, 0, 0.05},
+                                 .linear_velocity_W = {way.along, 0, way.leaves},
+                                 .angular_velocity_W = {0, way.spin, 0},
+                                 .friction = 0,
+                                 .restitution = 0});
+      for (int k = 0; k < steps; ++k) testing::Step(&world, way.dt / steps);
+      return world.body(box);
+    };
+    const Body fine = box_after(64), coarse = box_after(1);
+    EXPECT_NEAR(coarse.angular_velocity_W.y(), fine.angular_velocity_W.y(), -0.02 * way.spin) << way.along;
+    EXPECT_NEAR(coarse.linear_velocity_W.z(), fine.linear_velocity_W.z(), 0.08) << way.along;
+  }
+}
+
 // A plank leans on a box that lies on the floor. It turns about one corner, sets out slowly, and lands on its edge beside that: it turns on about
 // the next corner, as it does in finer steps.
 TEST(Impact, PlankThatRocksGoesOnAboutTheNextCorner) {
