@@ -151,7 +151,7 @@ double Meeting::Soonest(const MeetingQuery& query, double t, double floor) const
 }
 
 // What touches and turns is looked at each time that it may have moved by half a size, so nothing passes through in between, and where one of
-// its corners may be at the floor. What comes apart is looked at twelve times in a piece.
+// its corners may be at the floor. What comes apart is looked at twelve times in a piece, whether it was no contact any more.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor) {
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   GapAt(query, t, kFar, &normal);
@@ -162,7 +162,7 @@ double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Ve
     double left = GapAt(query, next, kFar, &normal);
     if (left > query.gap + query.deep) {  // it has come apart: it may have met before, or come back
       for (double look = t + h / kTouches; left >= floor && look < next; look += h / kTouches)
-        if (GapAt(query, look, kFar, &normal) < floor) next = look, left = -kFar;
+        if (GapAt(query, look, kFar, &normal) < floor - kInside * size) next = look, left = -kFar;
       if (left >= floor) GapAt(query, next, kFar, &normal);
     }
     if (left < floor) {
