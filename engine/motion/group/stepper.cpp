@@ -58,21 +58,16 @@ Vector3 Stepper::VisibleSpinOf(int i) const {
   return VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, state_[i].angular_W);
 }
 
-// [rad/s] at which what shows of the turn of a body turns itself: an axis circles the angular momentum.
-double Stepper::TurnOf(int i) const {
-  const Path way = FreePath(group_->bodies[i], *group_->shapes[i], state_[i], Vector3::Zero());
-  return way.rate_W.norm();
+// [rad/s] at which what shows of a pair turns against each other.
+double Stepper::TurnAgainst(const GroupPair& pair) const {
+  const auto spin = [&](int i) -> Vector3 {
+    return TurnsInItself(*group_->shapes[i]) ? Vector3(Vector3::Zero()) : VisibleSpinOf(i);
+  };
+  return (spin(pair.b) - spin(pair.a)).norm();
 }
 
-// [m/s] fastest that the turn moves a point of the box around a body.
-double Stepper::WhirlOf(int i) const {
-  const Vector3 w = (state_[i].pose.rotation_WB.conjugate() * VisibleSpinOf(i)).cwiseAbs(),
-                e = group_->shapes[i]->half_extents();
-  return Vector3(w.y() * e.z() + w.z() * e.y(), w.z() * e.x() + w.x() * e.z(), w.x() * e.y() + w.y() * e.x()).norm();
-}
-
-// A turn bends the way of a corner; a piece in which something is near is no longer than what one lever describes, and no way in it
-// bends farther than its body is thick.
+// Normals and levers are those of the middle of a piece. So nothing that is near turns by more than the way of one lever describes, and what
+// touches turns against each other by much less: what it carries is right to the second order of that.
 double Stepper::ChooseLength(double rest) {
   double most = rest;
   for (const GroupPair& pair : group_->pairs) {
@@ -82,11 +77,13 @@ double Stepper::ChooseLength(double rest) {
     for (const int i : {pair.a, pair.b}) {
       if (near_at >= most) break;
       if (BodyRadius(i) == 0) continue;
-      const double turn = VisibleSpinOf(i).norm(), size = group_->shapes[i]->size();
-      const double bend = TurnOf(i) * WhirlOf(i) / 8;  // [m/s^2]
+      const double turn = VisibleSpinOf(i).norm();
       if (turn * most > kLargestTurn) most = std::max(near_at, kLargestTurn / turn);
-      if (bend * most * most > size) most = std::max(near_at, std::sqrt(size / bend));
     }
+  }
+  for (size_t p = 0; p < group_->pairs.size(); ++p) {
+    const double turn = least_gap_[p] < kFar ? TurnAgainst(group_->pairs[p]) : 0;
+    if (turn * most > kTouchingTurn) most = std::min(most, std::max(kTouchingTurn / turn, brief_));
   }
   return most;
 }
@@ -199,7 +196,6 @@ double Stepper::FindCourse(double h) {
 // that is too deep; where the piece may be halved nothing is settled then.
 bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
   DetectEnd();
-  if (may_halve && CameThrough()) return true;
   double missed = Missed();
   const bool moves = LeversMove(*h) || NormalsMove() || SinksFreely();
   bool redone = met_;  // what is on the way was left to what carries, or the way is not the one that was searched
@@ -236,7 +232,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
     const double fresh = FreshOverlap();
     const bool deep =
         fresh > kTouching || (fresh > kExact && DeepestSinceStart() > kTouching) || (redone && WayIsBarred(*h));
-    if (may_halve && (deep || TurnedFar())) return true;
+    if (may_halve && deep) return true;
     Settle();
     struck_ = false;
     strike_W_.assign(end_.size(), Vector3::Zero());

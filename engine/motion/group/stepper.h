@@ -89,8 +89,7 @@ class Stepper {
   void LoadState();
   void KickRiders(double sign);
   Vector3 VisibleSpinOf(int i) const;
-  double TurnOf(int i) const;
-  double WhirlOf(int i) const;
+  double TurnAgainst(const GroupPair& pair) const;
   double Size(const GroupPair& pair) const;
   double BodyRadius(int i) const;
 
@@ -107,7 +106,6 @@ class Stepper {
   void FollowHeld();
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
   const Contact* ClosedAtStart(size_t at_end) const;
-  bool TurnedFar() const;
   Vector3 CarriedBy(size_t at_end) const;
   int HeirOf(size_t held) const;
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
@@ -171,7 +169,6 @@ class Stepper {
   bool MetInABlow(const MeetingQuery& query, int number, double* t);
   double First(const MeetingQuery& query, double until);
   bool WayIsBarred(double h);
-  bool CameThrough() const;
   void Probe(const MeetingQuery& query, const GroupPair& pair, double t);
   void Guard(const SlowMeeting& slow);
   double EndAtBlow(double h, double moment, double most);

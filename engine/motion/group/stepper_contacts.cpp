@@ -242,20 +242,6 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   return same && closed_[found] ? &now_[found] : nullptr;
 }
 
-// Whether what carries all through the piece turned by more than one lever describes.
-bool Stepper::TurnedFar() const {
-  for (size_t e = 0; e < end_.size(); ++e) {
-    if (CarriedBy(e).isZero(0)) continue;
-    bool far = false, near = false;
-    for (size_t c = 0; c < now_.size(); ++c) {
-      if (now_pair_[c] != end_pair_[e] || !closed_[c] || now_[c].feature != end_[e].feature) continue;
-      ((now_[c].normal_W - end_[e].normal_W).norm() < kLargestTurn ? near : far) = true;
-    }
-    if (far && !near) return true;
-  }
-  return false;
-}
-
 // [N s] what a contact at the end held in the piece.
 Vector3 Stepper::CarriedBy(size_t at_end) const { return carried_to_W_[at_end]; }
 

@@ -155,23 +155,6 @@ bool Stepper::WayIsBarred(double h) {
   return false;
 }
 
-// Whether some pair that met on its way, and was held there by nothing, came out on another side. What held it did not see that it closes: a
-// shorter piece does.
-bool Stepper::CameThrough() const {
-  const auto came = [&](const SlowMeeting& slow) {
-    const double least = GapBefore(slow.pair) - kTouching * Size(group_->pairs[slow.pair]);
-    const auto held_along = [&](const Vector3& n) {
-      for (size_t c = 0; c < held_.size(); ++c)
-        if (held_of_[c].pair == slow.pair && (held_[c].normal_W - n).norm() < kLargestTurn) return true;
-      return false;
-    };
-    for (size_t e = 0; e < end_.size(); ++e)
-      if (end_pair_[e] == slow.pair && end_[e].gap < least && !held_along(end_[e].normal_W)) return !Presses(slow.pair);
-    return false;
-  };
-  return std::any_of(slow_.begin(), slow_.end(), came);
-}
-
 // A pair that meets within the piece carries at the plane in which it does, through what is nearest then. Its gap is that which
 // these points have where the piece begins.
 void Stepper::Guard(const SlowMeeting& slow) {

@@ -184,6 +184,64 @@ TEST(Events, WhatTurnsOffABallLeavesItWhenItDoes) {
   EXPECT_LT((coarse.linear_velocity_W - fine.linear_velocity_W).norm(), 0.002);
 }
 
+// A box that tumbles falls on a smooth fixed ball, or on a rod. From the moment before they touch one step ends as 64 do: it bears for a part
+// of the step, with a force that falls from moment to moment.
+TEST(Events, WhatTumblesOverWhatIsRoundBearsAsInFineSteps) {
+  struct Fall {
+    bool rod;
+    Vector3 axis;
+    double angle;
+    Vector3 spin_W, velocity_W;
+    double x;    // [m]
+    int before;  // steps of 1/3840 s until they touch
+  };
+  for (const Fall& fall : {Fall{false, {2, 0, 2}, 1.4, {8, 12, 5}, {-0.4, 0.6, -2}, 0.02, 140},
+                           Fall{false, {1, -2, 2}, -1.5, {8, 7, -4}, {0.1, -0.7, -2}, -0.02, 124},
+                           Fall{false, {2, 0, -2}, -1.9, {-9, 8, -9}, {-0.4, 0.2, -2}, 0.04, 186},
+                           Fall{true, {-1, 0, 0}, -0.8, {-7, -3, 5}, {-0.1, 0.1, -2}, 0.03, 226}}) {
+    const auto after = [&fall](int steps) {
+      World world(testing::Awake());
+      world.Add({.shape = fall.rod ? Shape::Cylinder(0.1, 0.5) : Shape::Sphere(0.1),
+                 .kind = BodyKind::kFixed,
+                 .rotation_WB = testing::Turn(M_PI / 2, Vector3::UnitY()),
+                 .friction = 0,
+                 .restitution = 0});
+      const int box = world.Add({.shape = Shape::Box({0.08, 0.1, 0.05}),
+                                 .mass = 1,
+                                 .position_W = {fall.x, 0, 0.3},
+                                 .rotation_WB = testing::Turn(fall.angle, fall.axis.normalized()),
+                                 .linear_velocity_W = fall.velocity_W,
+                                 .angular_velocity_W = fall.spin_W,
+                                 .friction = 0,
+                                 .restitution = 0});
+      testing::StepTimes(&world, fall.before, 1.0 / 3840);
+      testing::StepTimes(&world, steps, 1.0 / 60 / steps);
+      return world.body(box);
+    };
+    const Body fine = after(64), coarse = after(1);
+    EXPECT_LT((coarse.linear_velocity_W - fine.linear_velocity_W).norm(), 0.015) << fall.before;
+    EXPECT_LT((coarse.angular_velocity_W - fine.angular_velocity_W).norm(), 0.15) << fall.before;
+  }
+}
+
+// A box spins like a top, face on face: pieces of a small turn would be a thousand in a step.
+TEST(Events, WhatSpinsFastNeedsNoMorePiecesThanAStepMayHave) {
+  World world(testing::Awake());
+  world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 0.1});
+  const int box = world.Add({.shape = Shape::Box({0.05, 0.05, 0.02}),
+                             .mass = 1,
+                             .position_W = {0, 0, 0.02},
+                             .angular_velocity_W = {0, 0, 1000},
+                             .friction = 0.1,
+                             .restitution = 0});
+  for (int k = 0; k < 6; ++k) {
+    const StepReport report = testing::Step(&world, 1.0 / 60);
+    EXPECT_EQ(report.gave_up, 0);
+    EXPECT_LE(report.pieces, 64);
+  }
+  EXPECT_GT(world.body(box).angular_velocity_W.z(), 995);
+}
+
 // Its rear edge leaves the table's edge in some piece, however short, and gets no kick from it: of 400 phases ten once left a third faster.
 TEST(Events, EdgesThatPartKickNobody) {
   for (const double speed : {1.0, 1.5}) {
