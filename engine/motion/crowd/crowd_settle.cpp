@@ -34,7 +34,7 @@ void Crowd::FindHits() {
       const Body& body = bodies_[cut_[a] ? b : a];
       const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
       const double way = ClosingWay(contact) - 2 * settings_.overlap_tolerance * Size(contact);  // what gaps may miss
-      least = std::sqrt(least * least + 2 * std::max(0.0, fall * way));
+      least = std::sqrt(least * least + 2 * std::max(0.0, fall) * std::max(0.0, way));
     }
     if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
       return;

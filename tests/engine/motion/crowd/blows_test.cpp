@@ -39,6 +39,32 @@ double Head(const Body& b, double height) {
   return b.position_W.z() - height + 0.5 * b.linear_velocity_W.squaredNorm() / kGravity;
 }
 
+// A push holds a cube under a face that leans over it. Weight pulls it away from there, so nothing falls on that face: it rests, and no step has
+// a blow. Each once had twenty.
+TEST(CrowdBlows, WhatIsHeldUnderAnOverhangRests) {
+  World world(testing::AsCrowd(testing::Awake()));
+  world.Add(Floor(0.5, 0.2));
+  const Quaternion turn = testing::Turn(-0.35, Vector3::UnitY());
+  BodyDefinition wall{.shape = Shape::Box({0.5, 2, 2}), .kind = BodyKind::kFixed, .rotation_WB = turn};
+  wall.position_W = Vector3(0.1 + 1e-6, 0, 0.2) + turn * Vector3(0.5, 0, 0);
+  wall.friction = 0.5;
+  wall.restitution = 0.2;
+  world.Add(wall);
+  for (const double x : {0.0, -0.2}) {
+    BodyDefinition cube = Cube({x, 0, 0.1}, 0.5, 0.2);
+    cube.shape = Shape::Box({0.1, 0.1, 0.1});
+    world.Add(cube);
+  }
+  world.SetForce(3, {20, 0, 0}, Vector3::Zero());
+  testing::StepTimes(&world, 30, kDt);
+  for (int frame = 0; frame < 10; ++frame) {
+    const StepReport report = testing::Step(&world, kDt);
+    EXPECT_EQ(report.bounces, 0) << frame;
+    EXPECT_EQ(report.collision_qp.solved, 0) << frame;
+    EXPECT_LT(world.body(2).linear_velocity_W.norm(), 1e-9) << frame;
+  }
+}
+
 // The floor stops what sticks and brakes what slides; neighbours that do the same take no part.
 TEST(CrowdBlows, RowLandsFlatLikeOneCube) {
   for (const double speed : {0.1, 3.0}) {
