@@ -12,7 +12,7 @@ inline constexpr int kMostHalvings = 6;  // of a step, and of a piece of a crowd
 inline constexpr double kBrief = 1.0 / (1 << kMostHalvings);
 inline constexpr int kPasses = 8;  // of the carrying problem in a piece
 // [rad] by which bodies of a group that touch turn against each other in a piece, at most.
-inline constexpr double kTouchingTurn = 0.048;
+inline constexpr double kTouchingTurn = 0.052;
 inline constexpr double kPushOut = 0.2;  // of an overlap: what a piece takes back, where friction and blows pay for it
 inline constexpr double kFastest = 20;   // times the least v_ref: what a way out of an overlap, or a turn, may ask for
 // Of a size: how exactly gaps of what touches meet their end; half of it: bodies have met.
