@@ -305,7 +305,11 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
       JudgeTurningWall(j, w, SignOn(j, number), account);
     }
   }
-  if (!before.torque_W.isZero(0)) kicks.push_back({0.5 * step.dt, step.dt * before.torque_W, true});
+  // So does a torque, between any two moments at which something begins or ends.
+  for (size_t s = 1; s < account->course.size() && !before.torque_W.isZero(0); ++s) {
+    const double from = account->course[s - 1].time, to = account->course[s].time;
+    kicks.push_back({0.5 * (from + to), (to - from) * before.torque_W, true});
+  }
   for (size_t k = 1; k < kicks.size(); ++k)  // few, and nearly in order
     for (size_t i = k; i > 0 && kicks[i].time < kicks[i - 1].time; --i) std::swap(kicks[i], kicks[i - 1]);
   const Vector3 momentum_before = before.AngularMomentumW(), momentum_after = after.AngularMomentumW();
@@ -313,19 +317,25 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
                energy_after = KineticEnergy(after, momentum_after);
   Vector3 momentum = momentum_before;
   Quaternion rotation = before.rotation_WB;
-  double t = 0, worked = 0;  // [s]; [J] of the torque, as a kick
+  double t = 0, worked = 0;  // [s]; [J] of the torque, as kicks
   const bool stands = StandsFrozen(before, after);
   const auto turn_until = [&](double time) {
     if (!stands) rotation = Turn(before, rotation, momentum, time - t);
   };
   account->spins.push_back({0, rotation, momentum});
-  for (const Kick& kick : kicks) {
-    turn_until(kick.time);
-    if (kick.of_torque)
-      worked = kick.moment.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * kick.moment));
-    momentum += kick.moment;
-    if (kick.time <= t) account->spins.pop_back();  // with the one before, and no turn between
-    t = std::max(t, kick.time);
+  for (size_t k = 0; k < kicks.size();) {
+    const double time = kicks[k].time;
+    turn_until(time);
+    Vector3 together = Vector3::Zero(), of_torque = Vector3::Zero();
+    for (; k < kicks.size() && kicks[k].time - time <= kExact * step.dt; ++k) {
+      together += kicks[k].moment;
+      if (kicks[k].of_torque) of_torque += kicks[k].moment;
+    }
+    if (!of_torque.isZero(0))
+      worked += of_torque.dot(SpinOf(before.inertia_B.inverse(), rotation, momentum + 0.5 * together));
+    momentum += together;
+    if (time <= t) account->spins.pop_back();  // with the one before, and no turn between
+    t = std::max(t, time);
     account->spins.push_back({t, rotation, momentum});
   }
   turn_until(step.dt);

@@ -154,7 +154,6 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
     hash = Mixed(Mixed(hash, b.linear_velocity_W), b.angular_velocity_W);
     hash = Mixed(Mixed(hash, b.force_W), b.torque_W);
     hash = Mixed(Mixed(Mixed(Mixed(hash, b.mass), b.friction), b.restitution), b.surface_velocity_B);
-    hash = Mixed(Mixed(Mixed(hash, b.linear_before_W), b.angular_before_W), b.surface_before_B);
   }
   return hash | 1;
 }

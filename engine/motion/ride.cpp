@@ -3,11 +3,24 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/motion/lever.h"
+#include "engine/response/suite_frame.h"
+#include "engine/rotation.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
+namespace {
 
-Vector3 SurfaceChange(const Body& a, const Body& b, const Vector3& point_W) {
+// The same where a contact is.
+Vector3 ChangeAt(const Contact& c, std::span<const Body> bodies) {
+  return ChangeOfSurface(bodies[c.body_a], bodies[c.body_b], c.point_W);
+}
+
+bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
+
+}  // namespace
+
+Vector3 ChangeOfSurface(const Body& a, const Body& b, const Vector3& point_W) {
   const auto change = [&](const Body& body) -> Vector3 {
     const Vector3 belt = body.rotation_WB * (body.surface_velocity_B - body.surface_before_B);
     if (body.kind != BodyKind::kKinematic) return belt;
@@ -17,80 +30,213 @@ Vector3 SurfaceChange(const Body& a, const Body& b, const Vector3& point_W) {
   return change(b) - change(a);
 }
 
-bool Ride::Find(double h, double pull, double floor, const Settings& settings, std::span<const Body> bodies,
-                std::span<const Contact> contacts, std::span<const Vector3> forces_W, IslandResponder* responder) {
-  Clear();
-  const auto change = [&](const Contact& c) { return SurfaceChange(bodies[c.body_a], bodies[c.body_b], c.point_W); };
-  bool any = false;
-  for (size_t c = 0; c < contacts.size() && !any; ++c) any = !forces_W[c].isZero(0) && !change(contacts[c]).isZero(0);
-  if (!any) return false;
-  // In changes of velocities: bodies have none, walls half of theirs.
-  posed_.assign(bodies.begin(), bodies.end());
-  cut_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) {
-    Body& p = posed_[i];
-    cut_[i] = !p.Moves();
-    const bool wall = p.kind == BodyKind::kKinematic;
-    p.linear_velocity_W = wall ? Vector3(0.5 * (p.linear_velocity_W - p.linear_before_W)) : Vector3(Vector3::Zero());
-    p.angular_velocity_W = wall ? Vector3(0.5 * (p.angular_velocity_W - p.angular_before_W)) : Vector3(Vector3::Zero());
-  }
-  held_.clear();
-  held_of_.clear();
+bool Ride::AnyChanged(std::span<const Body> bodies) {
+  return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) {
+    return !b.removed && (b.surface_velocity_B != b.surface_before_B ||
+                          (b.kind == BodyKind::kKinematic &&
+                           (b.linear_velocity_W != b.linear_before_W || b.angular_velocity_W != b.angular_before_W)));
+  });
+}
+
+void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
+                 const MixMaterial& mix, std::span<const Contact> contacts, std::span<const Vector3> forces_W,
+                 std::span<Body> bodies) {
+  const size_t n = bodies.size();
+  cut_.resize(n);
+  for (size_t i = 0; i < n; ++i) cut_[i] = !CanMove(bodies[i]);
   edges_.clear();
-  frames_.clear();
-  for (size_t c = 0; c < contacts.size(); ++c) {
-    Contact contact = contacts[c];
-    const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
-    const Vector3& n = contact.normal_W;
-    const double press = n.dot(forces_W[c]);
-    if (press <= 0 || (!a.Moves() && !b.Moves()) || std::abs(n.dot(change(contact))) > pull * h) continue;
-    contact.surface_W = 0.5 * (b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
-                               a.rotation_WB * (a.surface_velocity_B - a.surface_before_B));
-    const auto across = [&](const Vector3& v) { return (v - n.dot(v) * n).norm(); };
-    const double slid = across(RelativeVelocity(contacts[c], a, b) - change(contact));  // as the step before ended
-    if (slid > 10 * settings.tolerance * floor ||
-        across(change(contact)) > (1 + kNegligible) * contact.friction * pull * h)
-      contact.friction = 0;
-    held_.push_back(contact);
-    held_of_.push_back(static_cast<int>(c));
-    frames_.push_back(ContactFrame(n));
-    edges_.emplace_back(contact.body_a, contact.body_b);
-  }
+  for (const Contact& c : contacts) edges_.emplace_back(c.body_a, c.body_b);
   islands::BuildPartition({cut_, edges_}, &partition_);
-  targets_.assign(held_.size(), 0.0);
-  local_.resize(held_.size());
-  before_W_.resize(held_.size());
-  impulses_W_.assign(contacts.size(), Vector3::Zero());
+  posed_.resize(n);
+  given_W_.resize(n);
+  moment_W_.resize(n);
   for (int island = 0; island < partition_.num_islands(); ++island) {
-    const IslandView view{partition_.bodies_of(island), partition_.contacts_of(island)};
-    if (std::all_of(view.contacts.begin(), view.contacts.end(), [&](int k) { return change(held_[k]).isZero(0); }))
+    const std::span<const int> of_island = partition_.contacts_of(island), members = partition_.bodies_of(island);
+    if (std::all_of(of_island.begin(), of_island.end(),
+                    [&](int c) { return forces_W[c].isZero(0) || ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
-    // Held as if by a load that nothing lifts, with the friction of half a step: whether it may be pulled is known where the piece ends.
-    double mass = 0, most = 0;
-    for (const int b : view.bodies) mass += bodies[b].mass;
-    for (const int k : view.contacts) most = std::max(most, change(held_[k]).norm());
-    for (const int k : view.contacts) {
-      Contact& contact = held_[k];
-      const double press = 0.5 * h * contact.normal_W.dot(forces_W[held_of_[k]]), load = press + mass * most;
-      contact.friction *= press / load;
-      before_W_[k] = load * contact.normal_W;
-      local_[k] = frames_[k].transpose() * before_W_[k];
-      ApplyImpulse(contact, -before_W_[k], posed_);
+    Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
+    if (!Load(dt, members, settings, bodies)) continue;
+    bool solved = Solve(members, settings);
+    while (solved && LetSlide(settings)) solved = Solve(members, settings);
+    if (solved) Give(dt, members, bodies);
+  }
+}
+
+// The contacts that an island has now, where bodies may have been moved since, and the forces that held there.
+void Ride::Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+                  const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
+                  std::span<const Vector3> forces_W, std::span<const Body> bodies) {
+  before_.clear();
+  before_force_W_.clear();
+  now_.clear();
+  const auto size_of = [&](const Contact& c) { return std::min(shapes[c.body_a].size(), shapes[c.body_b].size()); };
+  for (const int k : of_island) {
+    const Contact& c = contacts[k];
+    const bool same_pair = !before_.empty() && SamePair(before_.back(), c);
+    before_.push_back(c);
+    before_force_W_.push_back(forces_W[k]);
+    const Body &a = bodies[c.body_a], &b = bodies[c.body_b];
+    if (same_pair || a.removed || b.removed || !filter.Allows(bodies, c.body_a, c.body_b)) continue;
+    const size_t first = now_.size();
+    CollideShapes(shapes[c.body_a], Pose{a.position_W, a.rotation_WB}.placement(), shapes[c.body_b],
+                  Pose{b.position_W, b.rotation_WB}.placement(), 4 * settings.overlap_tolerance * size_of(c), &now_);
+    for (size_t found = first; found < now_.size(); ++found) {
+      now_[found].body_a = c.body_a, now_[found].body_b = c.body_b;
+      mix(&now_[found], a, b);
     }
-    const ResponseOutcome outcome =
-        responder->ResolveTargets(view, {held_, frames_}, targets_, settings, floor, posed_, local_);
-    if (outcome.status == QpStatus::kFailed) continue;
-    for (const int k : view.contacts) impulses_W_[held_of_[k]] = frames_[k] * local_[k] - before_W_[k];
+  }
+  RecallForces(before_, before_force_W_, now_, size_of, &force_W_);
+  found_ = now_;
+}
+
+// The problem of an island: its contacts hold as if by a load that nothing lifts, with the friction of the step. What they may give is known
+// where it ends. Walls that come or go faster than forces make a body are not followed: they strike or leave. What slid slides on. Returns whether anything is left that changes.
+bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
+  const auto pose = [&](int i) {
+    Body& p = posed_[i] = bodies[i];
+    const bool wall = p.kind == BodyKind::kKinematic;
+    SetTwist(wall ? Twist{p.linear_velocity_W - p.linear_before_W, p.angular_velocity_W - p.angular_before_W} : Twist{},
+             &p);
+    p.frozen = false;
+  };
+  double pull = settings.gravity.norm(), mass = 0, fastest = 0, most = 0;
+  for (const int i : members) {
+    pose(i);
+    const Body& b = bodies[i];
+    mass += b.mass;
+    fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
+    if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
+    pull = std::max(
+        pull, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+  }
+  floor_ = std::max({pull * dt, 1e-3 * fastest, 1e-12});
+  held_.clear();
+  frames_.resize(now_.size());
+  for (size_t c = 0; c < now_.size(); ++c) {
+    Contact& contact = now_[c];
+    const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
+    const Vector3 &n = contact.normal_W, change = ChangeAt(contact, bodies);
+    frames_[c] = ContactFrame(n);
+    if (!(n.dot(force_W_[c]) > 0) || std::abs(n.dot(change)) > pull * dt) continue;
+    if (Slides(contact, RelativeVelocity(contact, a, b) - change, settings))
+      contact.friction = 0;  // as the step before ended
+    contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
+                        a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
+    held_.push_back(static_cast<int>(c));
+    most = std::max(most, change.norm());
+    pose(contact.body_a);
+    pose(contact.body_b);
+  }
+  if (most == 0) return false;
+  targets_.assign(now_.size(), 0.0);
+  local_.assign(now_.size(), Vector3::Zero());
+  load_W_.assign(now_.size(), Vector3::Zero());
+  for (const int c : held_) {
+    Contact& contact = now_[c];
+    const double press = dt * contact.normal_W.dot(force_W_[c]), load = press + mass * most;
+    contact.friction *= press / load;
+    load_W_[c] = load * contact.normal_W;
   }
   return true;
 }
 
-void Ride::Drop(size_t contact) {
-  for (int island = 0; island < partition_.num_islands(); ++island) {
-    const std::span<const int> together = partition_.contacts_of(island);
-    if (std::any_of(together.begin(), together.end(), [&](int k) { return held_of_[k] == static_cast<int>(contact); }))
-      for (const int k : together) impulses_W_[held_of_[k]].setZero();
+// [m/s] faster than that across a contact's normal.
+bool Ride::Slides(const Contact& contact, const Vector3& velocity_W, const Settings& settings) const {
+  const Vector3& n = contact.normal_W;
+  return (velocity_W - n.dot(velocity_W) * n).norm() > 10 * settings.tolerance * floor_;
+}
+
+bool Ride::Solve(std::span<const int> members, const Settings& settings) {
+  for (const int i : members) SetTwist({}, &posed_[i]);
+  for (const int c : held_) {
+    local_[c] = frames_[c].transpose() * load_W_[c];
+    ApplyImpulse(now_[c], -load_W_[c], posed_);
   }
+  return responder_.ResolveTargets({members, held_}, {now_, frames_}, targets_, settings, floor_, posed_, local_)
+             .status != QpStatus::kFailed;
+}
+
+// What would slide in spite of its friction is not given any: it rubs from where it is. Returns whether there is more of it.
+bool Ride::LetSlide(const Settings& settings) {
+  bool any = false;
+  for (const int c : held_) {
+    Contact& contact = now_[c];
+    const Vector3 slip_W = RelativeVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
+    if (contact.friction == 0 || !Slides(contact, slip_W, settings)) continue;
+    contact.friction = 0;
+    any = true;
+  }
+  return any;
+}
+
+// [rad/s] of the walls that give something: all that rides turns with them.
+Vector3 Ride::TurnOfWalls(std::span<const Body> bodies) const {
+  Vector3 turn = Vector3::Zero();
+  double all = 0;
+  for (const int c : held_) {
+    for (const int i : {now_[c].body_a, now_[c].body_b}) {
+      if (bodies[i].kind != BodyKind::kKinematic) continue;
+      const double weight = GivenBy(c).norm();
+      turn += weight * bodies[i].angular_velocity_W;
+      all += weight;
+    }
+  }
+  return all > 0 ? Vector3(turn / all) : turn;
+}
+
+// [N s] on body_b.
+Vector3 Ride::GivenBy(int c) const { return frames_[c] * local_[c] - load_W_[c]; }
+
+// What the contacts of an island give at once, and take back all through the step, turned with what turns them.
+void Ride::Give(double dt, std::span<const int> members, std::span<Body> bodies) {
+  const Quaternion halfway = Exp(0.5 * dt * TurnOfWalls(bodies));
+  for (const int i : members) {
+    given_W_[i].setZero();
+    moment_W_[i].setZero();
+  }
+  for (const int c : held_) {
+    const Contact& contact = now_[c];
+    const Vector3 impulse = GivenBy(c), left = impulse - halfway * impulse;
+    for (const auto& [i, sign] : {std::pair{contact.body_a, -1.0}, std::pair{contact.body_b, 1.0}}) {
+      if (cut_[i]) continue;
+      given_W_[i] += sign * impulse;
+      moment_W_[i] += sign * (contact.point_W - bodies[i].position_W).cross(impulse);
+    }
+    if (left.norm() <= kRounding * impulse.norm()) continue;
+    kept_.push_back(found_[c]);
+    kept_W_.push_back(left);
+  }
+  for (const int i : members) {
+    Body& b = bodies[i];
+    const double least = kRounding * std::max(b.mass * floor_, given_W_[i].norm());
+    if (given_W_[i].norm() <= least) given_W_[i].setZero();
+    if (moment_W_[i].norm() <= b.radius * least) moment_W_[i].setZero();
+    if (given_W_[i].isZero(0) && moment_W_[i].isZero(0)) continue;
+    riders_.push_back({i, b.force_W, b.torque_W});
+    b.frozen = false;
+    b.linear_velocity_W += given_W_[i] / b.mass;
+    b.force_W -= halfway * given_W_[i] / dt;
+    if (moment_W_[i].isZero(0)) continue;
+    b.angular_velocity_W += SpinOf(b, b.rotation_WB, moment_W_[i]);
+    b.torque_W -= halfway * moment_W_[i] / dt;
+  }
+}
+
+void Ride::End(std::span<Body> bodies, std::vector<Contact>* contacts, std::vector<Vector3>* impulses_W) {
+  for (const Rider& rider : riders_) {
+    bodies[rider.body].force_W = rider.force_W;
+    bodies[rider.body].torque_W = rider.torque_W;
+  }
+  contacts->insert(contacts->end(), kept_.begin(), kept_.end());
+  impulses_W->insert(impulses_W->end(), kept_W_.begin(), kept_W_.end());
+  Clear();
+}
+
+void Ride::Clear() {
+  riders_.clear();
+  kept_.clear();
+  kept_W_.clear();
 }
 
 }  // namespace islet::motion

@@ -1,13 +1,14 @@
-// What rides on a wall whose velocity the user changes feels that as a force of the whole step, not as a blow at its start. A wall's velocity
-// is that of the middle of a step. Where two steps meet it is halfway between theirs, and so is that of what it carries.
+// What stands on a wall or a belt whose velocity the user changes. The user gives a wall one velocity for each step, and its pose goes by that,
+// as straight as an inertial frame. As that frame sees it, a wall that speeds up by a stands still, and all on it is pulled back by its mass
+// times a. So where a step begins what rides is as fast as its wall, and a force takes that back evenly, all through the step. The two cancel,
+// whatever happens meanwhile: who leaves the wall has got nothing, and contacts hold against the force by their own law.
 //
-//   in:      bodies and contacts where a step begins, with the forces [N] that held there
-//   out:     impulses J0 at these contacts, which give their bodies half of the change; the piece takes them back where it ends, when J
-//            of all that acted is known
-//   law:     J0 rubs no more than the forces that held allow in half a step, and nothing that slid, or will. It may pull: J may not, and
-//            where what rode is open as the piece ends those that it held together go without
-//   They need not be exact: what acts in the end is J, and that is certified.
-//   frames:  W    units: SI
+//   in:      bodies as a step begins, and the forces [N] that held contacts where the one before ended
+//   out:     velocities of those that ride, and their forces and torques for this step
+//   law:     contacts give no more than the forces that held allow in the step, and nothing where it slid, or will. They may pull: what they
+//            give is taken back
+//   They need not be exact: what acts in the end is the impulses of contacts, and those are certified.
+//   frames:  W    units: SI    threads: one
 #pragma once
 
 #include <span>
@@ -16,40 +17,67 @@
 
 #include "engine/body.h"
 #include "engine/contact.h"
+#include "engine/contact_filter.h"
+#include "engine/motion/group/group.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
+#include "engine/shape.h"
 #include "islands/partition.h"
 
 namespace islet::motion {
 
 // [m/s] by which the user changed the velocity of b's surface against a's at a point since the step before.
-Vector3 SurfaceChange(const Body& a, const Body& b, const Vector3& point_W);
+Vector3 ChangeOfSurface(const Body& a, const Body& b, const Vector3& point_W);
 
 class Ride {
  public:
-  // pull: [m/s^2] fastest that forces make a body. Walls that come, go or pass by faster than that, or its friction, are not followed: they
-  // strike, leave or rub. floor: [m/s] least v_ref.
-  // Returns whether anything rides on what changed.
-  bool Find(double h, double pull, double floor, const Settings& settings, std::span<const Body> bodies,
-            std::span<const Contact> contacts, std::span<const Vector3> forces_W, IslandResponder* responder);
-  void Clear() { impulses_W_.clear(); }
-  // Takes it from all that ride together with a contact.
-  void Drop(size_t contact);
-  bool any() const { return !impulses_W_.empty(); }
-  // [N s] on body_b of a contact; zero: it does not ride.
-  Vector3 impulse_W(size_t contact) const { return any() ? impulses_W_[contact] : Vector3(Vector3::Zero()); }
+  // Whether the user changed the velocity of any wall or belt since the step before.
+  static bool AnyChanged(std::span<const Body> bodies);
+
+  // contacts: where the step before ended, ascending by pair, with the forces [N] that held there, on body_b. Gives what rides its velocity and
+  // its forces; what was frozen and rides is awake.
+  void Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
+             const MixMaterial& mix, std::span<const Contact> contacts, std::span<const Vector3> forces_W,
+             std::span<Body> bodies);
+  // Forces are the user's again. What walls that turn gave and did not take back, since it turned with them, is added to what the step tells:
+  // contacts, and [N s] on body_b.
+  void End(std::span<Body> bodies, std::vector<Contact>* contacts, std::vector<Vector3>* impulses_W);
+  void Clear();  // after a step that did not end
 
  private:
-  std::vector<Vector3> impulses_W_;  // per contact, or none
-  std::vector<Body> posed_;
-  std::vector<Contact> held_;
-  std::vector<int> held_of_;  // places of these
+  struct Rider {
+    int body;
+    Vector3 force_W, torque_W;  // [N], [N m] the user's
+  };
+  void Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+              const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
+              std::span<const Vector3> forces_W, std::span<const Body> bodies);
+  bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  bool Slides(const Contact& contact, const Vector3& velocity_W, const Settings& settings) const;
+  bool Solve(std::span<const int> members, const Settings& settings);
+  bool LetSlide(const Settings& settings);
+  Vector3 TurnOfWalls(std::span<const Body> bodies) const;
+  Vector3 GivenBy(int c) const;
+  void Give(double dt, std::span<const int> members, std::span<Body> bodies);
+
+  std::vector<Rider> riders_;
+  std::vector<Contact> kept_;
+  std::vector<Vector3> kept_W_;
+  // Of an island: its contacts as the step before ended, and as they are now.
+  std::vector<Contact> before_, found_;
+  std::vector<Contact> now_;                       // with the friction that they may have
+  std::vector<Vector3> before_force_W_, force_W_;  // [N]
+  std::vector<Body> posed_;                        // in changes of velocities: bodies have none, walls theirs
+  std::vector<Vector3> load_W_, local_;            // [N s] per contact
   std::vector<Matrix3> frames_;
-  std::vector<Vector3> before_W_, local_;
   std::vector<double> targets_;
+  std::vector<int> held_;                    // those that hold
+  std::vector<Vector3> given_W_, moment_W_;  // [N s], [N m s] per body
+  double floor_ = 0;                         // [m/s] least v_ref of the island
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;
   islands::Partition partition_;
+  IslandResponder responder_;
 };
 
 }  // namespace islet::motion

@@ -15,6 +15,7 @@
 #include "engine/ledger.h"
 #include "engine/motion/crowd/crowd.h"
 #include "engine/motion/group_motion.h"
+#include "engine/motion/ride.h"
 #include "engine/world.h"
 #include "parallel/worker_pool.h"
 
@@ -65,6 +66,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<Contact> detected, still;  // scratch
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
+  motion::Ride ride;
   motion::MixMaterial mix;
   LedgerKeeper ledger;
   ProblemObserver observer;
@@ -80,8 +82,10 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<std::pair<Contact, Vector3>> acted;         // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart, frozen_before;  // before: the whole step
   std::vector<LedgerImpulse> ledger_impulses;
-  std::vector<int> group_places;  // in impulses, of those of small groups
-  LadderReport spared;            // what detection was spared in this step
+  std::vector<Contact> held;       // where the step before ended, by small groups and crowds
+  std::vector<Vector3> held_by_W;  // [N] the forces there
+  std::vector<int> group_places;   // in impulses, of those of small groups
+  LadderReport spared;             // what detection was spared in this step
   // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
   std::optional<StepReport> rest;
   double rest_dt = 0;  // [s]
@@ -103,6 +107,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void ForgetAll();
   StepReport StepWhole(double dt);
   bool IsShared() const;
+  void BeginRide(double dt);
   void FindEvents();
   void FindSensed();
   void AddPassed();

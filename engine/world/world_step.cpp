@@ -305,6 +305,25 @@ void World::Impl::ForgetAll() {
   Changed();
 }
 
+// What rides on walls and belts whose velocity the user changed, by what held it as the step before ended.
+void World::Impl::BeginRide(double dt) {
+  ride.Clear();
+  if (!motion::Ride::AnyChanged(bodies)) return;
+  held = groups.contacts;
+  held_by_W = groups.forces_W;
+  const auto in_crowd = [&](int i) {
+    return !MovesGroups() ||
+           (bodies[i].kind == BodyKind::kDynamic && static_cast<size_t>(i) < crowd.size() && crowd[i]);
+  };
+  for (size_t c = 0; c < crowd_memory.contacts.size(); ++c) {
+    const Contact& contact = crowd_memory.contacts[c];
+    if (!in_crowd(contact.body_a) && !in_crowd(contact.body_b)) continue;
+    held.push_back(contact);
+    held_by_W.push_back(crowd_memory.forces_W[c]);
+  }
+  ride.Begin(dt, settings, shapes, filter, mix, held, held_by_W, bodies);
+}
+
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   dt_hint = whole_dt = dt;
@@ -317,9 +336,11 @@ StepReport World::Impl::StepWhole(double dt) {
   if (settings.stateless) ForgetAll();
   frozen_before.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) frozen_before[i] = bodies[i].frozen;
+  BeginRide(dt);
   double checked = 0;
   CountStage("detect", start_seconds, Seconds(), &checked);
   if (StepOnce(dt, Races::kRefused, &report)) {
+    ride.End(bodies, &resolved, &impulses);
     report.seconds.detect += checked;
     CountFrozen(&report);
     failed = report.Failed();
@@ -338,6 +359,7 @@ StepReport World::Impl::StepWhole(double dt) {
     impulses.push_back(impulse);
   }
   time = end;
+  ride.End(bodies, &resolved, &impulses);
   CountFrozen(&report);
   failed = report.Failed();
   return report;

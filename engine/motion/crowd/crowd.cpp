@@ -83,31 +83,26 @@ void Crowd::TellObserver() {
   }
 }
 
-// Of a size: the deepest overlap that the piece made.
+// Of a size: the deepest overlap that the piece made; where it made one deeper, all of that.
 double Crowd::FreshOverlap() const {
   double worst = 0;
   for (size_t e = 0; e < near_->size(); ++e) {
     const Contact& c = (*near_)[e];
-    if (!cut_[c.body_a] || !cut_[c.body_b]) worst = std::max(worst, (before_[e] - c.gap - dt_ * YieldOf(c)) / Size(c));
+    if (cut_[c.body_a] && cut_[c.body_b]) continue;
+    const double size = Size(c), deeper = (before_[e] - c.gap - dt_ * YieldOf(c)) / size;
+    worst = std::max(worst, deeper > settings_.overlap_tolerance ? std::max(deeper, -c.gap / size) : deeper);
   }
   return worst;
 }
 
-// One piece of the step, from time t on. Where it misses its end and may be shortened, or what rode on a wall is open there, it has done
-// nothing; where something frozen was hit the step begins anew.
+// One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit the
+// step begins anew.
 Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
                             StepReport* report) {
   start_ = *near_;
   RecallForces(
       memory->contacts, memory->forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   Load(h);
-  if (t == 0 && ride_.Find(h, pull_, floor_, settings_, bodies_, start_, start_force_W_, &workers_[0].responder)) {
-    for (const size_t c : rides_lost_) ride_.Drop(c);
-    for (size_t c = 0; c < start_.size(); ++c) ApplyImpulse(start_[c], ride_.impulse_W(c), bodies_);
-    Load(h);
-  } else {
-    ride_.Clear();
-  }
   AllowPushes(*memory);
   Select();
   disturbed_.assign(bodies_.size(), 1);
@@ -125,14 +120,11 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   report->motion_passes = std::max(report->motion_passes, pass);
   const bool misses = pass == kPasses && (FreshOverlap() > kDeep || Gains());
   report->motion_failures += misses && last;
-  const bool lost = !FindRidden();
-  if ((misses && !last) || lost) {
-    Return(ride_.any() ? first_ : begin_);  // nothing rides but in a first piece
+  if (misses && !last) {
+    Return(begin_);
     *near_ = start_;
-    return lost ? Outcome::kRideLost : Outcome::kMissed;
+    return Outcome::kMissed;
   }
-  for (size_t c = 0; c < start_.size() && ride_.any(); ++c)
-    if (!ride_.impulse_W(c).isZero(0)) impulses_.push_back({start_[c], ride_.impulse_W(c), t, 0});
   Inherit();
   pressed_.assign(near_->size(), 0.0);
   acted_as_.assign(held_.size(), -1);
@@ -257,7 +249,6 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
     return true;
   }
   double t = 0, most = dt;
-  rides_lost_.clear();
   for (int level = 0; dt - t > 1e-9 * dt;) {
     const double h = std::min(most, dt - t);
     const Outcome outcome = Piece(

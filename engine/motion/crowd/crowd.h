@@ -26,7 +26,6 @@
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
 #include "engine/motion/path.h"
-#include "engine/motion/ride.h"
 #include "engine/motion/visible_turn.h"
 #include "engine/problem_record.h"
 #include "engine/response/response.h"
@@ -118,7 +117,7 @@ class Crowd {
     Vector3 impulse_W, centre;
   };
 
-  enum class Outcome { kDone, kMissed, kRideLost, kHitFrozen };
+  enum class Outcome { kDone, kMissed, kHitFrozen };
   struct Place {
     Vector3 point_W;  // [m]
     double reach;     // [m] that it may be from there
@@ -202,7 +201,6 @@ class Crowd {
   const Contact* AtStart(const Contact& end) const;
 
   // crowd_settle.cpp: velocities where the piece ends.
-  bool FindRidden();
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
   Vector3 BeyondCone(int c) const;
@@ -314,9 +312,6 @@ class Crowd {
   std::vector<ResponseOutcome> outcomes_, struck_;  // per island
   std::vector<int> bounces_of_;
   std::vector<std::vector<ProblemRecord>> records_;  // for the observer
-  Ride ride_;
-  std::vector<size_t> rides_lost_;  // contacts of the start of the step that rode and were open where the piece ended
-  std::vector<Vector3> ridden_W_;   // [N s] per near contact: what it was given to follow its wall
 };
 
 template <typename F>

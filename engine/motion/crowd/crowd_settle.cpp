@@ -23,7 +23,7 @@ void Crowd::FindHits() {
     // their length.
     const double time = std::max(dt_, kReach * Size(contact) / u.norm());
     targets_[c] = -YieldOf(contact) - (Pressed(closed_[c]) ? 0 : ClosingSpeed(contact, time));
-    if (YieldOf(contact) > 0 || !ridden_W_[closed_[c]].isZero(0)) return;
+    if (YieldOf(contact) > 0) return;
     // What it had as the step began, and fell on a wall by then.
     const auto velocity = [&](int i) -> Vector3 {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
@@ -43,31 +43,13 @@ void Crowd::FindHits() {
   });
 }
 
-// Where what rode on walls is as the piece ends, and what of it is open. Returns whether none is.
-bool Crowd::FindRidden() {
-  const size_t before = rides_lost_.size();
-  ridden_W_.assign(near_->size(), Vector3::Zero());
-  for (size_t s = 0; s < start_.size() && ride_.any(); ++s) {
-    if (ride_.impulse_W(s).isZero(0)) continue;
-    bool found = false;
-    const auto [first, last] = std::equal_range(near_->begin(), near_->end(), start_[s], EarlierPair);
-    for (auto e = first; e != last && !found; ++e) {
-      if (AtStart(*e) != &start_[s] || e->gap > settings_.overlap_tolerance * Size(*e)) continue;
-      ridden_W_[e - near_->begin()] = ride_.impulse_W(s);
-      found = true;
-    }
-    if (!found) rides_lost_.push_back(s);
-  }
-  return rides_lost_.size() == before;
-}
-
 // [N s] what a contact of the problem gets at the end, beside what it carried.
 Vector3 Crowd::ChangeAt(size_t c) const {
-  return frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]] - ridden_W_[closed_[c]];
+  return frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[closed_[c]];
 }
 
-// Whether a contact of the end carried in the piece, or rode.
-bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0) || !ridden_W_[e].isZero(0); }
+// Whether a contact of the end carried in the piece.
+bool Crowd::Pressed(size_t e) const { return !carried_W_[e].isZero(0); }
 
 // [N s] what held contacts carried, as it lies at the end of the piece. Of what landed in it nothing turned all the way. (Gaps at the start may
 // miss twice the tolerance: by the piece before, and by an open one.)
@@ -111,7 +93,6 @@ void Crowd::Inherit() {
       follows_[c] = static_cast<int>(near_->size());
       near_->push_back(contact);
       carried_W_.emplace_back(Vector3::Zero());
-      ridden_W_.emplace_back(Vector3::Zero());
     }
     carried_W_[follows_[c]] += impulse_W_[c];
   }
@@ -156,8 +137,7 @@ void Crowd::Settle(StepReport* report) {
     beyond_W_[c] = carried - allowed;
     carried = allowed;
     local_[c] = frames_[c].transpose() * carried;
-    const Vector3 back = carried + ridden_W_[closed_[c]];
-    if (!back.isZero(0)) ApplyImpulse(contact, -back, posed_);
+    if (!carried.isZero(0)) ApplyImpulse(contact, -carried, posed_);
   }
   problem_at_.assign(near_->size(), -1);
   for (size_t c = 0; c < problem_.size(); ++c) problem_at_[closed_[c]] = static_cast<int>(c);
@@ -201,7 +181,6 @@ bool Crowd::GiveBack(int island, Worker* worker) {
     local_[c].setZero();
     blows_[c].setZero();
     collisions_[c].setZero();
-    if (!ridden_W_[closed_[c]].isZero(0)) ApplyImpulse(problem_[c], -ridden_W_[closed_[c]], posed_);
   }
   for (size_t c = 0; c < held_.size(); ++c) {
     if (follows_[c] < 0 || impulse_W_[c].isZero(0)) continue;
@@ -252,7 +231,7 @@ void Crowd::KeepToCone(int island, Worker* worker) {
     for (const int c : contacts) {
       blows_[c].setZero();
       collisions_[c].setZero();
-      ApplyImpulse(problem_[c], -carried_W_[closed_[c]] - ridden_W_[closed_[c]], posed_);
+      ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
     }
     Strike(island, worker);
     if (MarkGains(island, worker)) {
@@ -305,10 +284,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
       for (size_t k = 0; k < contacts.size(); ++k)
-        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) {
-          take_back(k);
-          local_[contacts[k]] += frames_[contacts[k]].transpose() * ridden_W_[closed_[contacts[k]]];  // it stays theirs
-        }
+        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
       break;
     }
     for (const int c : contacts) {

@@ -88,17 +88,7 @@ double Stepper::ChooseLength(double rest) {
   return most;
 }
 
-// Gives what rides the impulses with which it follows its walls; sign -1: takes them back.
-void Stepper::KickRiders(double sign) {
-  for (size_t i = 0; i < posed_.size(); ++i) SetState(state_[i], &posed_[i]);
-  for (size_t c = 0; c < now_.size(); ++c) ApplyImpulse(now_[c], sign * ride_.impulse_W(c), posed_);
-  for (size_t i = 0; i < posed_.size(); ++i) state_[i] = StateOf(posed_[i]);
-}
-
 void Stepper::Commit(double t, double h) {
-  for (size_t c = 0; c < now_.size() && ride_.any(); ++c)
-    if (!ride_.impulse_W(c).isZero(0)) out_->impulses.push_back({now_[c], ride_.impulse_W(c), t, 0});
-  ride_.Clear();
   carried_at_.assign(end_.size(), -1);
   last_ = end_;
   for (size_t c = 0; c < held_.size(); ++c) {
@@ -158,7 +148,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
         return Size({c.body_a, c.body_b});
       },
       &force_W_);
-  if (ride_.Find(dt, pull_, floor_, settings, group->bodies, now_, force_W_, &responder_)) KickRiders(1);
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;
@@ -255,14 +244,7 @@ bool Stepper::Piece(Progress* p) {
   const double moment = FindCourse(h);
   bool cut = moment < h;
   if (cut) h = EndAtBlow(h, moment, h);
-  rides_lost_.clear();
   const bool may_halve = p->level < kLevels, deep = Refine(may_halve, &cut, &h);
-  if (!rides_lost_.empty()) {
-    KickRiders(-1);
-    for (const size_t c : rides_lost_) ride_.Drop(c);
-    KickRiders(1);
-    return true;
-  }
   const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
   if (!(deep && may_halve) && gains_ && Pushed()) {  // it cost more than that: not now
     pays_.assign(group_->pairs.size(), false);
@@ -313,7 +295,6 @@ void Stepper::Step(double dt, const Settings& settings, const MixMaterial& mix, 
     ++outcome->pieces;
     if (work_ > group->most_work || !Piece(&progress)) {  // they stay where they are for the rest of the step
       outcome->unstepped = dt - progress.t;
-      if (ride_.any()) KickRiders(-1);
       break;
     }
   }

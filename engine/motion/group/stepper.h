@@ -23,7 +23,6 @@
 #include "engine/motion/group/group.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
-#include "engine/motion/ride.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
@@ -87,7 +86,6 @@ class Stepper {
   void Commit(double t, double h);
   void End();
   void LoadState();
-  void KickRiders(double sign);
   Vector3 VisibleSpinOf(int i) const;
   double TurnAgainst(const GroupPair& pair) const;
   double Size(const GroupPair& pair) const;
@@ -256,8 +254,7 @@ class Stepper {
   std::vector<int> carried_at_;                                 // per contact of end_: place of what it carried, or -1
   std::vector<Vector3> carried_to_W_;                           // [N s] per contact of end_: what it carried
   std::vector<Vector3> force_W_;                                // [N] per contact of now_: what held there
-  std::vector<Vector3> ridden_W_;             // [N s] per contact of end_: what it was given to follow its wall
-  std::vector<Vector3> settle_W_, strike_W_;  // [N s] per contact of end_
+  std::vector<Vector3> settle_W_, strike_W_;                    // [N s] per contact of end_
   enum Freed : std::uint8_t { kStays, kHits, kLeaves, kReturns };
   std::vector<Freed> freed_;  // per pair: about to hit; leaves; is back within the piece, too slow for a blow
   bool returned_ = false, guarded_ = false;
@@ -281,8 +278,6 @@ class Stepper {
   IslandResponder responder_;
   SequentialResolver sequential_;
   Meeting meeting_;
-  Ride ride_;
-  std::vector<size_t> rides_lost_;  // contacts of now_ that rode and are open where the piece ends
 };
 
 }  // namespace islet::motion

@@ -90,18 +90,7 @@ void Stepper::Settle() {
   problem_.clear();
   problem_of_.clear();
   carried_W_.clear();
-  bool settled = !ride_.any();
-  ridden_W_.assign(end_.size(), Vector3::Zero());
-  for (size_t c = 0; c < now_.size() && ride_.any(); ++c) {
-    if (ride_.impulse_W(c).isZero(0)) continue;
-    const int at_end = FindAt(now_pair_[c], now_[c], Moment::kStart, Moment::kEnd, end_);
-    if (at_end < 0 || end_[at_end].gap > kTouching * Size(group_->pairs[now_pair_[c]])) {
-      rides_lost_.push_back(c);
-      continue;
-    }
-    ridden_W_[at_end] += ride_.impulse_W(c);
-  }
-  if (!rides_lost_.empty()) return;
+  bool settled = true;
   const double still = kSettled * settings_.tolerance * floor_;
   heirs_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) heirs_[c] = impulse_W_[c].isZero(0) ? -1 : HeirOf(c);
@@ -109,9 +98,8 @@ void Stepper::Settle() {
   for (size_t e = 0; e < end_.size(); ++e) {
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
     const Vector3 carried = AllowedOf(e, u, still);
-    const bool rode = !ridden_W_[e].isZero(0);
     const double size = Size(group_->pairs[end_pair_[e]]), normal = end_[e].normal_W.dot(u);
-    if (carried.isZero(0) && !rode) {  // it takes part where it is closed, and no blow to come
+    if (carried.isZero(0)) {  // it takes part where it is closed, and no blow to come
       const double closed = Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;
       if (end_[e].gap > closed * size || WillHit(end_[e], normal)) continue;
     }
@@ -120,19 +108,19 @@ void Stepper::Settle() {
     problem_of_.push_back(static_cast<int>(e));
     targets_.push_back(
         -std::max(yields_[end_pair_[e]], end_[e].gap > kTouching * size ? ClosingSpeed(end_[e], dt_) : 0));
-    carried_W_.push_back(carried + ridden_W_[e]);
+    carried_W_.push_back(carried);
   }
   if (settled) return;
   local_impulses_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
     ApplyImpulse(problem_[c], -carried_W_[c], posed_);
-    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * (carried_W_[c] - ridden_W_[problem_of_[c]]);
+    local_impulses_[c] = ContactFrame(problem_[c].normal_W).transpose() * carried_W_[c];
   }
   SolveParts(targets_, floor_, &out_->settled);
   for (size_t c = 0; c < problem_.size(); ++c) {
     const int e = problem_of_[c];
     const Vector3 change = frames_[c] * local_impulses_[c] - carried_W_[c];
-    settle_W_[e] = change - BeyondCone(e, change + ridden_W_[e]);
+    settle_W_[e] = change - BeyondCone(e, change);
   }
   ApplyAtEnd(settle_W_);
 }

@@ -61,12 +61,11 @@ void Stepper::SelectHeld(double h) {
     if (contact.gap > settings_.overlap_tolerance * Size(pair)) continue;
     const double opening =
         contact.normal_W.dot(state_[pair.b].VelocityAt(contact.point_W) - state_[pair.a].VelocityAt(contact.point_W));
-    const bool rides = !ride_.impulse_W(c).isZero(0);
-    if (!rides && WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
+    if (WillHit(contact, opening) && yields_[now_pair_[c]] == 0) {
       if (freed_[now_pair_[c]] != kReturns) freed_[now_pair_[c]] = kHits;
       continue;
     }
-    if (!rides && opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
+    if (opening > (pull_ > 0 ? LeastRebound(contact) : threshold_) && freed_[now_pair_[c]] != kReturns) {
       if (freed_[now_pair_[c]] != kHits) freed_[now_pair_[c]] = kLeaves;  // its other side may hit
       continue;
     }
