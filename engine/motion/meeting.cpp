@@ -150,6 +150,15 @@ double Meeting::Soonest(const MeetingQuery& query, double t, double floor) const
   return soonest;
 }
 
+// [s] the first of some moments between two at which the gap is below that, else the latter.
+double Meeting::FirstDip(const MeetingQuery& query, double t, double until, double below) {
+  const double pause = query.duration / kTouches;
+  Vector3 normal;
+  for (double look = t + pause; look < until; look += pause)
+    if (GapAt(query, look, kFar, &normal) < below) return look;
+  return until;
+}
+
 // What touches and turns is looked at each time that it may have moved by half a size, so nothing passes through in between, and where one of
 // its corners may be at the floor. What comes apart is looked at twelve times in a piece, whether it was no contact any more.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor) {
@@ -161,9 +170,8 @@ double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Ve
     next = std::min(next, t + std::max(Soonest(query, t, floor), h / kTouches));
     double left = GapAt(query, next, kFar, &normal);
     if (left > query.gap + query.deep) {  // it has come apart: it may have met before, or come back
-      for (double look = t + h / kTouches; left >= floor && look < next; look += h / kTouches)
-        if (GapAt(query, look, kFar, &normal) < floor - kInside * size) next = look, left = -kFar;
-      if (left >= floor) GapAt(query, next, kFar, &normal);
+      next = FirstDip(query, t, next, floor - kInside * size);
+      left = GapAt(query, next, kFar, &normal);
     }
     if (left < floor) {
       double low = t, high = next;
