@@ -11,24 +11,20 @@
 namespace islet::motion {
 namespace {
 
-// The same where a contact is.
+// [m/s] by which the user changed the velocity of b's surface against a's at a contact since the step before.
 Vector3 ChangeAt(const Contact& c, std::span<const Body> bodies) {
-  return ChangeOfSurface(bodies[c.body_a], bodies[c.body_b], c.point_W);
+  const auto change = [&](const Body& body) -> Vector3 {
+    const Vector3 belt = body.rotation_WB * (body.surface_velocity_B - body.surface_before_B);
+    if (body.kind == BodyKind::kDynamic) return belt;
+    return belt + body.linear_velocity_W - body.linear_before_W +
+           (body.angular_velocity_W - body.angular_before_W).cross(c.point_W - body.position_W);
+  };
+  return change(bodies[c.body_b]) - change(bodies[c.body_a]);
 }
 
 bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
 }  // namespace
-
-Vector3 ChangeOfSurface(const Body& a, const Body& b, const Vector3& point_W) {
-  const auto change = [&](const Body& body) -> Vector3 {
-    const Vector3 belt = body.rotation_WB * (body.surface_velocity_B - body.surface_before_B);
-    if (body.kind != BodyKind::kKinematic) return belt;
-    return belt + body.linear_velocity_W - body.linear_before_W +
-           (body.angular_velocity_W - body.angular_before_W).cross(point_W - body.position_W);
-  };
-  return change(b) - change(a);
-}
 
 bool Ride::AnyChanged(std::span<const Body> bodies) {
   return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) {
@@ -52,11 +48,10 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
   moment_W_.resize(n);
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const std::span<const int> of_island = partition_.contacts_of(island), members = partition_.bodies_of(island);
-    if (std::all_of(of_island.begin(), of_island.end(),
-                    [&](int c) { return forces_W[c].isZero(0) || ChangeAt(contacts[c], bodies).isZero(0); }))
+    if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
     Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
-    if (!Load(dt, members, settings, bodies)) continue;
+    if (!Load(dt, members, settings, shapes, bodies)) continue;
     bool solved = Solve(members, settings);
     while (solved && LetSlide(settings)) solved = Solve(members, settings);
     if (solved) Give(dt, members, bodies);
@@ -90,53 +85,70 @@ void Ride::Detect(std::span<const int> of_island, const Settings& settings, std:
   found_ = now_;
 }
 
-// The problem of an island: its contacts hold as if by a load that nothing lifts, with the friction of the step. What they may give is known
-// where it ends. Walls that come or go faster than forces make a body are not followed: they strike or leave. What slid slides on. Returns whether anything is left that changes.
-bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
+// The problem of an island. What pressed holds as if by a load that nothing lifts, with the friction of the step; what touched alone pushes. What
+// they may give is known where the step ends. What slid slides on, what rebounds is struck, and walls that go faster than forces make all that
+// rides follow leave it. Returns whether anything is left that changes.
+bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
+                std::span<const Body> bodies) {
   const auto pose = [&](int i) {
     Body& p = posed_[i] = bodies[i];
-    const bool wall = p.kind == BodyKind::kKinematic;
-    SetTwist(wall ? Twist{p.linear_velocity_W - p.linear_before_W, p.angular_velocity_W - p.angular_before_W} : Twist{},
-             &p);
+    const Twist change{p.linear_velocity_W - p.linear_before_W, p.angular_velocity_W - p.angular_before_W};
+    SetTwist(p.kind == BodyKind::kDynamic ? Twist{} : change, &p);
     p.frozen = false;
   };
   double pull = settings.gravity.norm(), mass = 0, fastest = 0, most = 0;
+  Vector3 force = Vector3::Zero();  // [N]
   for (const int i : members) {
     pose(i);
     const Body& b = bodies[i];
     mass += b.mass;
+    force += b.mass * settings.gravity + b.force_W;
     fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
     pull = std::max(
         pull, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
   }
   floor_ = std::max({pull * dt, 1e-3 * fastest, 1e-12});
-  held_.clear();
   frames_.resize(now_.size());
-  for (size_t c = 0; c < now_.size(); ++c) {
-    Contact& contact = now_[c];
-    const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
-    const Vector3 &n = contact.normal_W, change = ChangeAt(contact, bodies);
-    frames_[c] = ContactFrame(n);
-    if (!(n.dot(force_W_[c]) > 0) || std::abs(n.dot(change)) > pull * dt) continue;
-    if (Slides(contact, RelativeVelocity(contact, a, b) - change, settings))
-      contact.friction = 0;  // as the step before ended
-    contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
-                        a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
-    held_.push_back(static_cast<int>(c));
-    most = std::max(most, change.norm());
-    pose(contact.body_a);
-    pose(contact.body_b);
+  press_.assign(now_.size(), 0.0);
+  held_.clear();
+  for (size_t c = 0, end = 0; c < now_.size(); c = end) {
+    double pressed = 0;  // [N s] of the pair
+    for (end = c; end < now_.size() && SamePair(now_[c], now_[end]); ++end) {
+      press_[end] = std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
+      pressed += press_[end];
+    }
+    const double ends_at_once = settings.gravity.norm() * dt + pressed / mass;  // [m/s] a rebound from it
+    for (size_t k = c; k < end; ++k) {
+      Contact& contact = now_[k];
+      const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
+      const Vector3 &n = contact.normal_W, change = ChangeAt(contact, bodies);
+      frames_[k] = ContactFrame(n);
+      const double touches =
+          settings.overlap_tolerance * std::min(shapes[contact.body_a].size(), shapes[contact.body_b].size());
+      const double follows = std::max(0.0, (cut_[contact.body_a] ? -1 : 1) * n.dot(force)) / mass * dt;  // [m/s]
+      if ((press_[k] == 0 && contact.gap > touches) || n.dot(change) > follows + 10 * settings.tolerance * floor_ ||
+          (contact.restitution > 0 && -n.dot(change) > ends_at_once))
+        continue;
+      if (Slides(contact, RelativeVelocity(contact, a, b) - change, settings))
+        contact.friction = 0;  // as the step before ended
+      contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
+                          a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
+      held_.push_back(static_cast<int>(k));
+      most = std::max(most, change.norm());
+      pose(contact.body_a);
+      pose(contact.body_b);
+    }
   }
   if (most == 0) return false;
   targets_.assign(now_.size(), 0.0);
   local_.assign(now_.size(), Vector3::Zero());
   load_W_.assign(now_.size(), Vector3::Zero());
   for (const int c : held_) {
-    Contact& contact = now_[c];
-    const double press = dt * contact.normal_W.dot(force_W_[c]), load = press + mass * most;
-    contact.friction *= press / load;
-    load_W_[c] = load * contact.normal_W;
+    if (press_[c] == 0) continue;
+    const double load = press_[c] + mass * most;
+    now_[c].friction *= press_[c] / load;
+    load_W_[c] = load * now_[c].normal_W;
   }
   return true;
 }
@@ -157,7 +169,7 @@ bool Ride::Solve(std::span<const int> members, const Settings& settings) {
              .status != QpStatus::kFailed;
 }
 
-// What would slide in spite of its friction is not given any: it rubs from where it is. Returns whether there is more of it.
+// What would slide in spite of its friction is given none: it rubs from where it is. Returns whether there is more of it.
 bool Ride::LetSlide(const Settings& settings) {
   bool any = false;
   for (const int c : held_) {

@@ -26,9 +26,6 @@
 
 namespace islet::motion {
 
-// [m/s] by which the user changed the velocity of b's surface against a's at a point since the step before.
-Vector3 ChangeOfSurface(const Body& a, const Body& b, const Vector3& point_W);
-
 class Ride {
  public:
   // Whether the user changed the velocity of any wall or belt since the step before.
@@ -52,7 +49,8 @@ class Ride {
   void Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
               const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
-  bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
+            std::span<const Body> bodies);
   bool Slides(const Contact& contact, const Vector3& velocity_W, const Settings& settings) const;
   bool Solve(std::span<const int> members, const Settings& settings);
   bool LetSlide(const Settings& settings);
@@ -69,6 +67,7 @@ class Ride {
   std::vector<Vector3> before_force_W_, force_W_;  // [N]
   std::vector<Body> posed_;                        // in changes of velocities: bodies have none, walls theirs
   std::vector<Vector3> load_W_, local_;            // [N s] per contact
+  std::vector<double> press_;                      // [N s] per contact: what the forces that held give in the step
   std::vector<Matrix3> frames_;
   std::vector<double> targets_;
   std::vector<int> held_;                    // those that hold

@@ -169,7 +169,7 @@ bool Crowd::Gains() {
   pool_->ForEachOf(bodies_.size(), [&](size_t i) {
     if (cut_[i]) return;
     const double before = EnergyOf(i, false);
-    gain_[i] = EnergyOf(i, true) - before;
+    gain_[i] = EnergyOf(i, true) - before - dt_ * bodies_[i].torque_W.dot(mean_spin_W_[i]);
     at_hand_[i] = before + bodies_[i].mass * least_energy_;
   });
   bool gains = false;

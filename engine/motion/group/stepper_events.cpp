@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "engine/motion/ride.h"
+#include "engine/response/suite_frame.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -135,14 +135,17 @@ double Stepper::MostFriction(size_t c) const {
   return held_[c].friction * std::max(0.0, held_[c].normal_W.dot(impulse_W_[c]));
 }
 
-// [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall whose velocity the user changed while nobody knew
-// what held there: it may ride.
+// [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall that moves while nobody knew what held there: it may
+// ride.
 Vector3 Stepper::SlipAtStart(size_t c) const {
   const int found = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kStart, now_);
   if (found < 0 || !closed_[found]) return Vector3::Zero();
   const Contact& contact = now_[found];
-  const Body &a = group_->bodies[contact.body_a], &b = group_->bodies[contact.body_b];
-  if (force_W_[found].isZero(0) && !ChangeOfSurface(a, b, contact.point_W).isZero(0)) return Vector3::Zero();
+  const auto moves = [&](int i) {
+    const Body& wall = group_->bodies[i];
+    return (wall.kind == BodyKind::kKinematic && !StandsStill(wall)) || !wall.surface_velocity_B.isZero(0);
+  };
+  if (force_W_[found].isZero(0) && (moves(contact.body_a) || moves(contact.body_b))) return Vector3::Zero();
   const Vector3 u = state_[contact.body_b].VelocityAt(contact.point_W) -
                     state_[contact.body_a].VelocityAt(contact.point_W) + SurfaceSlip(contact);
   return u - contact.normal_W.dot(u) * contact.normal_W;

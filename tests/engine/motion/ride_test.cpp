@@ -201,6 +201,86 @@ TEST(Ride, KeepsItsPlaceUpToTheLimit) {
   }
 }
 
+// A cart pushes a crate before it by up to three times gravity, with a second one before that: friction on its front holds both. Who starts at
+// once is at full force after one step, which is of second order.
+TEST(Ride, HoldsWhatItPushes) {
+  for (const bool crowd : {false, true}) {
+    for (const bool smoothly : {false, true}) {
+      for (const double rate : {30.0, 120.0}) {
+        World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+        BodyDefinition front = Plate();
+        front.shape = Shape::Box({0.1, 0.5, 0.5});
+        front.position_W = {-0.2, 0, 0};
+        front.friction = 1;
+        world.Add(front);
+        BodyDefinition crate = Crate(0);
+        crate.friction = 1;
+        world.Add(crate);
+        crate.position_W.x() = 0.2;
+        world.Add(crate);
+        const double dt = 1 / rate;
+        if (smoothly) {  // they are pressed to it before
+          world.SetForce(2, {-200, 0, 0}, Vector3::Zero());
+          testing::StepTimes(&world, 3, dt);
+        }
+        for (int frame = 0; frame < 0.5 * rate; ++frame) {
+          world.SetForce(2, Vector3::Zero(), Vector3::Zero());
+          world.SetVelocity(0, {3 * kGravity * (frame + 0.5) * dt, 0, 0}, Vector3::Zero());
+          testing::Step(&world, dt);
+        }
+        const double most = (smoothly ? 0.3 : 8) * dt * dt;
+        for (const int i : {1, 2}) {
+          EXPECT_LT((world.body(i).position_W - world.body(0).position_W - Vector3(0.2 * i, 0, 0)).norm(), most)
+              << crowd << smoothly << rate << ' ' << i;
+        }
+      }
+    }
+  }
+}
+
+// A plate drops away at once from under a box that a jaw presses to a wall: the press is none of the plate's, and the box falls freely.
+TEST(Ride, PressFromTheSideHoldsNobodyDown) {
+  for (const bool crowd : {false, true}) {
+    World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+    world.Add(Plate());
+    BodyDefinition wall = Plate();
+    wall.shape = Shape::Box({0.1, 0.5, 0.5});
+    wall.kind = BodyKind::kFixed;
+    wall.position_W = {0.2, 0, 0.6};
+    world.Add(wall);
+    BodyDefinition crate = Crate(0.1);
+    crate.friction = 0;
+    world.Add(crate);
+    world.SetForce(2, {300, 0, 0}, Vector3::Zero());
+    constexpr double kStep = 1.0 / 60;
+    testing::StepTimes(&world, 3, kStep);
+    const double height = world.body(2).position_W.z();
+    world.SetVelocity(0, {0, 0, -4}, Vector3::Zero());
+    testing::Step(&world, kStep);
+    EXPECT_NEAR(world.body(2).position_W.z(), height - 0.5 * kGravity * kStep * kStep, 1e-6) << crowd;
+  }
+}
+
+// A ball rolls down a deck that tilts and comes to rest again. It turns against what takes its ride back: that works, too.
+TEST(Ride, CrowdsMakeNoEnergyOfIt) {
+  Settings settings = Awake();
+  settings.group_bodies = 0;
+  for (const double rate : {30.0, 60.0, 120.0}) {
+    World world(settings);
+    BodyDefinition deck = Plate();
+    deck.friction = 0.9;
+    world.Add(deck);
+    world.Add(testing::Ball({0, 0.3, 0.1}, 0.1, 0.9, 0));
+    const double dt = 1 / rate;
+    testing::StepTimes(&world, 1, dt);
+    for (int frame = 1; frame <= rate; ++frame) {
+      const Quaternion turn = testing::Turn(0.15 * (1 - std::cos(M_PI * frame * dt)), Vector3::UnitX());
+      world.MoveTo(0, {0, 0, -0.05}, turn, dt);
+      EXPECT_FALSE(testing::Step(&world, dt).Failed()) << rate << ' ' << frame;
+    }
+  }
+}
+
 // A belt that starts slowly enough carries what lies on it from the first step on; one that starts at once rubs until both are as fast.
 TEST(Ride, GoesWithBeltsAsFarAsTheyRub) {
   for (const bool crowd : {false, true}) {
