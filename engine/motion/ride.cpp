@@ -22,6 +22,12 @@ Vector3 ChangeAt(const Contact& c, std::span<const Body> bodies) {
   return change(bodies[c.body_b]) - change(bodies[c.body_a]);
 }
 
+// [m/s] of a velocity, across a contact's normal.
+double SlipOf(const Contact& contact, const Vector3& velocity_W) {
+  const Vector3& n = contact.normal_W;
+  return (velocity_W - n.dot(velocity_W) * n).norm();
+}
+
 bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
 
 }  // namespace
@@ -29,7 +35,7 @@ bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body
 bool Ride::AnyChanged(std::span<const Body> bodies) {
   return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) {
     return !b.removed && (b.surface_velocity_B != b.surface_before_B ||
-                          (b.kind == BodyKind::kKinematic &&
+                          (b.kind != BodyKind::kDynamic &&
                            (b.linear_velocity_W != b.linear_before_W || b.angular_velocity_W != b.angular_before_W)));
   });
 }
@@ -130,8 +136,9 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
       if ((press_[k] == 0 && contact.gap > touches) || n.dot(change) > follows + 10 * settings.tolerance * floor_ ||
           (contact.restitution > 0 && -n.dot(change) > ends_at_once))
         continue;
-      if (Slides(contact, RelativeVelocity(contact, a, b) - change, settings))
-        contact.friction = 0;  // as the step before ended
+      // As the step before ended; what friction stops within kBrief of a step does not slide.
+      const double slow = std::max(10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull);
+      if (SlipOf(contact, RelativeVelocity(contact, a, b) - change) > slow) contact.friction = 0;
       contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
                           a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
       held_.push_back(static_cast<int>(k));
@@ -153,12 +160,6 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
   return true;
 }
 
-// [m/s] faster than that across a contact's normal.
-bool Ride::Slides(const Contact& contact, const Vector3& velocity_W, const Settings& settings) const {
-  const Vector3& n = contact.normal_W;
-  return (velocity_W - n.dot(velocity_W) * n).norm() > 10 * settings.tolerance * floor_;
-}
-
 bool Ride::Solve(std::span<const int> members, const Settings& settings) {
   for (const int i : members) SetTwist({}, &posed_[i]);
   for (const int c : held_) {
@@ -175,7 +176,7 @@ bool Ride::LetSlide(const Settings& settings) {
   for (const int c : held_) {
     Contact& contact = now_[c];
     const Vector3 slip_W = RelativeVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
-    if (contact.friction == 0 || !Slides(contact, slip_W, settings)) continue;
+    if (contact.friction == 0 || SlipOf(contact, slip_W) <= 10 * settings.tolerance * floor_) continue;
     contact.friction = 0;
     any = true;
   }

@@ -51,7 +51,6 @@ class Ride {
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
   bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
             std::span<const Body> bodies);
-  bool Slides(const Contact& contact, const Vector3& velocity_W, const Settings& settings) const;
   bool Solve(std::span<const int> members, const Settings& settings);
   bool LetSlide(const Settings& settings);
   Vector3 TurnOfWalls(std::span<const Body> bodies) const;

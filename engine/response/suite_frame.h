@@ -15,7 +15,7 @@ inline constexpr double kBatchCost = 64;  // contacts: smaller islands share a t
 struct SuiteFrame {
   double dt = 0;                      // [s]
   Vector3 gravity = Vector3::Zero();  // [m/s^2]
-  double rest_speed = 0;              // [m/s] |g| dt: what a step of free fall adds
+  double rest_speed = 0;              // [m/s] |g| dt, or with forces their mean: what a step of free fall adds
   double speed_floor = 0;             // [m/s] least v_ref: rest_speed, or a thousandth of the fastest approach
   double threshold = 0;               // [m/s] contacts that approach slower do not collide
   std::span<Body> bodies;

@@ -21,6 +21,19 @@ Crowd::Crowd(const Settings& settings, parallel::WorkerPool* pool)
 
 double Crowd::Size(const Contact& c) const { return std::min(shapes_[c.body_a].size(), shapes_[c.body_b].size()); }
 
+// [m/s^2] that gravity and forces give the bodies in the mean of their masses.
+double Crowd::MeanPull() const {
+  double force = 0, mass = 0;
+  bool any = false;
+  for (const Body& b : bodies_) {
+    if (b.kind != BodyKind::kDynamic || b.removed) continue;
+    any = any || !b.force_W.isZero(0);
+    force += (b.mass * settings_.gravity + b.force_W).norm();
+    mass += b.mass;
+  }
+  return any ? force / mass : settings_.gravity.norm();
+}
+
 // States where the step begins, and the course under forces alone.
 void Crowd::Load(double dt) {
   const size_t n = bodies_.size();
@@ -40,9 +53,10 @@ void Crowd::Load(double dt) {
     driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
     if (!cut_[i]) pull_ = std::max(pull_, (settings_.gravity + bodies_[i].force_W / bodies_[i].mass).norm());
   }
-  floor_ = std::max({settings_.gravity.norm() * dt, 1e-3 * FastestPoint(bodies_), 1e-12});
+  const double mean = MeanPull();
+  floor_ = std::max({mean * dt, 1e-3 * FastestPoint(bodies_), 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
-  least_energy_ = 0.5 * std::max(floor_ * floor_, settings_.gravity.squaredNorm() * dt * whole_dt_);
+  least_energy_ = 0.5 * std::max(floor_ * floor_, mean * mean * dt * whole_dt_);
   pool_->ForEachOf(n, [&](size_t i) {
     const Body& b = bodies_[i];
     begin_[i] = StateOf(b);

@@ -127,6 +127,7 @@ class Crowd {
   void DropLevelEdges();
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
+  double MeanPull() const;
   void Load(double dt);
   void Remember(double h, CrowdMemory* memory);
   void Return(std::span<const State> states);
@@ -214,6 +215,7 @@ class Crowd {
   void SettleIsland(int island, Worker* worker);
   void Strike(int island, Worker* worker);
   bool Soften(int island, Worker* worker);
+  Vector3 PullOn(const Contact& contact) const;
   double ClosingWay(const Contact& contact) const;
   double SpeedOfMoment(const Contact& contact, double start, double end) const;
 

@@ -12,7 +12,7 @@ namespace islet::motion {
 void Crowd::FillFrame(double dt, std::span<const Vector3> forces_W) {
   frame_.dt = dt;
   frame_.gravity = settings_.gravity;
-  frame_.rest_speed = settings_.gravity.norm() * dt;
+  frame_.rest_speed = MeanPull() * dt;
   frame_.bodies = bodies_;
   joined_.clear();
   joined_at_.clear();

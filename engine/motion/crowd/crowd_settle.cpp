@@ -11,6 +11,18 @@
 #include "qp/smallness.h"
 
 namespace islet::motion {
+// [m/s^2] of gravity and forces on the two bodies of a contact together.
+Vector3 Crowd::PullOn(const Contact& contact) const {
+  Vector3 force = Vector3::Zero();
+  double mass = 0;
+  for (const int i : {contact.body_a, contact.body_b}) {
+    if (cut_[i]) continue;
+    force += bodies_[i].force_W;
+    mass += bodies_[i].mass;
+  }
+  return force.isZero(0) ? settings_.gravity : Vector3(settings_.gravity + force / mass);
+}
+
 // Which contacts of the problem are blows, and what all of them ask of their normal velocity while blows are held with the rest.
 void Crowd::FindHits() {
   hits_.assign(problem_.size(), 0);
@@ -36,7 +48,7 @@ void Crowd::FindHits() {
       const double way = ClosingWay(contact) - 2 * settings_.overlap_tolerance * Size(contact);  // what gaps may miss
       least = std::sqrt(least * least + 2 * std::max(0.0, fall) * std::max(0.0, way));
     }
-    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, settings_.gravity, dt_)))
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, PullOn(contact), dt_)))
       return;
     hits_[c] = 1;
     targets_[c] = ReboundSpeed(contact, least);

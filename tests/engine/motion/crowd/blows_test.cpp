@@ -65,6 +65,27 @@ TEST(CrowdBlows, WhatIsHeldUnderAnOverhangRests) {
   }
 }
 
+// A sheet of boxes lies on a floor, held by a force on each instead of by gravity. It comes to rest and freezes alike. Nothing is a blow there: each
+// step once had some fifty, for ever.
+TEST(CrowdBlows, ForcesHoldAsGravityDoes) {
+  for (const bool by_force : {false, true}) {
+    Settings settings;
+    if (by_force) settings.gravity = Vector3::Zero();
+    World world(settings);
+    world.Add(Floor(0.5, 0.5));
+    for (int i = 0; i < 25; ++i) {
+      BodyDefinition cube = Cube({0.2 * (i % 5), 0.2 * (i / 5), 0.1}, 0.5, 0.5);
+      cube.shape = Shape::Box({0.1, 0.1, 0.1});
+      const int body = world.Add(cube);
+      if (by_force) world.SetForce(body, {0, 0, -kGravity * world.body(body).mass}, Vector3::Zero());
+    }
+    testing::StepTimes(&world, 60, kDt);
+    const StepReport report = testing::Step(&world, kDt);
+    EXPECT_EQ(report.bounces, 0) << by_force;
+    EXPECT_EQ(report.frozen, 25) << by_force;
+  }
+}
+
 // The floor stops what sticks and brakes what slides; neighbours that do the same take no part.
 TEST(CrowdBlows, RowLandsFlatLikeOneCube) {
   for (const double speed : {0.1, 3.0}) {
