@@ -1,12 +1,13 @@
 // What stands on a wall or a belt whose velocity the user changes. The user gives a wall one velocity for each step, and its pose goes by that,
 // as straight as an inertial frame. As that frame sees it, a wall that speeds up by a stands still, and all on it is pulled back by its mass
 // times a. So where a step begins what rides is as fast as its wall, and a force takes that back evenly, all through the step. The two cancel,
-// whatever happens meanwhile: who leaves the wall has got nothing, and contacts hold against the force by their own law.
+// whatever happens meanwhile: who leaves the wall has got nothing, and contacts hold against the force by their own law. Where walls turn the
+// force turns with them by half of that, since what rides is half a step behind; what it leaves is told as theirs.
 //
 //   in:      bodies as a step begins, and the forces [N] that held contacts where the one before ended
 //   out:     velocities of those that ride, and their forces and torques for this step
-//   law:     contacts give no more than the forces that held allow in the step, and nothing where it slid, or will. They may pull: what they
-//            give is taken back
+//   law:     what pressed gives no more friction than that allows in the step, and none where it slid, or will; what touched alone pushes.
+//            They may pull: what they give is taken back
 //   They need not be exact: what acts in the end is the impulses of contacts, and those are certified.
 //   frames:  W    units: SI    threads: one
 #pragma once
