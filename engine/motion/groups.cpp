@@ -14,8 +14,6 @@ namespace {
 
 constexpr double kMargin = 5e-3;  // of a size: what rests, and what touches it, is near
 
-bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
-
 }  // namespace
 
 Box BoxAround(const Shape& shape, const Vector3& position_W, const Quaternion& rotation_WB) {

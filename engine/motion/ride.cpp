@@ -28,8 +28,6 @@ double SlipOf(const Contact& contact, const Vector3& velocity_W) {
   return (velocity_W - n.dot(velocity_W) * n).norm();
 }
 
-bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
-
 }  // namespace
 
 bool Ride::AnyChanged(std::span<const Body> bodies) {

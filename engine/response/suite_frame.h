@@ -27,6 +27,9 @@ struct SuiteFrame {
   std::vector<Twist> before_gravity;  // per body
 };
 
+// A body that contacts move, or would if it were awake.
+inline bool CanMove(const Body& body) { return body.kind == BodyKind::kDynamic && !body.removed; }
+
 // A body that the contact keeps in place without anyone computing its motion: fixed, frozen, or kinematic and at rest.
 inline bool StandsStill(const Body& body) {
   return !body.Moves() &&
