@@ -89,30 +89,51 @@ void Ride::Detect(std::span<const int> of_island, const Settings& settings, std:
   found_ = now_;
 }
 
-// The problem of an island. What pressed holds as if by a load that nothing lifts, with the friction of the step; what touched alone pushes. What
-// they may give is known where the step ends. What slid slides on, what rebounds is struck, and walls that go faster than forces make all that
-// rides follow leave it. Returns whether anything is left that changes.
-bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
-                std::span<const Body> bodies) {
-  const auto pose = [&](int i) {
-    Body& p = posed_[i] = bodies[i];
-    const Twist change{p.linear_velocity_W - p.linear_before_W, p.angular_velocity_W - p.angular_before_W};
-    SetTwist(p.kind == BodyKind::kDynamic ? Twist{} : change, &p);
-    p.frozen = false;
-  };
-  double pull = settings.gravity.norm(), mass = 0, fastest = 0, most = 0;
-  Vector3 force = Vector3::Zero();  // [N]
+// A body in changes of velocities: it has none, a wall its own.
+void Ride::PoseChange(const Body& body, Body* posed) {
+  *posed = body;
+  const Twist change{body.linear_velocity_W - body.linear_before_W, body.angular_velocity_W - body.angular_before_W};
+  SetTwist(body.kind == BodyKind::kDynamic ? Twist{} : change, posed);
+  posed->frozen = false;
+}
+
+// What all of an island weigh together, and how fast they may be.
+void Ride::Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
+  pull_ = settings.gravity.norm();
+  mass_ = 0;
+  weight_W_ = Vector3::Zero();
+  double fastest = 0;
   for (const int i : members) {
-    pose(i);
     const Body& b = bodies[i];
-    mass += b.mass;
-    force += b.mass * settings.gravity + b.force_W;
+    mass_ += b.mass;
+    weight_W_ += b.mass * settings.gravity + b.force_W;
     fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
-    pull = std::max(
-        pull, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+    pull_ = std::max(
+        pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
   }
-  floor_ = std::max({pull * dt, 1e-3 * fastest, 1e-12});
+  floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
+}
+
+// Whether a contact takes part: it pressed or touches, its wall does not go faster than forces make all that rides follow, and nothing rebounds
+// from it for longer than the step. pressed: [N s] by its pair.
+bool Ride::TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
+                     const Settings& settings) const {
+  const Contact& contact = now_[c];
+  const Vector3& n = contact.normal_W;
+  const double follows = std::max(0.0, (cut_[contact.body_a] ? -1 : 1) * n.dot(weight_W_)) / mass_ * dt;  // [m/s]
+  const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound from it
+  return (press_[c] > 0 || contact.gap <= touches) && n.dot(change_W) <= follows + 10 * settings.tolerance * floor_ &&
+         (contact.restitution == 0 || -n.dot(change_W) <= ends_at_once);
+}
+
+// The problem of an island. What pressed holds as if by a load that nothing lifts, with the friction of the step; what touched alone pushes. What
+// they may give is known where the step ends. What slid slides on. Returns whether anything is left that changes.
+bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
+                std::span<const Body> bodies) {
+  Weigh(dt, members, settings, bodies);
+  for (const int i : members) PoseChange(bodies[i], &posed_[i]);
+  double most = 0;
   frames_.resize(now_.size());
   press_.assign(now_.size(), 0.0);
   held_.clear();
@@ -122,27 +143,23 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
       press_[end] = std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
       pressed += press_[end];
     }
-    const double ends_at_once = settings.gravity.norm() * dt + pressed / mass;  // [m/s] a rebound from it
-    for (size_t k = c; k < end; ++k) {
-      Contact& contact = now_[k];
-      const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
-      const Vector3 &n = contact.normal_W, change = ChangeAt(contact, bodies);
-      frames_[k] = ContactFrame(n);
-      const double touches =
-          settings.overlap_tolerance * std::min(shapes[contact.body_a].size(), shapes[contact.body_b].size());
-      const double follows = std::max(0.0, (cut_[contact.body_a] ? -1 : 1) * n.dot(force)) / mass * dt;  // [m/s]
-      if ((press_[k] == 0 && contact.gap > touches) || n.dot(change) > follows + 10 * settings.tolerance * floor_ ||
-          (contact.restitution > 0 && -n.dot(change) > ends_at_once))
-        continue;
+    const auto [i, k] = std::pair(now_[c].body_a, now_[c].body_b);
+    const Body &a = bodies[i], &b = bodies[k];
+    const double touches = settings.overlap_tolerance * std::min(shapes[i].size(), shapes[k].size());
+    for (size_t p = c; p < end; ++p) {
+      Contact& contact = now_[p];
+      const Vector3 change = ChangeAt(contact, bodies);
+      frames_[p] = ContactFrame(contact.normal_W);
+      if (!TakesPart(p, pressed, touches, change, dt, settings)) continue;
       // As the step before ended; what friction stops within kBrief of a step does not slide.
-      const double slow = std::max(10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull);
+      const double slow = std::max(10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull_);
       if (SlipOf(contact, RelativeVelocity(contact, a, b) - change) > slow) contact.friction = 0;
       contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
                           a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
-      held_.push_back(static_cast<int>(k));
+      held_.push_back(static_cast<int>(p));
       most = std::max(most, change.norm());
-      pose(contact.body_a);
-      pose(contact.body_b);
+      PoseChange(a, &posed_[i]);
+      PoseChange(b, &posed_[k]);
     }
   }
   if (most == 0) return false;
@@ -151,7 +168,7 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
   load_W_.assign(now_.size(), Vector3::Zero());
   for (const int c : held_) {
     if (press_[c] == 0) continue;
-    const double load = press_[c] + mass * most;
+    const double load = press_[c] + mass_ * most;
     now_[c].friction *= press_[c] / load;
     load_W_[c] = load * now_[c].normal_W;
   }

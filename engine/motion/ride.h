@@ -52,6 +52,10 @@ class Ride {
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
   bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
             std::span<const Body> bodies);
+  static void PoseChange(const Body& body, Body* posed);
+  void Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  bool TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
+                 const Settings& settings) const;
   bool Solve(std::span<const int> members, const Settings& settings);
   bool LetSlide(const Settings& settings);
   Vector3 TurnOfWalls(std::span<const Body> bodies) const;
@@ -72,6 +76,8 @@ class Ride {
   std::vector<double> targets_;
   std::vector<int> held_;                    // those that hold
   std::vector<Vector3> given_W_, moment_W_;  // [N s], [N m s] per body
+  double pull_ = 0, mass_ = 0;               // [m/s^2] fastest that forces make a body of the island; [kg] of all
+  Vector3 weight_W_;                         // [N] gravity and forces on all
   double floor_ = 0;                         // [m/s] least v_ref of the island
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;

@@ -41,15 +41,14 @@ void Crowd::FindHits() {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
     };
     const int a = contact.body_a, b = contact.body_b;
+    const Vector3 pull = PullOn(contact);
     double least = approaches_[c] = std::max(0.0, -contact.normal_W.dot(velocity(b) - velocity(a)));
     if (cut_[a] || cut_[b]) {
-      const Body& body = bodies_[cut_[a] ? b : a];
-      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(settings_.gravity + body.force_W / body.mass);
+      const double fall = (cut_[a] ? -1 : 1) * contact.normal_W.dot(pull);
       const double way = ClosingWay(contact) - 2 * settings_.overlap_tolerance * Size(contact);  // what gaps may miss
       least = std::sqrt(least * least + 2 * std::max(0.0, fall) * std::max(0.0, way));
     }
-    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, PullOn(contact), dt_)))
-      return;
+    if (contact.restitution == 0 || least <= std::max(threshold_, SlightApproach(contact, pull, dt_))) return;
     hits_[c] = 1;
     targets_[c] = ReboundSpeed(contact, least);
   });
