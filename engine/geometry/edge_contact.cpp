@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/contact.h"
+#include "engine/geometry/support.h"
 #include "qp/elementary.h"
 
 namespace islet {
@@ -17,6 +18,7 @@ struct Side {
   Side(const Shape& shape, const Matrix3& rotation_, const Vector3& centre_)
       : polytope(shape.polytope()), rotation(rotation_), centre(centre_) {}
   Vector3 Vertex(int v) const { return centre + rotation * polytope.vertices[v]; }
+  Vector3 Outward(int face) const { return rotation * polytope.face_normals[face]; }
   double Farthest(const Vector3& direction) const {
     double most = -INFINITY;
     const Vector3 d = rotation.transpose() * direction;
@@ -111,11 +113,14 @@ bool FindTouch(const Side& a, const Side& b, const Vector3& normal, double slack
   bool found = false, several = false;
   const auto look = [&](const Side& corners, const Side& edges, const Vector3& out, bool of_a) {
     const double top = corners.Farthest(out) - slack, bottom = slack - edges.Farthest(-out);
+    const Vector3 out_corners = corners.rotation.transpose() * out, out_edges = edges.rotation.transpose() * out;
+    const double least = top - out.dot(corners.centre), most = bottom - out.dot(edges.centre);
     for (int v = 0; v < static_cast<int>(corners.polytope.vertices.size()); ++v) {
+      if (out_corners.dot(corners.polytope.vertices[v]) < least) continue;
       const Vector3 corner = corners.Vertex(v);
-      if (out.dot(corner) < top) continue;
       for (const auto& edge : edges.polytope.edges) {
-        if (std::min(out.dot(edges.Vertex(edge[0])), out.dot(edges.Vertex(edge[1]))) > bottom) continue;
+        const auto height = [&](int end) { return out_edges.dot(edges.polytope.vertices[edge[end]]); };
+        if (std::min(height(0), height(1)) > most) continue;
         const Vector3 nearest = NearestOnEdge(edges, edge, corner);
         if ((nearest - corner).squaredNorm() > slack * slack) continue;
         several = several || (found && (corner - touch->on_a).norm() > 4 * slack);
@@ -133,15 +138,11 @@ bool FindTouch(const Side& a, const Side& b, const Vector3& normal, double slack
 }
 
 // The ends of what two edges share, with one normal.
-bool AppendEdges(const Side (&sides)[2], const Placement& pose_a, const Vector3& normal_W, double separation,
-                 double slack, std::vector<Contact>* contacts) {
+bool AppendEdges(const Side (&sides)[2], const std::vector<int> (&apart)[2], const Placement& pose_a,
+                 const Vector3& normal_W, double slack, std::vector<Contact>* contacts) {
   Fan fan(normal_W);
-  for (int s = 0; s < 2; ++s)
-    for (const Vector3& normal_B : sides[s].polytope.face_normals) {
-      const Vector3 outward = sides[s].rotation * normal_B;
-      if (-sides[1 - s].Farthest(-outward) - sides[s].Farthest(outward) < separation - slack) continue;
-      fan.Add(s == 0 ? outward : Vector3(-outward), s == 0);
-    }
+  for (const int face : apart[0]) fan.Add(sides[0].Outward(face), true);
+  for (const int face : apart[1]) fan.Add(-sides[1].Outward(face), false);
   if (!fan.IsOfEdges()) return false;
   const Vector3 normal = fan.Middle();
   const Side::Support on_a = sides[0].SupportOf(normal, fan.along(), slack),
@@ -161,26 +162,25 @@ bool AppendEdges(const Side (&sides)[2], const Placement& pose_a, const Vector3&
 }
 
 // One point, with the middle of all axes along which the bodies are as far apart.
-bool AppendPoint(const Side& side_a, const Side& side_b, const Placement& pose_a, const Vector3& normal_W,
-                 double separation, double slack, std::vector<Contact>* contacts) {
+bool AppendPoint(const Side (&sides)[2], const std::vector<int> (&apart)[2], const Placement& pose_a,
+                 const Vector3& normal_W, double separation, double slack, std::vector<Contact>* contacts) {
   static thread_local Touch touch;
-  if (!FindTouch(side_a, side_b, normal_W, slack, &touch)) return false;
+  if (!FindTouch(sides[0], sides[1], normal_W, slack, &touch)) return false;
   Vector3 sum = Vector3::Zero();
   bool along_edges = false;  // they lie beside each other: both of their ends count
   bool several = false;
   const auto add = [&](const Vector3& normal) {
-    if (-side_b.Farthest(-normal) - side_a.Farthest(normal) < separation - slack) return;
     sum += normal;
     several = several || normal_W.cross(normal).norm() > kAngle;
   };
-  for (const Vector3& normal : side_a.polytope.face_normals) add(side_a.rotation * normal);
-  for (const Vector3& normal : side_b.polytope.face_normals) add(-(side_b.rotation * normal));
+  for (const int face : apart[0]) add(sides[0].Outward(face));
+  for (const int face : apart[1]) add(-sides[1].Outward(face));
   for (const Vector3& u : touch.ways_a)
     for (const Vector3& v : touch.ways_b) {
       const Vector3 cross = u.cross(v);
       along_edges = along_edges || cross.norm() < 10 * slack * std::max(u.norm(), v.norm());
-      add(cross.normalized());
-      add(-cross.normalized());
+      for (const Vector3& normal : {Vector3(cross.normalized()), Vector3(-cross.normalized())})
+        if (-sides[1].Farthest(-normal) - sides[0].Farthest(normal) >= separation - slack) add(normal);
     }
   if (along_edges || !several || sum.norm() < kAngle) return false;
   const Vector3 normal = sum.normalized();
@@ -198,8 +198,11 @@ bool AppendTouchingFeatures(const Shape& a, const Placement& pose_a, const Shape
   const Side sides[2] = {{a, pose_a.rotation_WB, Vector3::Zero()},
                          {b, pose_b.rotation_WB, pose_b.position_W - pose_a.position_W}};
   if (HasFace(sides[0], normal_W) && HasFace(sides[1], -normal_W)) return false;
-  return AppendPoint(sides[0], sides[1], pose_a, normal_W, separation, slack, contacts) ||
-         AppendEdges(sides, pose_a, normal_W, separation, slack, contacts);
+  static thread_local std::vector<int> apart[2];  // faces along which they are as far apart
+  SidesApart(a, pose_a, b, pose_b, slack - separation, &apart[0]);
+  SidesApart(b, pose_b, a, pose_a, slack - separation, &apart[1]);
+  return AppendPoint(sides, apart, pose_a, normal_W, separation, slack, contacts) ||
+         AppendEdges(sides, apart, pose_a, normal_W, slack, contacts);
 }
 
 }  // namespace islet

@@ -102,10 +102,11 @@ bool ArcsMeet(const Vector3& a0, const Vector3& a1, const Vector3& along_a, cons
 // Whether some direction of an edge's arc keeps a point of the other body farther than `least` from the edge. The arc's
 // plane is square to the edge, so a point's height along it is greatest where it looks at the point.
 bool MayKeepApart(const Vector3& n0, const Vector3& n1, const Vector3& along, const Vector3& to_point, double least) {
-  if (n0.dot(to_point) > least || n1.dot(to_point) > least) return true;
+  const double by_n0 = n0.dot(to_point), by_n1 = n1.dot(to_point);
+  if (by_n0 > least || by_n1 > least) return true;
+  if (by_n0 + by_n1 <= 0) return false;  // it looks away
   const Vector3 across = to_point - (along.dot(to_point) / along.squaredNorm()) * along;
-  return across.norm() > least && n0.cross(across).dot(along) * n1.cross(across).dot(along) < 0 &&
-         across.dot(n0 + n1) > 0;
+  return across.norm() > least && n0.cross(across).dot(along) * n1.cross(across).dot(along) < 0;
 }
 
 // The edges that may carry an axis along which the bodies are farther apart than `least`. `point` is one of the other body.

@@ -28,6 +28,13 @@ double Reach(const Shape& shape, const Matrix3& rotation_WB, const Vector3& dire
   }
 }
 
+// [m] from the centre to a flat side.
+double OffsetOf(const Shape& shape, size_t side) {
+  const Polytope& polytope = shape.polytope();
+  if (shape.kind() == ShapeKind::kCylinder) return shape.half_length();
+  return polytope.face_normals[side].dot(polytope.vertices[polytope.faces[side][0]]);
+}
+
 }  // namespace
 
 std::span<const Vector3> FlatSides(const Shape& shape) {
@@ -46,16 +53,49 @@ double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, 
          Reach(b, pose_b.rotation_WB, -direction_W);
 }
 
+void SidesApart(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
+                std::vector<int>* sides) {
+  sides->clear();
+  const Vector3 between = pose_b.position_W - pose_a.position_W;
+  const std::vector<Vector3>& corners = b.polytope().vertices;
+  const Vector3 *likely = nullptr, towards_a = -(pose_b.rotation_WB.transpose() * between);
+  for (const Vector3& v : corners)
+    if (!likely || towards_a.dot(v) > towards_a.dot(*likely)) likely = &v;
+  const std::span<const Vector3> normals = FlatSides(a);
+  for (size_t i = 0; i < normals.size(); ++i) {
+    const Vector3 outward_W = pose_a.rotation_WB * normals[i];
+    if (likely) {  // asked first, so most sides cost one look
+      const Vector3 outward_B = pose_b.rotation_WB.transpose() * outward_W;
+      const double least = OffsetOf(a, i) - outward_W.dot(between) - deep;
+      const auto is_deep = [&](const Vector3& v) { return outward_B.dot(v) < least; };
+      if (is_deep(*likely) || std::any_of(corners.begin(), corners.end(), is_deep)) continue;
+    } else if (SeparationAlong(a, pose_a, b, pose_b, outward_W) < -deep) {
+      continue;
+    }
+    sides->push_back(static_cast<int>(i));
+  }
+}
+
 void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
                  std::vector<Vector3>* normals_W) {
-  for (const Vector3& side_a : FlatSides(a))
-    for (const Vector3& side_b : FlatSides(b)) {
-      const Vector3 of_a = pose_a.rotation_WB * side_a, against_b = -(pose_b.rotation_WB * side_b);
-      if ((of_a - against_b).norm() >= kAngle) continue;
-      const double by_a = SeparationAlong(a, pose_a, b, pose_b, of_a),
-                   by_b = SeparationAlong(a, pose_a, b, pose_b, against_b);
-      if (std::max(by_a, by_b) >= -deep) normals_W->push_back(by_a >= by_b ? of_a : against_b);
-    }
+  static thread_local std::vector<int> apart_a, apart_b;
+  SidesApart(a, pose_a, b, pose_b, deep, &apart_a);
+  SidesApart(b, pose_b, a, pose_a, deep, &apart_b);
+  const auto look = [&](const Vector3& of_a, size_t side_b) {
+    const Vector3 against_b = -(pose_b.rotation_WB * FlatSides(b)[side_b]);
+    if ((of_a - against_b).norm() >= kAngle) return;
+    const double by_a = SeparationAlong(a, pose_a, b, pose_b, of_a),
+                 by_b = SeparationAlong(a, pose_a, b, pose_b, against_b);
+    if (std::max(by_a, by_b) >= -deep) normals_W->push_back(by_a >= by_b ? of_a : against_b);
+  };
+  const size_t num_a = FlatSides(a).size(), num_b = FlatSides(b).size();
+  for (size_t i = 0, next = 0; i < num_a; ++i) {
+    const bool apart = next < apart_a.size() && apart_a[next] == static_cast<int>(i);
+    next += static_cast<size_t>(apart);
+    const Vector3 of_a = pose_a.rotation_WB * FlatSides(a)[i];
+    for (size_t k = 0; apart && k < num_b; ++k) look(of_a, k);
+    for (size_t k = 0; !apart && k < apart_b.size(); ++k) look(of_a, apart_b[k]);
+  }
 }
 
 bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const Placement& pose_a, const Shape& b,

@@ -19,6 +19,10 @@ bool HasSupport(const Shape& shape);
 double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                        const Vector3& direction_W);
 
+// Which of the flat sides of a, by number, b is no deeper in than this [m], along their normals.
+void SidesApart(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
+                std::vector<int>* sides);
+
 // Appends the unit vectors, from a to b, along which a flat side of one faces one of the other, and that they are no deeper in each other than
 // this [m] along it.
 void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,

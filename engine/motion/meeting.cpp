@@ -79,9 +79,9 @@ double Meeting::First(const MeetingQuery& query, double until) {
   const double h = query.duration;
   double t = 0, reach = kFar, floor = query.gap - query.deep;
   Vector3 normal = Vector3::UnitZ();
-  // Where bodies are round, looks are dear.
-  const bool round = query.a->HasAxis() || query.b->HasAxis(),
-             glances = round && HasSupport(*query.a) && HasSupport(*query.b);
+  // Where bodies are round, or have many corners, looks are dear.
+  const auto is_dear = [](const Shape& s) { return s.HasAxis() || s.kind() == ShapeKind::kConvexHull; };
+  const bool glances = (is_dear(*query.a) || is_dear(*query.b)) && HasSupport(*query.a) && HasSupport(*query.b);
   double last = INFINITY;
   for (int k = 0, touches = 0; k < kAdvances && touches < kTouches; ++k) {
     const double gap = GapAt(query, t, reach, &normal);

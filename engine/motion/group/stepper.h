@@ -35,7 +35,7 @@ class Stepper {
   void Step(double dt, const Settings& settings, const MixMaterial& mix, Group* group, GroupOutcome* outcome);
 
  private:
-  // A solved contact is worth so many looks at a pair, a look so many pairs passed over.
+  // A solved contact is worth so many looks at a pair, a look so many pairs passed over, or corners of both.
   static constexpr int kSolveWork = 32;
   static constexpr double kSettled = 0.0002;  // of the tolerance: what velocities at the end may miss
   static constexpr double kTogether = 1e-4;   // of a size: what is this near to a blow takes part, as in a flat landing

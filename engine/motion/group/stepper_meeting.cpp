@@ -127,7 +127,8 @@ void Stepper::Probe(const MeetingQuery& query, const GroupPair& pair, double t) 
 double Stepper::First(const MeetingQuery& query, double until) {
   const std::int64_t before = meeting_.looks();
   const double first = meeting_.First(query, until);
-  work_ += static_cast<int>(meeting_.looks() - before);
+  const size_t corners = query.a->polytope().vertices.size() + query.b->polytope().vertices.size();
+  work_ += static_cast<int>(meeting_.looks() - before) * (1 + static_cast<int>(corners) / kSolveWork);
   return first;
 }
 
