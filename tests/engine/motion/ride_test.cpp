@@ -266,6 +266,7 @@ TEST(Ride, KeepsItsPlaceUnderWhatSlides) {
     world.SetVelocity(0, {0.45 * kGravity * frame * kStep, 0, 0}, Vector3::Zero());
     testing::Step(&world, kStep);
     EXPECT_NEAR((world.body(2).position_W - world.body(0).position_W).x(), 0, 1e-6) << frame;
+    EXPECT_NEAR((world.body(2).linear_velocity_W - world.body(0).linear_velocity_W).x(), 0, 1e-5) << frame;
   }
   EXPECT_LT((world.body(3).position_W - world.body(2).position_W).x(), -0.1);
 }

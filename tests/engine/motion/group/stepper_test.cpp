@@ -827,6 +827,28 @@ TEST(Stepper, BoxAcrossTwoBeltsStaysStraight) {
   }
 }
 
+// Equal plates that slide as one need no joint to slip, though each holds by all of its friction. They stop together, after v^2 / (2 mu g). Solved
+// anew from no impulses in each step some turned against each other, and the stack came apart by a centimetre.
+TEST(Stepper, PlatesThatSlideAsOneStopTogether) {
+  for (const auto& [plates, dt] : {std::pair{8, 1.0 / 60}, {8, 1.0 / 240}, {10, 1.0 / 60}}) {
+    SCOPED_TRACE(::testing::Message() << plates << " " << dt);
+    World world(testing::Awake());
+    world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 0.2, .restitution = 0});
+    for (int i = 0; i < plates; ++i)
+      world.Add({.shape = Shape::Box({0.2, 0.2, 0.05}),
+                 .mass = 1,
+                 .position_W = {0, 0, 0.05 + 0.1 * i},
+                 .linear_velocity_W = {2, 0, 0},
+                 .friction = 0.2,
+                 .restitution = 0});
+    testing::StepTimes(&world, static_cast<int>(1.5 / dt), dt);
+    for (int i = 1; i <= plates; ++i) {
+      EXPECT_NEAR(world.body(i).position_W.x(), 2 * 2 / (2 * 0.2 * kGravity), 1e-5);
+      EXPECT_LT(std::abs(world.body(i).rotation_WB.z()), 1e-9);
+    }
+  }
+}
+
 TEST(Stepper, SameBitsForAnyNumberOfThreads) {
   std::uint64_t first = 0;
   for (const int threads : {1, 2, 4, 8}) {
