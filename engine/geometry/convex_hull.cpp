@@ -42,7 +42,8 @@ std::vector<Vector3> DropDuplicates(std::span<const Vector3> points, double tole
   return kept;
 }
 
-void CheckSpread(const std::vector<Vector3>& points, double tolerance) {
+// Returns how far they lie from a plane through three of them.
+double CheckSpread(const std::vector<Vector3>& points, double tolerance) {
   if (points.size() < 4) Reject("only " + std::to_string(points.size()) + " of them differ, at least 4 are needed");
   auto farthest = [&](auto&& distance) {
     return *std::max_element(points.begin(), points.end(),
@@ -57,6 +58,7 @@ void CheckSpread(const std::vector<Vector3>& points, double tolerance) {
   auto from_plane = [&](const Vector3& p) { return std::abs((p - origin).dot(normal)); };
   const double thickness = from_plane(farthest(from_plane));
   if (thickness <= tolerance) Reject("all lie in one plane (thickness " + std::to_string(thickness) + ")");
+  return thickness;
 }
 
 constexpr size_t kMostFaces = 4096;     // 2,000 corners take 0.3 s to wrap, and 0.4 s a step in which two of them meet
@@ -253,11 +255,12 @@ Polytope BuildConvexHull(std::span<const Vector3> points) {
   Vector3 lower = points[0], upper = points[0];
   for (const Vector3& point : points) lower = lower.cwiseMin(point), upper = upper.cwiseMax(point);
   const double extent = (upper - lower).maxCoeff();
-  // Points with noise near the tolerance can make faces disagree; a coarser tolerance then takes the noise for flat.
-  for (double relative = 1e-10; relative < 1e-5; relative *= 10) {
-    const double tolerance = relative * extent;
+  const double thickness = CheckSpread(DropDuplicates(points, 1e-10 * extent), 4e-10 * extent);
+  // Meshes are known to six or seven digits. A flat face that their noise splits would hold by one half of it, so what is flat but for noise is flat.
+  // Points with noise near the tolerance can make faces disagree: then a finer one takes some of it for shape.
+  for (double relative = 1e-5; relative > 1e-11; relative *= 0.1) {
+    const double tolerance = relative * std::min(extent, 100 * thickness);
     const std::vector<Vector3> distinct = DropDuplicates(points, tolerance);
-    CheckSpread(distinct, 4 * tolerance);
     const Wrapping wrapping(distinct, tolerance);
     if (wrapping.ok()) return ToPolytope(distinct, wrapping);
   }

@@ -256,7 +256,7 @@ bool Stepper::Piece(Progress* p) {
     return true;
   }
   if (deep || (creates_ && !yields)) return false;
-  if (work_ < group_->most_work / 2) {  // a step is one without them, too
+  if (p->events == 0 || work_ < group_->most_work / 2) {  // a step is one without more of them, too
     // Impulses of a piece before that was that short are no forces.
     double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
     if (end == h && h > kBrief * dt_ && WasThereInPart(h)) end = 0.5 * h;

@@ -17,17 +17,20 @@ double Stepper::SlipEnds(double h) const {
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];
     const int a = contact.body_a, b = contact.body_b;
-    if (!(MostFriction(c) > kBrief * h * pull_ * contact.friction * LighterMass(contact))) continue;
+    if (MostFriction(c) == 0) continue;
     const Vector3 slip = SlipAtStart(c);
     const double speed = slip.norm();
     if (speed <= threshold_) continue;
     const Vector3 mean = MeanVelocity(b, acted_at_[c]) - MeanVelocity(a, acted_at_[c]) + SurfaceSlip(contact);
     const double end = 2 * mean.dot(slip) / speed - speed;
     if (end >= 0) continue;
-    double spare = 0;  // [N s] of the pair
-    for (size_t k = 0; k < held_.size(); ++k)
-      if (held_of_[k].pair == held_of_[c].pair)
-        spare += std::max(0.0, MostFriction(k) + SlipAtStart(k).normalized().dot(impulse_W_[k]));
+    double rubs = 0, spare = 0;  // [N s] of the pair
+    for (size_t k = 0; k < held_.size(); ++k) {
+      if (held_of_[k].pair != held_of_[c].pair) continue;
+      rubs += MostFriction(k);
+      spare += std::max(0.0, MostFriction(k) + SlipAtStart(k).normalized().dot(impulse_W_[k]));
+    }
+    if (!(rubs > kBrief * h * pull_ * contact.friction * LighterMass(contact))) continue;
     const auto lightness = [&](int i) { return posed_[i].Moves() ? 1 / posed_[i].mass : 0; };
     const double share = speed / (speed - end + spare * (lightness(a) + lightness(b)));
     if (share <= kBrief || share * h <= kBrief * kBrief * dt_ || share >= first) continue;
@@ -44,8 +47,11 @@ double Stepper::SupportEnds(double h) {
   bool found = false;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
-    if (!closed_[c] || GoesOn(c) || !(now_[c].normal_W.dot(force_W_[c]) > kBrief * pull_ * LighterMass(now_[c])))
-      continue;
+    if (!closed_[c] || force_W_[c].isZero(0) || GoesOn(c)) continue;
+    double pressed = 0;  // [N] by the pair
+    for (size_t k = 0; k < now_.size(); ++k)
+      if (now_pair_[k] == pair) pressed += now_[k].normal_W.dot(force_W_[k]);
+    if (!(pressed > kBrief * pull_ * LighterMass(now_[c]))) continue;
     const bool sinks = ClosedAt(pair, h, h) > 0;
     if (sinks && !IsOpenAtEnd(pair)) continue;  // it rolls around an edge
     const size_t closed = ClosedAt(pair, 0, 0);

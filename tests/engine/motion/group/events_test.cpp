@@ -281,5 +281,25 @@ TEST(Events, EdgesThatAreLeftKickNobody) {
   }
 }
 
+// A disc of a hundred corners slides and stops, each of which bears a hundredth of its weight: what ends is asked of all of them.
+TEST(Events, SlideOnManyCornersStopsWhenItDoes) {
+  for (const double dt : {1.0 / 30, 1.0 / 120}) {
+    std::vector<Vector3> corners;
+    for (int i = 0; i < 200; ++i) {
+      const Vector3 rim = testing::Turn(2 * std::numbers::pi * (i / 2) / 100, Vector3::UnitZ()) * Vector3(0.05, 0, 0);
+      corners.push_back(rim + Vector3(0, 0, i % 2 ? 0.01 : -0.01));
+    }
+    World world(testing::Awake());
+    world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kFixed, .friction = 0.35, .restitution = 0});
+    world.Add({.shape = Shape::ConvexHull(corners),
+               .position_W = {0, 0, 0.01},
+               .linear_velocity_W = {0.3, 0, 0},
+               .friction = 0.35,
+               .restitution = 0});
+    testing::StepTimes(&world, static_cast<int>(0.2 / dt), dt);
+    EXPECT_NEAR(world.body(1).position_W.x(), 0.3 * 0.3 / (2 * 0.35 * kGravity), 1e-9) << dt;
+  }
+}
+
 }  // namespace
 }  // namespace islet
