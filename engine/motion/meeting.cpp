@@ -150,17 +150,8 @@ double Meeting::Soonest(const MeetingQuery& query, double t, double floor) const
   return soonest;
 }
 
-// [s] the first of some moments between two at which the gap is below that, else the latter.
-double Meeting::FirstDip(const MeetingQuery& query, double t, double until, double below) {
-  const double pause = query.duration / kTouches;
-  Vector3 normal;
-  for (double look = t + pause; look < until; look += pause)
-    if (GapAt(query, look, kFar, &normal) < below) return look;
-  return until;
-}
-
 // What touches and turns is looked at each time that it may have moved by half a size, so nothing passes through in between, and where one of
-// its corners may be at the floor. What comes apart is looked at twelve times in a piece, whether it was no contact any more.
+// its corners may be at the floor.
 double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor) {
   const double h = query.duration, size = std::min(query.a->size(), query.b->size());
   GapAt(query, t, kFar, &normal);
@@ -168,12 +159,7 @@ double Meeting::AlongTouch(const MeetingQuery& query, double t, double until, Ve
     const double closing = ClosingSpeed(query, t, normal);
     double next = k < kMostLooks && closing * (h - t) > 0.5 * size ? t + 0.5 * size / closing : h;
     next = std::min(next, t + std::max(Soonest(query, t, floor), h / kTouches));
-    double left = GapAt(query, next, kFar, &normal);
-    if (left > query.gap + query.deep) {  // it has come apart: it may have met before, or come back
-      next = FirstDip(query, t, next, floor - kInside * size);
-      left = GapAt(query, next, kFar, &normal);
-    }
-    if (left < floor) {
+    if (GapAt(query, next, kFar, &normal) < floor) {
       double low = t, high = next;
       for (int i = 0; i < kHalvings; ++i) {
         const double middle = 0.5 * (low + high), gap = GapAt(query, middle, kFar, &normal);

@@ -47,7 +47,6 @@ class Meeting {
  private:
   double GapAt(const MeetingQuery& query, double t, double reach, Vector3* normal);
   double Soonest(const MeetingQuery& query, double t, double floor) const;
-  double FirstDip(const MeetingQuery& query, double t, double until, double below);
   double AlongTouch(const MeetingQuery& query, double t, double until, Vector3 normal, double floor);
 
   std::vector<Contact> contacts_;

@@ -124,7 +124,7 @@ bool CoulombSearch::IsAtRest(const Task& task) {
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
 // contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
 // Newton's method finds from there depends on no order of contacts. A small island in which anything slides begins with none, too, unless those
-// of before are an answer: how contacts share a load is free, and the share of before would turn what slides to one side, step by step.
+// of before are exact: how contacts share a load is free, and the share of before would turn what slides to one side, step by step.
 NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried) {
   const Problem& problem = task.problem;
   double map_of_start = INFINITY;
@@ -134,8 +134,9 @@ NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const Natura
     else
       now_.TakeOver(problem, task.start);
     const NaturalMap map = tried ? map_of_tried : now_.MapOf(task);
-    if (map.Meets(task.goal())) return map;
-    if (MayBeRough(task) || !Slides(problem, now_, kCoarse * task.scale())) map_of_start = map.rms;
+    const bool forgets = !MayBeRough(task) && Slides(problem, now_, kCoarse * task.scale());
+    if (map.Meets((forgets ? kExactShare : 1) * task.goal())) return map;
+    if (!forgets) map_of_start = map.rms;
     std::swap(now_, before_);
   }
   now_.TakeNone(task.problem);

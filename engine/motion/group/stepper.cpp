@@ -90,17 +90,11 @@ double Stepper::ChooseLength(double rest) {
 
 void Stepper::Commit(double t, double h) {
   carried_at_.assign(end_.size(), -1);
-  last_ = end_;
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = AsActed(c);
     contact.surface_W = held_of_[c].belt_W;
-    if (follows_[c] >= 0) {
-      carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
-      // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,
-      // and what rests would not balance.
-      last_[follows_[c]].point_W = Carried(contact, Moment::kMiddle, Moment::kEnd);
-    }
+    if (follows_[c] >= 0) carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }
   force_W_.resize(end_.size());
@@ -151,7 +145,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;
-  grazing_ = -1;
   yields_.assign(group->pairs.size(), 0.0);
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
@@ -271,7 +264,6 @@ bool Stepper::Piece(Progress* p) {
   p->t += h;
   cuts_ += cut;
   SeeWhoPays(h);
-  grazing_ = cut && !struck_ && HasMet(cut_pair_) ? cut_pair_ : -1;
   p->most = p->level == 0 ? dt_ : 2 * std::max(h, p->most);
   p->level = std::max(0, p->level - 1);
   return true;
@@ -279,7 +271,7 @@ bool Stepper::Piece(Progress* p) {
 
 // What touches at the end, and the bodies there.
 void Stepper::End() {
-  out_->touching = out_->unstepped == 0 ? last_ : now_;
+  out_->touching = now_;
   out_->touching_force_W = force_W_;
   out_->overlap = 0;
   for (const Contact& c : now_) out_->overlap = std::max(out_->overlap, -c.gap);

@@ -187,7 +187,6 @@ class Stepper {
   bool IsThere(size_t at_end) const;
   bool Hits(size_t at_end) const;
   bool HitsEarlier() const;
-  bool HasMet(int pair);
 
   // stepper_events.cpp: what ended within a piece.
   double SlipEnds(double h) const;
@@ -233,7 +232,6 @@ class Stepper {
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
   int cut_pair_ = -1;                        // whose blow ends it
-  int grazing_ = -1;                         // whose blow ended the piece before, and was none
   bool struck_ = false;                      // a blow ended it
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_;                 // halfway on the chord
@@ -243,7 +241,7 @@ class Stepper {
   std::vector<Going> ways_;                  // of each body, as far as it is known
   double off_ = 0;                           // [s^2] OffAhead of a first look, OffChord of passes
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
-  std::vector<Contact> now_, end_, held_, next_, last_, probe_, ahead_;
+  std::vector<Contact> now_, end_, held_, next_, probe_, ahead_;
   std::vector<int> now_pair_, end_pair_;
   std::vector<double> least_gap_;  // [m] per pair, as the piece begins
   std::vector<int> joined_;        // per body: the first of those that touch each other then, walls apart

@@ -161,24 +161,6 @@ bool Stepper::HitsEarlier() const {
   return false;
 }
 
-// Whether the pair is where it met, and nothing of it that hits is still on its way there.
-bool Stepper::HasMet(int pair) {
-  const auto [a, b] = group_->pairs[pair];
-  const double size = Size(group_->pairs[pair]);
-  probe_.clear();  // as far as it may be on its way: what rests beside it is there
-  CollideShapes(*group_->shapes[a], end_state_[a].pose.placement(), *group_->shapes[b], end_state_[b].pose.placement(),
-                size, &probe_);
-  bool met = false;
-  for (Contact& c : probe_) {
-    const bool there = c.gap <= kTogether * size;
-    Mix(group_->pairs[pair], &c);
-    const double approach = c.normal_W.dot(end_state_[a].VelocityAt(c.point_W) - end_state_[b].VelocityAt(c.point_W));
-    if (!there && approach > CutSpeed(c)) return false;
-    met = met || there;
-  }
-  return met;
-}
-
 // Blows at the end pose: the queue, then the collision problem.                                     [SM04 Fig. 1, 1 and 2]
 void Stepper::Strike() {
   problem_.clear();

@@ -14,8 +14,6 @@ namespace {
 
 constexpr double kNearby = 0.1;  // of a size: how far what presses is looked for
 
-bool IsSmooth(const Shape& shape) { return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kCapsule; }
-
 }  // namespace
 
 // [m] at least between the bodies of a pair, by the spheres around them.
@@ -189,14 +187,9 @@ double Stepper::Shifted() const {
 
 // Of the contacts at another time of the piece the one that this contact is; -1: none. The same feature is the same
 // place only as far as the two bodies' points have parted, or as a piece may turn: the lowest point of a rim goes around it.
-// Where two axes cross may run along both.
 int Stepper::FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const {
   const auto [a, b] = group_->pairs[pair];
   const auto [first, last] = std::equal_range(there.begin(), there.end(), contact, EarlierPair);
-  if (IsSmooth(*group_->shapes[a]) && IsSmooth(*group_->shapes[b])) {
-    const auto same = std::find_if(first, last, [&](const Contact& c) { return c.feature == contact.feature; });
-    if (same != last) return static_cast<int>(same - there.begin());
-  }
   const Vector3 with_a = CarriedWith(a, contact.point_W, from, to), with_b = CarriedWith(b, contact.point_W, from, to);
   const double far = kSamePlace * Size(group_->pairs[pair]);
   const double around = kLargestTurn * std::min(group_->bodies[a].radius, group_->bodies[b].radius);
@@ -234,12 +227,11 @@ int Stepper::HeirOf(size_t held) const {
   return heir < 0 ? -1 : static_cast<int>(first - end_.begin()) + heir;
 }
 
-// The contact as the piece began, if it was closed. Where the normal turns by more than bodies do in a piece it is another one.
+// The contact as the piece began, if it was closed.
 const Contact* Stepper::ClosedAtStart(size_t at_end) const {
   const Contact& end = end_[at_end];
   const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
-  const bool same = found >= 0 && (now_[found].normal_W - end.normal_W).norm() < kLargestTurn;
-  return same && closed_[found] ? &now_[found] : nullptr;
+  return found >= 0 && closed_[found] ? &now_[found] : nullptr;
 }
 
 // [N s] what a contact at the end held in the piece.

@@ -44,7 +44,7 @@ double Stepper::FindMeeting(double h) {
     double t = First(query, first);
     if (t >= first) continue;
     const double deep = t;
-    if (!MetInABlow(query, static_cast<int>(p), &t) || static_cast<int>(p) == grazing_) {
+    if (!MetInABlow(query, static_cast<int>(p), &t)) {
       slow_.push_back({static_cast<int>(p), t, query});
       continue;
     }
