@@ -1,5 +1,5 @@
 // In: a piece as it was found. Out: when something in it ended that its impulses took for all of it. An end within the first or the last
-// share kBrief of the piece is none, nor one within kBrief^2 of a step, nor that of a force which is that share of weight.
+// share kBrief of the piece is none, nor one within kBrief^2 of a step, nor that of a pair that gives no more than that share of weight.
 #include "engine/motion/group/stepper.h"
 
 #include <algorithm>
@@ -45,9 +45,11 @@ double Stepper::SlipEnds(double h) const {
 double Stepper::SupportEnds(double h) {
   double first = (1 - kBrief) * h;
   bool found = false;
+  int asked = -1;
   for (size_t c = 0; c < now_.size(); ++c) {
     const int pair = now_pair_[c];
-    if (!closed_[c] || force_W_[c].isZero(0) || GoesOn(c)) continue;
+    if (pair == asked || !closed_[c] || force_W_[c].isZero(0) || GoesOn(c)) continue;
+    asked = pair;
     double pressed = 0;  // [N] by the pair
     for (size_t k = 0; k < now_.size(); ++k)
       if (now_pair_[k] == pair) pressed += now_[k].normal_W.dot(force_W_[k]);
