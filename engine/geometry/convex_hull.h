@@ -14,7 +14,7 @@
 
 namespace islet {
 
-// Points that are closer to a face than 1e-5 of the extent, or 1e-3 of the thickness, lie in it, and those that near to each other are one.
+// Points that are closer to a face than 1e-5 of the extent, or 1e-3 of the thickness if that is less, lie in it. Those that near to each other are one.
 Polytope BuildConvexHull(std::span<const Vector3> points);
 
 }  // namespace islet

@@ -89,9 +89,8 @@ void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const 
     if (std::max(by_a, by_b) >= -deep) normals_W->push_back(by_a >= by_b ? of_a : against_b);
   };
   const size_t num_a = FlatSides(a).size(), num_b = FlatSides(b).size();
-  for (size_t i = 0, next = 0; i < num_a; ++i) {
-    const bool apart = next < apart_a.size() && apart_a[next] == static_cast<int>(i);
-    next += static_cast<size_t>(apart);
+  for (size_t i = 0; i < num_a; ++i) {
+    const bool apart = std::binary_search(apart_a.begin(), apart_a.end(), static_cast<int>(i));
     const Vector3 of_a = pose_a.rotation_WB * FlatSides(a)[i];
     for (size_t k = 0; apart && k < num_b; ++k) look(of_a, k);
     for (size_t k = 0; !apart && k < apart_b.size(); ++k) look(of_a, apart_b[k]);

@@ -19,7 +19,7 @@ bool HasSupport(const Shape& shape);
 double SeparationAlong(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b,
                        const Vector3& direction_W);
 
-// Which of the flat sides of a, by number, b is no deeper in than this [m], along their normals.
+// Numbers, ascending, of those flat sides of a below which b reaches by no more than this [m].
 void SidesApart(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
                 std::vector<int>* sides);
 

@@ -260,11 +260,11 @@ TEST(Ride, KeepsItsPlaceUnderWhatSlides) {
   crate.friction = bar.friction = 0.5;
   world.Add(crate);
   world.Add(bar);
-  constexpr double kStep = 1.0 / 60;
-  testing::StepTimes(&world, 5, kStep);
+  const double dt = 1.0 / 60;
+  testing::StepTimes(&world, 5, dt);
   for (int frame = 1; frame <= 30; ++frame) {
-    world.SetVelocity(0, {0.45 * kGravity * frame * kStep, 0, 0}, Vector3::Zero());
-    testing::Step(&world, kStep);
+    world.SetVelocity(0, {0.45 * kGravity * frame * dt, 0, 0}, Vector3::Zero());
+    testing::Step(&world, dt);
     EXPECT_NEAR((world.body(2).position_W - world.body(0).position_W).x(), 0, 1e-6) << frame;
     EXPECT_NEAR((world.body(2).linear_velocity_W - world.body(0).linear_velocity_W).x(), 0, 1e-5) << frame;
   }
