@@ -90,11 +90,17 @@ double Stepper::ChooseLength(double rest) {
 
 void Stepper::Commit(double t, double h) {
   carried_at_.assign(end_.size(), -1);
+  last_ = end_;
   for (size_t c = 0; c < held_.size(); ++c) {
     if (impulse_W_[c].isZero(0)) continue;
     Contact contact = AsActed(c);
     contact.surface_W = held_of_[c].belt_W;
-    if (follows_[c] >= 0) carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
+    if (follows_[c] >= 0) {
+      carried_at_[follows_[c]] = static_cast<int>(out_->impulses.size());
+      // What carried is remembered where it did. Of two edges that are all but parallel detection finds now this point and now that one,
+      // and what rests would not balance.
+      last_[follows_[c]].point_W = Carried(contact, Moment::kMiddle, Moment::kEnd);
+    }
     out_->impulses.push_back({contact, impulse_W_[c], t, h});
   }
   force_W_.resize(end_.size());
@@ -271,7 +277,7 @@ bool Stepper::Piece(Progress* p) {
 
 // What touches at the end, and the bodies there.
 void Stepper::End() {
-  out_->touching = now_;
+  out_->touching = out_->unstepped == 0 ? last_ : now_;
   out_->touching_force_W = force_W_;
   out_->overlap = 0;
   for (const Contact& c : now_) out_->overlap = std::max(out_->overlap, -c.gap);

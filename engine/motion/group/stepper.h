@@ -241,7 +241,7 @@ class Stepper {
   std::vector<Going> ways_;                  // of each body, as far as it is known
   double off_ = 0;                           // [s^2] OffAhead of a first look, OffChord of passes
   std::vector<Vector3> mean_W_, spin_gain_;  // [m/s] mean velocity; [N m s] what impulses and torque give
-  std::vector<Contact> now_, end_, held_, next_, probe_, ahead_;
+  std::vector<Contact> now_, end_, held_, next_, last_, probe_, ahead_;
   std::vector<int> now_pair_, end_pair_;
   std::vector<double> least_gap_;  // [m] per pair, as the piece begins
   std::vector<int> joined_;        // per body: the first of those that touch each other then, walls apart
