@@ -116,11 +116,11 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W) {
 }
 
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
-                    double still) {
+                    double mass) {
   const Vector3 &n = halfway.normal_W, &turned = now.normal_W;
   const double press = n.dot(impulse_W);
   const Vector3 friction = impulse_W - press * n, slip = velocity_W - turned.dot(velocity_W) * turned;
-  if (n.cross(turned).norm() > kLevel || slip.norm() <= still || friction.dot(slip) > 0 ||
+  if (n.cross(turned).norm() > kLevel || slip.norm() * mass <= friction.norm() || friction.dot(slip) > 0 ||
       friction.cross(slip).norm() > kLevel * friction.norm() * slip.norm() ||
       !qp::OnCone(friction.norm(), now.friction * press))
     return impulse_W;

@@ -46,9 +46,10 @@ Vector3 WithinCone(const Contact& contact, const Vector3& impulse_W);
 Vector3 Beyond(double most, const Vector3& friction_W);
 // [N s] the impulse of a contact that slid all the way, as it lies at the end: its normal has turned since halfway, and so has its slip. Of
 // one that sticks, and where the normal is another feature's, it stays as it is.
-// velocity_W: [m/s] of the contact now. still: [m/s] below which nothing slides.
+// velocity_W: [m/s] of the contact now. mass: [kg] of its lighter body: a slip that its friction may have begun or ended within the piece is
+// none all the way.
 Vector3 TurnedAlong(const Contact& halfway, const Contact& now, const Vector3& impulse_W, const Vector3& velocity_W,
-                    double still);
+                    double mass);
 
 // Of a size: how far from where it is looked for a contact is found again, and what a lever may be moved by for the sake of energy.
 inline constexpr double kSamePlace = 1e-2;

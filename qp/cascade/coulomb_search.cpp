@@ -122,7 +122,7 @@ bool CoulombSearch::IsAtRest(const Task& task) {
 }
 
 // Takes over impulses from the caller, or none if those are of no use; returns their map. Of thousands a few dozen do not fit, since
-// contacts came and went, and make the whole worse than none: a few sweeps mend that. None of a small island are not swept: what
+// contacts came and went, and make the whole worse than none: a few sweeps mend that. Those of a small island are not swept: what
 // Newton's method finds from there depends on no order of contacts. A small island in which anything slides begins with none, too, unless those
 // of before are exact: how contacts share a load is free, and the share of before would turn what slides to one side, step by step.
 NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const NaturalMap& map_of_tried) {
@@ -143,6 +143,7 @@ NaturalMap CoulombSearch::Start(const Task& task, Candidate* tried, const Natura
   const NaturalMap without = now_.MapOf(task);
   if (!(map_of_start < kWildShare * without.rms)) return without;
   std::swap(now_, before_);
+  if (IsSmall(problem) && task.settings.speed_share == 0) return now_.MapOf(task);
   const NaturalMap swept = SweepOn(task);
   if (swept.rms < without.rms) return swept;
   std::swap(now_, before_);

@@ -460,7 +460,7 @@ TEST(World, SaysWhatItMissed) {
     for (int layer = 0; layer < 8; ++layer)
       for (int i = 0; i < 8 - layer; ++i) {
         BodyDefinition cube = testing::Cube({1.01 * i + 0.505 * layer, 0, 0.5 + layer});
-        cube.linear_velocity_W = {0.3 * i, 0, 0};
+        cube.linear_velocity_W = {0.3, 0, 0};
         world.Add(cube);
       }
     QpSummary all;

@@ -78,8 +78,8 @@ void Crowd::TurnCarried() {
     // What answers to something heavy that lands is taken back with it, as it was.
     const bool lands = lands_[end.body_a] > 0 || lands_[end.body_b] > 0;
     const bool was_closed = !lands && GapAtStart(end) <= 2 * settings_.overlap_tolerance * Size(end);
-    const double still = std::max(threshold_, 10 * std::max(errors_[end.body_a], errors_[end.body_b]));
-    turned_W_[follows_[c]] += was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, still) : impulse_W_[c];
+    turned_W_[follows_[c]] +=
+        was_closed ? TurnedAlong(held_[c], end, impulse_W_[c], u, LighterMass(held_[c])) : impulse_W_[c];
   };
   pool_->ForEachOf(pairs_.size(), [&](size_t p) {
     for (size_t c = pairs_[p].x; c < pairs_[p].x_end; ++c) turn(c);

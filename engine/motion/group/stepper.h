@@ -106,7 +106,7 @@ class Stepper {
   const Contact* ClosedAtStart(size_t at_end) const;
   Vector3 CarriedBy(size_t at_end) const;
   int HeirOf(size_t held) const;
-  Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const;
+  Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W) const;
   Vector3 BeyondCone(size_t at_end, const Vector3& change_W) const;
   bool WasHeld(size_t at_end) const;
   bool Presses(int pair) const;

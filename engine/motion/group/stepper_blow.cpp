@@ -97,7 +97,7 @@ void Stepper::Settle() {
   targets_.clear();
   for (size_t e = 0; e < end_.size(); ++e) {
     const Vector3 u = RelativeVelocity(end_[e], posed_[end_[e].body_a], posed_[end_[e].body_b]);
-    const Vector3 carried = AllowedOf(e, u, threshold_);
+    const Vector3 carried = AllowedOf(e, u);
     const double size = Size(group_->pairs[end_pair_[e]]), normal = end_[e].normal_W.dot(u);
     if (carried.isZero(0)) {  // it takes part where it is closed, and no blow to come
       const double closed = Presses(end_pair_[e]) || WasHeld(e) ? kMet : kExact;

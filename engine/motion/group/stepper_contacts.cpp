@@ -238,11 +238,11 @@ const Contact* Stepper::ClosedAtStart(size_t at_end) const {
 Vector3 Stepper::CarriedBy(size_t at_end) const { return carried_to_W_[at_end]; }
 
 // The same, as it lies at the end, where the contact has this velocity, as far as its law allows it there.
-Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W, double still) const {
+Vector3 Stepper::AllowedOf(size_t at_end, const Vector3& velocity_W) const {
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < held_.size(); ++c)
     if (heirs_[c] == static_cast<int>(at_end))
-      sum += TurnedAlong(held_[c], end_[at_end], impulse_W_[c], velocity_W, still);
+      sum += TurnedAlong(held_[c], end_[at_end], impulse_W_[c], velocity_W, LighterMass(held_[c]));
   return WithinCone(end_[at_end], sum);
 }
 
