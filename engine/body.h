@@ -47,6 +47,8 @@ struct Body {
   Vector3 surface_before_B = Vector3::Zero();  // [m/s]
   Vector3 linear_before_W = Vector3::Zero();   // [m/s]
   Vector3 angular_before_W = Vector3::Zero();  // [rad/s]
+  // Whether it rode in the step before: went along, as one with them, with walls or belts whose velocity changed. A world keeps it, too.
+  bool rides = false;
 
   // A body that contact impulses can move in the collision and static-contact problems of this moment.
   bool Moves() const { return kind == BodyKind::kDynamic && !frozen && !removed; }

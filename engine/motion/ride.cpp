@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/motion/lever.h"
 #include "engine/response/suite_frame.h"
@@ -50,15 +51,19 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
   posed_.resize(n);
   given_W_.resize(n);
   moment_W_.resize(n);
+  upright_.assign(n, false);
+  rode_.resize(n);
+  for (size_t i = 0; i < n; ++i) rode_[i] = std::exchange(bodies[i].rides, false);
   for (int island = 0; island < partition_.num_islands(); ++island) {
     const std::span<const int> of_island = partition_.contacts_of(island), members = partition_.bodies_of(island);
     if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
     Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
     if (!Load(dt, members, settings, shapes, bodies)) continue;
-    bool solved = Solve(members, settings);
-    while (solved && LetSlide(settings)) solved = Solve(members, settings);
-    if (solved) Give(dt, members, bodies);
+    bool solved = SolveAll(members, settings);
+    const bool upright = solved && FindChange(bodies) && KeepUpright(members, settings, bodies);
+    if (upright) solved = SolveAll(members, settings);
+    if (solved) Give(dt, members, upright, bodies);
   }
 }
 
@@ -176,13 +181,48 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
 }
 
 bool Ride::Solve(std::span<const int> members, const Settings& settings) {
-  for (const int i : members) SetTwist({}, &posed_[i]);
+  for (const int i : members) SetTwist(upright_[i] ? Twist{{}, change_.angular_W} : Twist{}, &posed_[i]);
   for (const int c : held_) {
     local_[c] = frames_[c].transpose() * load_W_[c];
     ApplyImpulse(now_[c], -load_W_[c], posed_);
   }
   return responder_.ResolveTargets({members, held_}, {now_, frames_}, targets_, settings, floor_, posed_, local_)
              .status != QpStatus::kFailed;
+}
+
+// The change of velocity of all walls of an island. Returns whether they have one in common.
+bool Ride::FindChange(std::span<const Body> bodies) {
+  bool found = false;
+  for (const int c : held_) {
+    for (const auto& [i, sign] : {std::pair{now_[c].body_a, -1.0}, std::pair{now_[c].body_b, 1.0}}) {
+      if (!cut_[i]) continue;
+      Twist change = TwistOf(posed_[i]);  // at the origin
+      change.linear_W += sign * now_[c].surface_W - change.angular_W.cross(bodies[i].position_W);
+      if (found && (change.linear_W != change_.linear_W || change.angular_W != change_.angular_W)) return false;
+      change_ = change;
+      found = true;
+    }
+  }
+  return found;
+}
+
+// What rode as one and would turn now, since it tips or is held at one side, does not turn at once: what it is given goes through its centre, and
+// so does what takes it back. Returns whether there is any.
+bool Ride::KeepUpright(std::span<const int> members, const Settings& settings, std::span<Body> bodies) {
+  bool any = false;
+  for (const int i : members) {
+    const Body& p = posed_[i];
+    const double least = 10 * settings.tolerance * floor_;
+    const Vector3 change_W = change_.linear_W + change_.angular_W.cross(p.position_W);
+    const bool turns = p.radius * (p.angular_velocity_W - change_.angular_W).norm() > least;
+    upright_[i] = rode_[i] && turns;
+    bodies[i].rides =
+        rode_[i] || (!turns && (p.linear_velocity_W - change_W).norm() <= least && change_W.norm() > 10 * least);
+    if (!upright_[i]) continue;
+    posed_[i].inertia_B /= kNegligible;
+    any = true;
+  }
+  return any;
 }
 
 // What would slide in spite of its friction is given none: it rubs from where it is. Returns whether there is more of it.
@@ -196,6 +236,12 @@ bool Ride::LetSlide(const Settings& settings) {
     any = true;
   }
   return any;
+}
+
+bool Ride::SolveAll(std::span<const int> members, const Settings& settings) {
+  bool solved = Solve(members, settings);
+  while (solved && LetSlide(settings)) solved = Solve(members, settings);
+  return solved;
 }
 
 // [rad/s] of the walls that give something: all that rides turns with them.
@@ -217,8 +263,8 @@ Vector3 Ride::TurnOfWalls(std::span<const Body> bodies) const {
 Vector3 Ride::GivenBy(int c) const { return frames_[c] * local_[c] - load_W_[c]; }
 
 // What the contacts of an island give at once, and take back all through the step, turned with what turns them.
-void Ride::Give(double dt, std::span<const int> members, std::span<Body> bodies) {
-  const Quaternion halfway = Exp(0.5 * dt * TurnOfWalls(bodies));
+void Ride::Give(double dt, std::span<const int> members, bool upright, std::span<Body> bodies) {
+  const Quaternion halfway = upright ? Quaternion(Quaternion::Identity()) : Exp(0.5 * dt * TurnOfWalls(bodies));
   for (const int i : members) {
     given_W_[i].setZero();
     moment_W_[i].setZero();
@@ -237,6 +283,7 @@ void Ride::Give(double dt, std::span<const int> members, std::span<Body> bodies)
   }
   for (const int i : members) {
     Body& b = bodies[i];
+    if (upright_[i]) moment_W_[i] = b.InertiaW() * change_.angular_W;
     const double least = kRounding * std::max(b.mass * floor_, given_W_[i].norm());
     if (given_W_[i].norm() <= least) given_W_[i].setZero();
     if (moment_W_[i].norm() <= b.radius * least) moment_W_[i].setZero();

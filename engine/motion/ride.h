@@ -8,6 +8,7 @@
 //   out:     velocities of those that ride, and their forces and torques for this step
 //   law:     what pressed gives no more friction than that allows in the step, and none where it slid, or will; what touched alone pushes.
 //            They may pull: what they give is taken back
+//            What rode as one in the step before and turns now, since it tips, gets all through its centre.
 //   They need not be exact: what acts in the end is the impulses of contacts, and those are certified.
 //   frames:  W    units: SI    threads: one
 #pragma once
@@ -19,6 +20,7 @@
 #include "engine/body.h"
 #include "engine/contact.h"
 #include "engine/contact_filter.h"
+#include "engine/contact_suite.h"
 #include "engine/motion/group/group.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
@@ -57,10 +59,13 @@ class Ride {
   bool TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
                  const Settings& settings) const;
   bool Solve(std::span<const int> members, const Settings& settings);
+  bool SolveAll(std::span<const int> members, const Settings& settings);
+  bool FindChange(std::span<const Body> bodies);
+  bool KeepUpright(std::span<const int> members, const Settings& settings, std::span<Body> bodies);
   bool LetSlide(const Settings& settings);
   Vector3 TurnOfWalls(std::span<const Body> bodies) const;
   Vector3 GivenBy(int c) const;
-  void Give(double dt, std::span<const int> members, std::span<Body> bodies);
+  void Give(double dt, std::span<const int> members, bool upright, std::span<Body> bodies);
 
   std::vector<Rider> riders_;
   std::vector<Contact> kept_;
@@ -79,6 +84,8 @@ class Ride {
   double pull_ = 0, mass_ = 0;               // [m/s^2] fastest that forces make a body of the island; [kg] of all
   Vector3 weight_W_;                         // [N] gravity and forces on all
   double floor_ = 0;                         // [m/s] least v_ref of the island
+  Twist change_;                             // of all walls of the island, at the origin
+  std::vector<bool> rode_, upright_;         // per body: in the step before; now it is not turned against its walls
   std::vector<std::uint8_t> cut_;
   std::vector<std::pair<int, int>> edges_;
   islands::Partition partition_;

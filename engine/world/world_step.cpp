@@ -308,7 +308,10 @@ void World::Impl::ForgetAll() {
 // What rides on walls and belts whose velocity the user changed, by what held it as the step before ended.
 void World::Impl::BeginRide(double dt) {
   ride.Clear();
-  if (!motion::Ride::AnyChanged(bodies)) return;
+  if (!motion::Ride::AnyChanged(bodies)) {
+    for (Body& b : bodies) b.rides = false;
+    return;
+  }
   held = groups.contacts;
   held_by_W = groups.forces_W;
   const auto in_crowd = [&](int i) {
