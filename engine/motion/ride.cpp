@@ -120,7 +120,7 @@ void Ride::Weigh(double dt, std::span<const int> members, const Settings& settin
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
 }
 
-// Whether a contact takes part: it pressed or touches, its wall does not go faster than forces make all that rides follow, and nothing rebounds
+// Whether a contact takes part: it pressed, touches or is reached as its wall speeds up evenly, its wall does not go faster than forces make all that rides follow, and nothing rebounds
 // from it for longer than the step. pressed: [N s] by its pair.
 bool Ride::TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
                      const Settings& settings) const {
@@ -128,7 +128,8 @@ bool Ride::TakesPart(size_t c, double pressed, double touches, const Vector3& ch
   const Vector3& n = contact.normal_W;
   const double follows = std::max(0.0, (cut_[contact.body_a] ? -1 : 1) * n.dot(weight_W_)) / mass_ * dt;  // [m/s]
   const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound from it
-  return (press_[c] > 0 || contact.gap <= touches) && n.dot(change_W) <= follows + 10 * settings.tolerance * floor_ &&
+  const double reached = std::max(touches, -0.5 * dt * n.dot(change_W));  // [m] by its wall, on the way to its velocity
+  return (press_[c] > 0 || contact.gap <= reached) && n.dot(change_W) <= follows + 10 * settings.tolerance * floor_ &&
          (contact.restitution == 0 || -n.dot(change_W) <= ends_at_once);
 }
 

@@ -142,9 +142,10 @@ void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
   held.allowed -= dt_ * YieldOf(contact);
   // What is asked to part may gain by it: who did in this piece is not asked again.
   const double most = gained_[a] || gained_[b] ? 0 : kFastest * floor_;
-  held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most);
+  const Vector3 slip_W = WallSlip(contact, bodies_, off_, ways_);
+  held.target = std::min(TargetOf(contact, contact.gap, held.allowed), most - contact.normal_W.dot(slip_W));
   held.belt_W = contact.surface_W;
-  contact.surface_W += WallSlip(contact, bodies_, off_, ways_);
+  contact.surface_W += slip_W;
   next->push_back({contact, held, WithinCone(contact, carried_W_[e]), Centre(contact)});
 }
 

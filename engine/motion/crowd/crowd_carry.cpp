@@ -90,7 +90,9 @@ void Crowd::Select() {
                              contact.point_W - body.position_W, out * contact.normal_W);
     };
     held_of_.back().belt_W = contact.surface_W;
-    held_.back().surface_W += WallSlip(contact, bodies_, off_, ways_);
+    const Vector3 slip_W = WallSlip(contact, bodies_, off_, ways_);
+    held_.back().surface_W += slip_W;
+    held_of_.back().target -= contact.normal_W.dot(slip_W);
     held_.back().point_W = Shared(contact, halfway(a, contact.body_a), halfway(b, contact.body_b));
     Face(held_of_.back(), a.position_W + ahead(a), b.position_W + ahead(b), &held_.back());
     centre_.push_back(Shared(held_.back(), a.position_W + ahead(a), b.position_W + ahead(b)));

@@ -39,8 +39,10 @@ void Stepper::Hold(int pair, double target, bool faces_a, bool faces_b, const Co
   const auto [a, b] = group_->pairs[pair];
   held_.push_back(contact);
   held_.back().point_W = Shared(contact, PointAhead(a, contact, h), PointAhead(b, contact, h));
-  held_.back().surface_W += WallSlip(contact, group_->bodies, off_, ways_);
-  held_of_.push_back({pair, Vector3::Zero(), target, target, contact.surface_W, faces_a, faces_b});
+  const Vector3 slip_W = WallSlip(contact, group_->bodies, off_, ways_);
+  held_.back().surface_W += slip_W;
+  held_of_.push_back(
+      {pair, Vector3::Zero(), target - contact.normal_W.dot(slip_W), target, contact.surface_W, faces_a, faces_b});
   impulse_W_.push_back(impulse_W);
 }
 

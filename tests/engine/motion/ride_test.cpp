@@ -201,6 +201,37 @@ TEST(Ride, KeepsItsPlaceUpToTheLimit) {
   }
 }
 
+// The rim of a centrifuge, without gravity, presses a box outwards at a place where the pull leans by 0.2: friction holds it. A step's chord opens a
+// gap in the first one, which the rim closes in each step. (Struck in each step instead, the box slid by half of a step's change for ever.)
+TEST(Ride, HoldsWhatItReaches) {
+  for (const auto& [spin, dt] : {std::pair{1.0, 1.0 / 30}, {1.0, 1.0 / 60}, {1.4, 1.0 / 60}}) {
+    SCOPED_TRACE(::testing::Message() << spin << " " << dt);
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    const Vector3 rim(0, 0, -5.5), place(0, 1, -4.75), axis = Vector3::UnitX();
+    world.Add({.shape = Shape::Box({4, 5, 0.5}),
+               .kind = BodyKind::kKinematic,
+               .position_W = rim,
+               .friction = 0.5,
+               .restitution = 0});
+    world.Add({.shape = Shape::Box({0.25, 0.25, 0.25}),
+               .mass = 1,
+               .position_W = place,
+               .linear_velocity_W = spin * axis.cross(place),
+               .angular_velocity_W = spin * axis,
+               .friction = 0.5,
+               .restitution = 0});
+    Quaternion turn = Quaternion::Identity();
+    for (int frame = 1; frame <= 5 / dt; ++frame) {
+      turn = testing::Turn(spin * frame * dt, axis);
+      world.MoveTo(0, turn * rim, turn, dt);
+      testing::Step(&world, dt);
+    }
+    EXPECT_LT((turn.conjugate() * world.body(1).position_W - place).norm(), 3e-3);
+  }
+}
+
 // A slender body on a truck that speeds up stands as long as its weight holds it against its inertia, and tips then as by a force of mass times
 // acceleration, later by half a step at most. (All of a step's change at its foot where it is already at its edge was a kick: a can fell from 0.9
 // of the limit on, and what tips was ahead by half a step, three times as far at 1/60 s.)
