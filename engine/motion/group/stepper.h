@@ -181,7 +181,6 @@ class Stepper {
   static bool Agrees(const Contact& contact, const Vector3& impulse, const Vector3& velocity, double still);
   bool ActsOn(int body, const Contact& contact) const;
   double PullAlong(const Contact& contact) const;
-  double BendOf(const Contact& contact) const;
   double LeastRebound(const Contact& contact) const;
   double CutSpeed(const Contact& contact) const;
   bool WillHit(const Contact& contact, double opening) const;

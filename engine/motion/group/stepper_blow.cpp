@@ -38,17 +38,6 @@ double Stepper::PullAlong(const Contact& contact) const {
   return std::max(kTrembling * pull_, along + twist);
 }
 
-// [m/s^2] fastest that the ways of two bodies bend towards each other: by weight, and where the user turns one.
-double Stepper::BendOf(const Contact& contact) const {
-  double bend = PullAlong(contact);
-  for (const int i : {contact.body_a, contact.body_b}) {
-    const Body& b = group_->bodies[i];
-    if (b.kind != BodyKind::kKinematic) continue;
-    bend += b.angular_velocity_W.cross(b.angular_velocity_W.cross(contact.point_W - state_[i].pose.position_W)).norm();
-  }
-  return bend;
-}
-
 // [m/s] a slower one is none, since weight ends it at once.
 double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_ * PullAlong(contact); }
 
@@ -57,7 +46,7 @@ double Stepper::LeastRebound(const Contact& contact) const { return 0.5 * brief_
 double Stepper::CutSpeed(const Contact& contact) const {
   const double brief = 0.5 * brief_ / std::max(contact.restitution, kRocks);  // [s]
   const int beyond = std::clamp(cuts_ - budget_, 0, 60);
-  return std::max(threshold_, std::ldexp(BendOf(contact) * brief, beyond));
+  return std::max(threshold_, std::ldexp(PullAlong(contact) * brief, beyond));
 }
 
 // Whether it is a blow, when it gets there: as fast as it is, or falls by then.
