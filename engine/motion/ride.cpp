@@ -39,6 +39,10 @@ bool Ride::AnyChanged(std::span<const Body> bodies) {
   });
 }
 
+bool Ride::IsPushed(const Contact& contact, std::span<const Body> bodies) {
+  return contact.normal_W.dot(ChangeAt(contact, bodies)) < 0;
+}
+
 void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
                  const MixMaterial& mix, std::span<const Contact> contacts, std::span<const Vector3> forces_W,
                  std::span<Body> bodies) {
@@ -58,7 +62,7 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
     const std::span<const int> of_island = partition_.contacts_of(island), members = partition_.bodies_of(island);
     if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
-    Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
+    Detect(dt, of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
     if (!Load(dt, members, settings, shapes, bodies)) continue;
     bool solved = SolveAll(members, settings);
     const bool upright = solved && FindChange(bodies) && KeepUpright(members, settings, bodies);
@@ -68,7 +72,7 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
 }
 
 // The contacts that an island has now, where bodies may have been moved since, and the forces that held there.
-void Ride::Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+void Ride::Detect(double dt, std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
                   const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
                   std::span<const Vector3> forces_W, std::span<const Body> bodies) {
   before_.clear();
@@ -84,7 +88,8 @@ void Ride::Detect(std::span<const int> of_island, const Settings& settings, std:
     if (same_pair || a.removed || b.removed || !filter.Allows(bodies, c.body_a, c.body_b)) continue;
     const size_t first = now_.size();
     CollideShapes(shapes[c.body_a], Pose{a.position_W, a.rotation_WB}.placement(), shapes[c.body_b],
-                  Pose{b.position_W, b.rotation_WB}.placement(), 4 * settings.overlap_tolerance * size_of(c), &now_);
+                  Pose{b.position_W, b.rotation_WB}.placement(),
+                  std::max(4 * settings.overlap_tolerance * size_of(c), 0.5 * dt * ChangeAt(c, bodies).norm()), &now_);
     for (size_t found = first; found < now_.size(); ++found) {
       now_[found].body_a = c.body_a, now_[found].body_b = c.body_b;
       mix(&now_[found], a, b);
@@ -182,7 +187,11 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
 }
 
 bool Ride::Solve(std::span<const int> members, const Settings& settings) {
-  for (const int i : members) SetTwist(upright_[i] ? Twist{{}, change_.angular_W} : Twist{}, &posed_[i]);
+  for (const int i : members) {
+    Twist twist;
+    if (upright_[i]) twist.angular_W = change_.angular_W;
+    SetTwist(twist, &posed_[i]);
+  }
   for (const int c : held_) {
     local_[c] = frames_[c].transpose() * load_W_[c];
     ApplyImpulse(now_[c], -load_W_[c], posed_);

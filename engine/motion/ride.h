@@ -34,6 +34,9 @@ class Ride {
   // Whether the user changed the velocity of any wall or belt since the step before.
   static bool AnyChanged(std::span<const Body> bodies);
 
+  // Whether a wall or a belt whose velocity the user changed comes towards the other body of a contact.
+  static bool IsPushed(const Contact& contact, std::span<const Body> bodies);
+
   // contacts: where the step before ended, ascending by pair, with the forces [N] that held there, on body_b. Gives what rides its velocity and
   // its forces; what was frozen and rides is awake.
   void Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
@@ -49,7 +52,7 @@ class Ride {
     int body;
     Vector3 force_W, torque_W;  // [N], [N m] the user's
   };
-  void Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+  void Detect(double dt, std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
               const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
   bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,

@@ -305,6 +305,39 @@ void World::Impl::ForgetAll() {
   Changed();
 }
 
+bool World::Impl::WasInCrowd(const Contact& contact) const {
+  const auto was = [&](int i) {
+    return bodies[i].kind == BodyKind::kDynamic && static_cast<size_t>(i) < crowd.size() && crowd[i];
+  };
+  return !MovesGroups() || was(contact.body_a) || was(contact.body_b);
+}
+
+// What held in small groups. So did what a wall struck in the step before, is apart from now and pushes again: a wall that goes in a circle opens a
+// gap by its chord in each step.
+void World::Impl::AddHeld() {
+  struck.clear();
+  for (size_t c = 0; c < resolved.size() && !settings.stateless; ++c)
+    if (motion::Ride::IsPushed(resolved[c], bodies) && !WasInCrowd(resolved[c]) &&
+        !std::binary_search(groups.contacts.begin(), groups.contacts.end(), resolved[c], EarlierPair))
+      struck.push_back(static_cast<int>(c));
+  std::sort(struck.begin(), struck.end(), [this](int c, int other) {
+    return SamePair(resolved[c], resolved[other]) ? c < other : EarlierPair(resolved[c], resolved[other]);
+  });
+  auto next = struck.begin();
+  const auto add_struck = [&](auto is_next) {
+    for (; next != struck.end() && is_next(resolved[*next]); ++next) {
+      held.push_back(resolved[*next]);
+      held_by_W.emplace_back(Vector3::Zero());
+    }
+  };
+  for (size_t c = 0; c < groups.contacts.size(); ++c) {
+    add_struck([&](const Contact& s) { return EarlierPair(s, groups.contacts[c]); });
+    held.push_back(groups.contacts[c]);
+    held_by_W.push_back(groups.forces_W[c]);
+  }
+  add_struck([](const Contact&) { return true; });
+}
+
 // What rides on walls and belts whose velocity the user changed, by what held it as the step before ended.
 void World::Impl::BeginRide(double dt) {
   ride.Clear();
@@ -312,16 +345,12 @@ void World::Impl::BeginRide(double dt) {
     for (Body& b : bodies) b.rides = false;
     return;
   }
-  held = groups.contacts;
-  held_by_W = groups.forces_W;
-  const auto in_crowd = [&](int i) {
-    return !MovesGroups() ||
-           (bodies[i].kind == BodyKind::kDynamic && static_cast<size_t>(i) < crowd.size() && crowd[i]);
-  };
+  held.clear();
+  held_by_W.clear();
+  AddHeld();
   for (size_t c = 0; c < crowd_memory.contacts.size(); ++c) {
-    const Contact& contact = crowd_memory.contacts[c];
-    if (!in_crowd(contact.body_a) && !in_crowd(contact.body_b)) continue;
-    held.push_back(contact);
+    if (!WasInCrowd(crowd_memory.contacts[c])) continue;
+    held.push_back(crowd_memory.contacts[c]);
     held_by_W.push_back(crowd_memory.forces_W[c]);
   }
   ride.Begin(dt, settings, shapes, filter, mix, held, held_by_W, bodies);
