@@ -125,8 +125,8 @@ void Ride::Weigh(double dt, std::span<const int> members, const Settings& settin
   floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
 }
 
-// Whether a contact takes part: it pressed, touches or is reached as its wall speeds up evenly, its wall does not go faster than forces make all that rides follow, and nothing rebounds
-// from it for longer than the step. pressed: [N s] by its pair.
+// Whether a contact takes part: it pressed, touches or is reached as its wall speeds up evenly. Its wall does not go faster than forces make all
+// that rides follow, and nothing rebounds from it for longer than the step. pressed: [N s] by its pair.
 bool Ride::TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
                      const Settings& settings) const {
   const Contact& contact = now_[c];
