@@ -162,8 +162,9 @@ bool Ride::Load(double dt, std::span<const int> members, const Settings& setting
       const Vector3 change = ChangeAt(contact, bodies);
       frames_[p] = ContactFrame(contact.normal_W);
       if (!TakesPart(p, pressed, touches, change, dt, settings)) continue;
-      // As the step before ended; what friction stops within kBrief of a step does not slide.
-      const double slow = std::max(10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull_);
+      // As the step before ended; what friction stops within kBrief of a step does not slide, nor does what this change may have brought about.
+      const double slow =
+          std::max({10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull_, SlipOf(contact, change)});
       if (SlipOf(contact, RelativeVelocity(contact, a, b) - change) > slow) contact.friction = 0;
       contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
                           a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);

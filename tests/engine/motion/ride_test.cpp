@@ -232,6 +232,34 @@ TEST(Ride, HoldsWhatItReaches) {
   }
 }
 
+// A slope of 0.5 rad on which friction of 0.4 holds nothing at rest speeds up downhill by half of what gravity pulls: that asks for 0.27 of friction,
+// and a crate stays after its first step. (As it had slid by less than the slope's change in a step, it rode in no later one, and drifted for ever.)
+TEST(Ride, HoldsWhereItsWallRelievesFriction) {
+  const Quaternion tilt = testing::Turn(0.5, Vector3::UnitY());
+  const Vector3 down = tilt * Vector3::UnitX();
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+    SCOPED_TRACE(dt);
+    World world(Awake());
+    BodyDefinition plate = Plate();
+    plate.position_W = tilt * Vector3(0, 0, -0.05);
+    plate.rotation_WB = tilt;
+    world.Add(plate);
+    BodyDefinition crate = Crate(0);
+    crate.position_W = tilt * Vector3(0, 0, 0.1);
+    crate.rotation_WB = tilt;
+    world.Add(crate);
+    const double acceleration = 0.5 * kGravity * std::sin(0.5);
+    double after_start = 0;
+    for (int frame = 0; frame < 1 / dt; ++frame) {
+      world.SetVelocity(0, acceleration * (frame + 0.5) * dt * down, Vector3::Zero());
+      testing::Step(&world, dt);
+      const double place = down.dot(world.body(1).position_W - world.body(0).position_W);
+      if (frame <= 5) after_start = place;
+      EXPECT_NEAR(place, after_start, 1e-5) << frame;
+    }
+  }
+}
+
 // A wall that runs in a circle presses a box outwards by three times its weight, and friction holds it up. Each step's chord takes the wall away from
 // it by a hundredth of its size: it is struck in the step, and pushed again in the next. (It fell by g dt / 2 a second for ever.)
 TEST(Ride, HoldsWhatItStruckInTheStepBefore) {
