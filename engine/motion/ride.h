@@ -6,7 +6,8 @@
 //
 //   in:      bodies as a step begins, and the forces [N] that held contacts where the one before ended
 //   out:     velocities of those that ride, and their forces and torques for this step
-//   law:     what pressed gives no more friction than that allows in the step, and none where it slid, or will; what touched alone pushes.
+//   law:     what pressed gives no more friction than that allows in the step, and none where it slid faster
+//            than its wall changes, or will; what touches alone, or is reached, pushes.
 //            They may pull: what they give is taken back
 //            What rode as one in the step before and turns now, since it tips, gets all through its centre.
 //   They need not be exact: what acts in the end is the impulses of contacts, and those are certified.
