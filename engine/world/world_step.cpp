@@ -316,7 +316,8 @@ bool World::Impl::WasInCrowd(const Contact& contact) const {
 // gap by its chord in each step.
 void World::Impl::AddHeld() {
   struck.clear();
-  for (size_t c = 0; c < resolved.size() && !settings.stateless; ++c)
+  const size_t known = settings.stateless ? 0 : resolved.size();
+  for (size_t c = 0; c < known; ++c)
     if (motion::Ride::IsPushed(resolved[c], bodies) && !WasInCrowd(resolved[c]) &&
         !std::binary_search(groups.contacts.begin(), groups.contacts.end(), resolved[c], EarlierPair))
       struck.push_back(static_cast<int>(c));

@@ -104,8 +104,7 @@ void CoulombNewton::FindDirection() {
 }
 
 // One proximal step from centre_ and v_, its velocities, to a residual of `aim` [velocity]. True if it was solved; either way
-// impulses_ is where it ended. Of a contact that neither presses nor parts the slope is that of one that presses: rounding would choose, and what
-// is symmetric would turn to one side.
+// impulses_ is where it ended.
 bool CoulombNewton::Step(double aim, int most) {
   double size = Residual();
   const double speed = ContactSpeed(*problem_, v_.data());
@@ -114,10 +113,8 @@ bool CoulombNewton::Step(double aim, int most) {
     for (int c = 0; c < problem_->num_contacts(); ++c) {
       const ContactTerm& contact = problem_->contacts[c];
       const double stiffness = stiffness_ * (*rho_)[c];
-      Vector3 pull = pulls_[c];
-      const double rests = kNegligible * stiffness * speed;
-      if (std::abs(pull[0]) < rests) pull[0] = rests;
-      slopes_[c] = stiffness / (1 + stiffness * contact.compliance) * SpringSlope(pull, contact.friction);
+      slopes_[c] = stiffness / (1 + stiffness * contact.compliance) *
+                   SpringSlope(pulls_[c], contact.friction, kNegligible * stiffness * speed);
       plain_slopes_[c] = slopes_[c];
       plain_slopes_[c].bottomLeftCorner<2, 1>().setZero();
     }

@@ -1,6 +1,7 @@
 #include "qp/newton/proximal.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "qp/slip.h"
 #include "qp/smallness.h"
@@ -13,7 +14,8 @@ constexpr int kEasy = 4;     // Newton steps of a proximal step that may become 
 
 }  // namespace
 
-Matrix3 SpringSlope(const Vector3& pull, double friction) {
+Matrix3 SpringSlope(Vector3 pull, double friction, double rests) {
+  if (std::abs(pull[0]) < rests) pull[0] = rests;
   const double tangent = TangentSize(pull);
   Matrix3 slope = Matrix3::Zero();
   if (pull[0] <= 0) return slope;

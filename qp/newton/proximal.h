@@ -16,7 +16,9 @@ inline constexpr int kSearchHalvings = 8;
 inline constexpr double kLeastDescent = 1e-4;
 
 // Of CutToCone, an element of the generalised derivative. The first column below the diagonal is what a normal pull does to friction.
-Matrix3 SpringSlope(const Vector3& pull, double friction);
+// rests: [of a pull] below it a contact neither presses nor parts. It is taken to press: rounding would choose, and what is symmetric would turn to
+// one side.
+Matrix3 SpringSlope(Vector3 pull, double friction, double rests = 0);
 
 // Steps that gained and were short make the springs stiffer, those that failed softer: what they may be then grows as fast again. They are
 // never so stiff that what rounding leaves of velocities is a force that matters.

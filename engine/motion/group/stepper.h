@@ -16,6 +16,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -109,8 +110,7 @@ class Stepper {
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W) const;
   Vector3 BeyondCone(size_t at_end, const Vector3& change_W) const;
   bool WasHeld(size_t at_end) const;
-  bool Presses(int pair) const;
-  bool Presses(int pair, std::uint32_t feature) const;
+  bool Presses(int pair, std::optional<std::uint32_t> feature = {}) const;
   bool Touches(int pair) const;
   double ClosedGap(int pair) const;
   double GapBefore(int pair) const;

@@ -266,9 +266,11 @@ bool Stepper::WasHeld(size_t at_end) const {
   return std::find(follows_.begin(), follows_.end(), static_cast<int>(at_end)) != follows_.end();
 }
 
-bool Stepper::Presses(int pair) const {
+// Whether any contact of a pair presses in the piece, or that of a feature.
+bool Stepper::Presses(int pair, std::optional<std::uint32_t> feature) const {
   for (size_t c = 0; c < held_.size(); ++c)
-    if (held_of_[c].pair == pair && !impulse_W_[c].isZero(0)) return true;
+    if (held_of_[c].pair == pair && held_[c].feature == feature.value_or(held_[c].feature) && !impulse_W_[c].isZero(0))
+      return true;
   return false;
 }
 

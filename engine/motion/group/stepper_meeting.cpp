@@ -97,7 +97,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
     for (const Contact& c : probe_) {
       found = found || c.feature == feature;
       if (c.gap > kTogether * Size(pair)) continue;  // it is on its way
-      if (Presses(number, c.feature)) continue;
+      if (Presses(number, c.feature)) continue;      // what its way bends by meanwhile is no blow
       const double approach = ApproachOnWay(query, at_a, at_b, c, *t);
       if (approach <= std::max(fastest, CutSpeed(c))) continue;
       fastest = approach;
@@ -115,13 +115,6 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
     *t = std::max(0.0, *t - back);
   }
   return true;
-}
-
-// Whether a contact of a pair presses from the start of the piece on: what its way bends by meanwhile is no blow.
-bool Stepper::Presses(int pair, std::uint32_t feature) const {
-  for (size_t c = 0; c < held_.size(); ++c)
-    if (held_of_[c].pair == pair && held_[c].feature == feature && !impulse_W_[c].isZero(0)) return true;
-  return false;
 }
 
 // What of the pair is near at that moment of its way.

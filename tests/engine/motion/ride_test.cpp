@@ -201,35 +201,35 @@ TEST(Ride, KeepsItsPlaceUpToTheLimit) {
   }
 }
 
+// [m] by which a box moves against a wall that carries it around the origin.
+double MovesAgainst(const Vector3& gravity, BodyDefinition wall, BodyDefinition box, const Vector3& spin_W, double dt,
+                    double seconds) {
+  Settings settings = Awake();
+  settings.gravity = gravity;
+  World world(settings);
+  wall.kind = BodyKind::kKinematic;
+  wall.restitution = box.restitution = 0;
+  box.mass = 1;
+  box.linear_velocity_W = spin_W.cross(box.position_W);
+  box.angular_velocity_W = spin_W;
+  world.Add(wall);
+  world.Add(box);
+  Quaternion turn = Quaternion::Identity();
+  for (int frame = 1; frame <= seconds / dt; ++frame) {
+    turn = testing::Turn(spin_W.norm() * frame * dt, spin_W.normalized());
+    world.MoveTo(0, turn * wall.position_W, turn, dt);
+    testing::Step(&world, dt);
+  }
+  return (turn.conjugate() * world.body(1).position_W - box.position_W).norm();
+}
+
 // The rim of a centrifuge, without gravity, presses a box outwards at a place where the pull leans by 0.2: friction holds it. A step's chord opens a
 // gap in the first one, which the rim closes in each step. (Struck in each step instead, the box slid by half of a step's change for ever.)
 TEST(Ride, HoldsWhatItReaches) {
-  for (const auto& [spin, dt] : {std::pair{1.0, 1.0 / 30}, {1.0, 1.0 / 60}, {1.4, 1.0 / 60}}) {
-    SCOPED_TRACE(::testing::Message() << spin << " " << dt);
-    Settings settings = Awake();
-    settings.gravity.setZero();
-    World world(settings);
-    const Vector3 rim(0, 0, -5.5), place(0, 1, -4.75), axis = Vector3::UnitX();
-    world.Add({.shape = Shape::Box({4, 5, 0.5}),
-               .kind = BodyKind::kKinematic,
-               .position_W = rim,
-               .friction = 0.5,
-               .restitution = 0});
-    world.Add({.shape = Shape::Box({0.25, 0.25, 0.25}),
-               .mass = 1,
-               .position_W = place,
-               .linear_velocity_W = spin * axis.cross(place),
-               .angular_velocity_W = spin * axis,
-               .friction = 0.5,
-               .restitution = 0});
-    Quaternion turn = Quaternion::Identity();
-    for (int frame = 1; frame <= 5 / dt; ++frame) {
-      turn = testing::Turn(spin * frame * dt, axis);
-      world.MoveTo(0, turn * rim, turn, dt);
-      testing::Step(&world, dt);
-    }
-    EXPECT_LT((turn.conjugate() * world.body(1).position_W - place).norm(), 3e-3);
-  }
+  const BodyDefinition rim{.shape = Shape::Box({4, 5, 0.5}), .position_W = {0, 0, -5.5}, .friction = 0.5};
+  const BodyDefinition box{.shape = Shape::Box({0.25, 0.25, 0.25}), .position_W = {0, 1, -4.75}, .friction = 0.5};
+  for (const auto& [spin, dt] : {std::pair{1.0, 1.0 / 30}, {1.0, 1.0 / 60}, {1.4, 1.0 / 60}})
+    EXPECT_LT(MovesAgainst(Vector3::Zero(), rim, box, {spin, 0, 0}, dt, 5), 3e-3) << spin << " " << dt;
 }
 
 // A slope of 0.5 rad on which friction of 0.4 holds nothing at rest speeds up downhill by half of what gravity pulls: that asks for 0.27 of friction,
@@ -263,44 +263,23 @@ TEST(Ride, HoldsWhereItsWallRelievesFriction) {
 // A wall that runs in a circle presses a box outwards by three times its weight, and friction holds it up. Each step's chord takes the wall away from
 // it by a hundredth of its size: it is struck in the step, and pushed again in the next. (It fell by g dt / 2 a second for ever.)
 TEST(Ride, HoldsWhatItStruckInTheStepBefore) {
-  constexpr double kRadius = 3;
-  const double spin = std::sqrt(3 * kGravity / kRadius);
-  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
-    SCOPED_TRACE(dt);
-    World world(Awake());
-    const Vector3 wall(kRadius + 0.1, 0, 0), place(kRadius - 0.1, 0, 0), axis = Vector3::UnitZ();
-    world.Add({.shape = Shape::Box({0.1, 2, 2}),
-               .kind = BodyKind::kKinematic,
-               .position_W = wall,
-               .friction = 0.8,
-               .restitution = 0});
-    world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
-               .mass = 1,
-               .position_W = place,
-               .linear_velocity_W = spin * axis.cross(place),
-               .angular_velocity_W = spin * axis,
-               .friction = 0.8,
-               .restitution = 0});
-    Quaternion turn = Quaternion::Identity();
-    for (int frame = 1; frame <= 2 / dt; ++frame) {
-      turn = testing::Turn(spin * frame * dt, axis);
-      world.MoveTo(0, turn * wall, turn, dt);
-      testing::Step(&world, dt);
-    }
-    EXPECT_LT((turn.conjugate() * world.body(1).position_W - place).norm(), 1.1 * kGravity * dt * dt);
-  }
+  const BodyDefinition wall{.shape = Shape::Box({0.1, 2, 2}), .position_W = {3.1, 0, 0}, .friction = 0.8};
+  const BodyDefinition box{.shape = Shape::Box({0.1, 0.1, 0.1}), .position_W = {2.9, 0, 0}, .friction = 0.8};
+  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240})
+    EXPECT_LT(MovesAgainst({0, 0, -kGravity}, wall, box, {0, 0, std::sqrt(kGravity)}, dt, 2), 1.1 * kGravity * dt * dt)
+        << dt;
 }
 
 // A slender body on a truck that speeds up stands as long as its weight holds it against its inertia, and tips then as by a force of mass times
 // acceleration, later by half a step at most. (All of a step's change at its foot where it is already at its edge was a kick: a can fell from 0.9
 // of the limit on, and what tips was ahead by half a step, three times as far at 1/60 s.)
 TEST(Ride, TipsAsByAForce) {
-  constexpr double kHalf = 0.1, kHeight = 0.3;
+  const double half = 0.1, height = 0.3;
   for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240})
     for (const bool can : {false, true})
       for (const double share : {0.9, 0.98, 1.02}) {
         SCOPED_TRACE(::testing::Message() << dt << can << share);
-        const double acceleration = share * kGravity * kHalf / kHeight;
+        const double acceleration = share * kGravity * half / height;
         const auto tilt_after = [&](double time, bool by_force) {
           World world(Awake());
           world.Add({.shape = Shape::Box({50, 2, 0.1}),
@@ -308,12 +287,11 @@ TEST(Ride, TipsAsByAForce) {
                      .position_W = {0, 0, -0.1},
                      .friction = 2,
                      .restitution = 0});
-          const int body =
-              world.Add({.shape = can ? Shape::Cylinder(kHalf, kHeight) : Shape::Box({kHalf, 0.2, kHeight}),
-                         .mass = 1,
-                         .position_W = {0, 0, kHeight},
-                         .friction = 2,
-                         .restitution = 0});
+          const int body = world.Add({.shape = can ? Shape::Cylinder(half, height) : Shape::Box({half, 0.2, height}),
+                                      .mass = 1,
+                                      .position_W = {0, 0, height},
+                                      .friction = 2,
+                                      .restitution = 0});
           testing::StepTimes(&world, 5, dt);
           if (by_force) world.SetForce(body, {-acceleration, 0, 0}, Vector3::Zero());
           for (int frame = 0; frame < std::lround(time / dt); ++frame) {

@@ -37,6 +37,15 @@ TEST(Proximal, SlopeIsThatOfTheLaw) {
   EXPECT_EQ(qp::SpringSlope({2, 0, 0}, 0), Matrix3(Vector3::UnitX().asDiagonal()));
 }
 
+// What rests presses, whatever sign rounding gave its pull, and what is beyond that does as it did.
+TEST(Proximal, NoSignOfAZeroChoosesASlope) {
+  const Matrix3 presses = qp::SpringSlope({1e-14, 3, 4}, 0.5, 1e-9);
+  EXPECT_EQ(presses(0, 0), 1);
+  EXPECT_EQ(qp::SpringSlope({-1e-14, 3, 4}, 0.5, 1e-9), presses);
+  EXPECT_EQ(qp::SpringSlope({-1e-8, 3, 4}, 0.5, 1e-9), Matrix3(Matrix3::Zero()));
+  EXPECT_EQ(qp::SpringSlope({4, 6, 8}, 0.5, 1e-9), qp::SpringSlope({4, 6, 8}, 0.5));
+}
+
 TEST(Proximal, SpringsAreStifferAfterEasyStepsAndSofterForAWhileAfterOneThatFailed) {
   qp::ProximalPace pace({1, 1});
   const double first = pace.Stiffness(1, 0);

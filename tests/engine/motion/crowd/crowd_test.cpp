@@ -116,20 +116,20 @@ TEST(Crowd, CubesSlideOverLevelTilesAsOverOneFloor) {
 // A floor goes in a circle and presses boxes outwards. Off the foot of the radius its normal comes towards a box by its chord, though they
 // never part: taken for parting that nobody may gain by, it let them sink by a hundredth of a size a minute, for ever.
 TEST(Crowd, CirclingFloorsAreNotSunkInto) {
-  constexpr double kDt = 1.0 / 30, kRadius = 5, kHalf = 0.25;
+  const double dt = 1.0 / 30, radius = 5, half = 0.25;
   Settings settings = testing::AsCrowd(testing::Awake());
   settings.gravity.setZero();
   World world(settings);
-  const int floor = world.Add({.shape = Shape::Box({4, kRadius, 0.5}),
+  const int floor = world.Add({.shape = Shape::Box({4, radius, 0.5}),
                                .kind = BodyKind::kKinematic,
-                               .position_W = {0, 0, -kRadius - 0.5},
+                               .position_W = {0, 0, -radius - 0.5},
                                .friction = 0.9,
                                .restitution = 0});
   std::vector<Vector3> places;
   for (int i = -2; i <= 2; ++i)
     for (int k = 0; k < 5; ++k) {
-      places.emplace_back(0.55 * i, 0.55 * k, kHalf - kRadius);
-      world.Add({.shape = Shape::Box({kHalf, kHalf, kHalf}),
+      places.emplace_back(0.55 * i, 0.55 * k, half - radius);
+      world.Add({.shape = Shape::Box({half, half, half}),
                  .mass = 1,
                  .position_W = places.back(),
                  .linear_velocity_W = Vector3::UnitX().cross(places.back()),
@@ -139,9 +139,9 @@ TEST(Crowd, CirclingFloorsAreNotSunkInto) {
     }
   Quaternion turn = Quaternion::Identity();
   for (int frame = 1; frame <= 300; ++frame) {
-    turn = testing::Turn(frame * kDt, Vector3::UnitX());
-    world.MoveTo(floor, turn * Vector3(0, 0, -kRadius - 0.5), turn, kDt);
-    testing::Step(&world, kDt);
+    turn = testing::Turn(frame * dt, Vector3::UnitX());
+    world.MoveTo(floor, turn * Vector3(0, 0, -radius - 0.5), turn, dt);
+    testing::Step(&world, dt);
   }
   for (size_t k = 0; k < places.size(); ++k) {
     const Vector3 moved = turn.conjugate() * world.body(floor + 1 + static_cast<int>(k)).position_W - places[k];
