@@ -63,10 +63,10 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
     if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
     Detect(dt, of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
-    if (!Load(dt, members, settings, shapes, bodies)) continue;
-    bool solved = SolveAll(members, settings);
+    if (!Predict(dt, members, settings, bodies) || !Load(members, bodies)) continue;
+    bool solved = Solve(members, settings);
     const bool upright = solved && FindChange(bodies) && KeepUpright(members, settings, bodies);
-    if (upright) solved = SolveAll(members, settings);
+    if (upright) solved = Solve(members, settings);
     if (solved) Give(dt, members, upright, bodies);
   }
 }
@@ -109,80 +109,92 @@ void Ride::PoseChange(const Body& body, Body* posed) {
 
 // What all of an island weigh together, and how fast they may be.
 void Ride::Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
-  pull_ = settings.gravity.norm();
+  double pull = settings.gravity.norm(), fastest = 0;  // [m/s^2], [m/s]
   mass_ = 0;
-  weight_W_ = Vector3::Zero();
-  double fastest = 0;
   for (const int i : members) {
     const Body& b = bodies[i];
     mass_ += b.mass;
-    weight_W_ += b.mass * settings.gravity + b.force_W;
     fastest = std::max(fastest, FastestPoint(TwistOf(b), b.radius));
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
-    pull_ = std::max(
-        pull_, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
+    pull = std::max(
+        pull, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
   }
-  floor_ = std::max({pull_ * dt, 1e-3 * fastest, 1e-12});
+  floor_ = std::max({pull * dt, 1e-3 * fastest, 1e-12});
 }
 
-// Whether a contact takes part: it pressed, touches or is reached as its wall speeds up evenly. Its wall does not go faster than forces make all
-// that rides follow, and nothing rebounds from it for longer than the step. pressed: [N s] by its pair.
-bool Ride::TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
-                     const Settings& settings) const {
-  const Contact& contact = now_[c];
-  const Vector3& n = contact.normal_W;
-  const double follows = std::max(0.0, (cut_[contact.body_a] ? -1 : 1) * n.dot(weight_W_)) / mass_ * dt;  // [m/s]
-  const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound from it
-  const double reached = std::max(touches, -0.5 * dt * n.dot(change_W));  // [m] by its wall, on the way to its velocity
-  return (press_[c] > 0 || contact.gap <= reached) && n.dot(change_W) <= follows + 10 * settings.tolerance * floor_ &&
-         (contact.restitution == 0 || -n.dot(change_W) <= ends_at_once);
+// A body as weight and forces alone would leave it where the step ends; a wall as it goes in the step.
+void Ride::PoseFree(double dt, const Settings& settings, const Body& body, Body* posed) {
+  *posed = body;
+  if (body.kind != BodyKind::kDynamic) return;
+  posed->frozen = false;
+  posed->linear_velocity_W += dt * (settings.gravity + body.force_W / body.mass);
+  const Vector3 torque_W = body.torque_W - body.angular_velocity_W.cross(body.AngularMomentumW());
+  posed->angular_velocity_W += dt * SpinOf(body, body.rotation_WB, torque_W);
 }
 
-// The problem of an island. What pressed holds as if by a load that nothing lifts, with the friction of the step; what touched alone pushes. What
-// they may give is known where the step ends. What slid slides on. Returns whether anything is left that changes.
-bool Ride::Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
-                std::span<const Body> bodies) {
+// Who rides: the step is solved as one piece, roughly, with the change of the walls, weight, the user's forces and true cones. What stays closed in
+// that goes along with its wall, and is held by friction if it sticks. Returns whether that is known.
+bool Ride::Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
   Weigh(dt, members, settings, bodies);
-  for (const int i : members) PoseChange(bodies[i], &posed_[i]);
-  double most = 0;
+  for (const int i : members) PoseFree(dt, settings, bodies[i], &posed_[i]);
   frames_.resize(now_.size());
-  press_.assign(now_.size(), 0.0);
+  targets_.resize(now_.size());
+  local_.resize(now_.size());
   held_.clear();
   for (size_t c = 0, end = 0; c < now_.size(); c = end) {
     double pressed = 0;  // [N s] of the pair
-    for (end = c; end < now_.size() && SamePair(now_[c], now_[end]); ++end) {
-      press_[end] = std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
-      pressed += press_[end];
-    }
+    for (end = c; end < now_.size() && SamePair(now_[c], now_[end]); ++end)
+      pressed += std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
     const auto [i, k] = std::pair(now_[c].body_a, now_[c].body_b);
     const Body &a = bodies[i], &b = bodies[k];
-    const double touches = settings.overlap_tolerance * std::min(shapes[i].size(), shapes[k].size());
+    if (cut_[i]) PoseFree(dt, settings, a, &posed_[i]);
+    if (cut_[k]) PoseFree(dt, settings, b, &posed_[k]);
+    const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound within the step
     for (size_t p = c; p < end; ++p) {
       Contact& contact = now_[p];
-      const Vector3 change = ChangeAt(contact, bodies);
       frames_[p] = ContactFrame(contact.normal_W);
-      if (!TakesPart(p, pressed, touches, change, dt, settings)) continue;
-      // As the step before ended; what friction stops within kBrief of a step does not slide, nor does what this change may have brought about.
-      const double slow =
-          std::max({10 * settings.tolerance * floor_, kBrief * dt * contact.friction * pull_, SlipOf(contact, change)});
-      if (SlipOf(contact, RelativeVelocity(contact, a, b) - change) > slow) contact.friction = 0;
-      contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
-                          a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
-      held_.push_back(static_cast<int>(p));
-      most = std::max(most, change.norm());
-      PoseChange(a, &posed_[i]);
-      PoseChange(b, &posed_[k]);
+      local_[p] = frames_[p].transpose() * (dt * force_W_[p]);
+      targets_[p] = -2 * std::max(0.0, contact.gap) / dt;  // the speed grows evenly, from none
+      contact.surface_W = b.rotation_WB * b.surface_velocity_B - a.rotation_WB * a.surface_velocity_B;
+      if (contact.restitution == 0 || -contact.normal_W.dot(ChangeAt(contact, bodies)) <= ends_at_once)
+        held_.push_back(static_cast<int>(p));
     }
+  }
+  Settings rough = settings;
+  rough.tolerance = std::max(settings.tolerance, 1e-4);
+  if (responder_.ResolveTargets({members, held_}, {now_, frames_}, targets_, rough, floor_, posed_, local_).status ==
+      QpStatus::kFailed)
+    return false;
+  const double still = 10 * rough.tolerance * floor_;  // [m/s]
+  std::erase_if(held_, [&](int c) {
+    const Contact& contact = now_[c];
+    const Vector3 velocity_W = RelativeVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
+    if (SlipOf(contact, velocity_W) > still) now_[c].friction = 0;
+    return local_[c].x() <= 0 && contact.normal_W.dot(velocity_W) > targets_[c] + still;
+  });
+  return true;
+}
+
+// The problem of what rides: its contacts hold as if by a load that nothing lifts and no friction lets slip. Returns whether any changes.
+bool Ride::Load(std::span<const int> members, std::span<const Body> bodies) {
+  for (const int i : members) PoseChange(bodies[i], &posed_[i]);
+  double most = 0;
+  for (const int c : held_) {
+    Contact& contact = now_[c];
+    const Body &a = bodies[contact.body_a], &b = bodies[contact.body_b];
+    contact.surface_W = b.rotation_WB * (b.surface_velocity_B - b.surface_before_B) -
+                        a.rotation_WB * (a.surface_velocity_B - a.surface_before_B);
+    most = std::max(most, ChangeAt(contact, bodies).norm());
+    PoseChange(a, &posed_[contact.body_a]);
+    PoseChange(b, &posed_[contact.body_b]);
   }
   if (most == 0) return false;
   targets_.assign(now_.size(), 0.0);
   local_.assign(now_.size(), Vector3::Zero());
   load_W_.assign(now_.size(), Vector3::Zero());
   for (const int c : held_) {
-    if (press_[c] == 0) continue;
-    const double load = press_[c] + mass_ * most;
-    now_[c].friction *= press_[c] / load;
-    load_W_[c] = load * now_[c].normal_W;
+    if (now_[c].friction > 0) now_[c].friction = 1;
+    load_W_[c] = 2 * mass_ * most * now_[c].normal_W;
   }
   return true;
 }
@@ -234,25 +246,6 @@ bool Ride::KeepUpright(std::span<const int> members, const Settings& settings, s
     any = true;
   }
   return any;
-}
-
-// What would slide in spite of its friction is given none: it rubs from where it is. Returns whether there is more of it.
-bool Ride::LetSlide(const Settings& settings) {
-  bool any = false;
-  for (const int c : held_) {
-    Contact& contact = now_[c];
-    const Vector3 slip_W = RelativeVelocity(contact, posed_[contact.body_a], posed_[contact.body_b]);
-    if (contact.friction == 0 || SlipOf(contact, slip_W) <= 10 * settings.tolerance * floor_) continue;
-    contact.friction = 0;
-    any = true;
-  }
-  return any;
-}
-
-bool Ride::SolveAll(std::span<const int> members, const Settings& settings) {
-  bool solved = Solve(members, settings);
-  while (solved && LetSlide(settings)) solved = Solve(members, settings);
-  return solved;
 }
 
 // [rad/s] of the walls that give something: all that rides turns with them.

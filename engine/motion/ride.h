@@ -6,9 +6,9 @@
 //
 //   in:      bodies as a step begins, and the forces [N] that held contacts where the one before ended
 //   out:     velocities of those that ride, and their forces and torques for this step
-//   law:     what pressed gives no more friction than that allows in the step, and none where it slid faster
-//            than its wall changes, or will; what touches alone, or is reached, pushes.
-//            They may pull: what they give is taken back
+//   law:     what stays closed in the step goes along with its wall; what sticks, along the wall, too. Both are
+//            known by a rough solve of the whole step, with weight and the user's forces.
+//            Contacts may pull here: what they give is taken back
 //            What rode as one in the step before and turns now, since it tips, gets all through its centre.
 //   They need not be exact: what acts in the end is the impulses of contacts, and those are certified.
 //   frames:  W    units: SI    threads: one
@@ -56,17 +56,14 @@ class Ride {
   void Detect(double dt, std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
               const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
-  bool Load(double dt, std::span<const int> members, const Settings& settings, std::span<const Shape> shapes,
-            std::span<const Body> bodies);
+  bool Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  bool Load(std::span<const int> members, std::span<const Body> bodies);
+  static void PoseFree(double dt, const Settings& settings, const Body& body, Body* posed);
   static void PoseChange(const Body& body, Body* posed);
   void Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
-  bool TakesPart(size_t c, double pressed, double touches, const Vector3& change_W, double dt,
-                 const Settings& settings) const;
   bool Solve(std::span<const int> members, const Settings& settings);
-  bool SolveAll(std::span<const int> members, const Settings& settings);
   bool FindChange(std::span<const Body> bodies);
   bool KeepUpright(std::span<const int> members, const Settings& settings, std::span<Body> bodies);
-  bool LetSlide(const Settings& settings);
   Vector3 TurnOfWalls(std::span<const Body> bodies) const;
   Vector3 GivenBy(int c) const;
   void Give(double dt, std::span<const int> members, bool upright, std::span<Body> bodies);
@@ -78,15 +75,13 @@ class Ride {
   std::vector<Contact> before_, found_;
   std::vector<Contact> now_;                       // with the friction that they may have
   std::vector<Vector3> before_force_W_, force_W_;  // [N]
-  std::vector<Body> posed_;                        // in changes of velocities: bodies have none, walls theirs
+  std::vector<Body> posed_;                        // where the step ends; then in changes of velocities alone
   std::vector<Vector3> load_W_, local_;            // [N s] per contact
-  std::vector<double> press_;                      // [N s] per contact: what the forces that held give in the step
   std::vector<Matrix3> frames_;
   std::vector<double> targets_;
   std::vector<int> held_;                    // those that hold
   std::vector<Vector3> given_W_, moment_W_;  // [N s], [N m s] per body
-  double pull_ = 0, mass_ = 0;               // [m/s^2] fastest that forces make a body of the island; [kg] of all
-  Vector3 weight_W_;                         // [N] gravity and forces on all
+  double mass_ = 0;                          // [kg] of all of an island
   double floor_ = 0;                         // [m/s] least v_ref of the island
   Twist change_;                             // of all walls of the island, at the origin
   std::vector<bool> rode_, upright_;         // per body: in the step before; now it is not turned against its walls
