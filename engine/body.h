@@ -47,6 +47,10 @@ struct Body {
   Vector3 surface_before_B = Vector3::Zero();  // [m/s]
   Vector3 linear_before_W = Vector3::Zero();   // [m/s]
   Vector3 angular_before_W = Vector3::Zero();  // [rad/s]
+  // A wall that goes in a circle, and so on an arc, has the velocity of its chord. Where the step before ended it was faster by this.
+  Vector3 beyond_before_W = Vector3::Zero();  // [m/s]
+  // By which it speeds up on its arc while a step is under way.
+  Vector3 arc_W = Vector3::Zero();  // [m/s^2]
   // Whether it rode in the step before: went along, as one with them, with walls or belts whose velocity changed. A world keeps it, too.
   bool rides = false;
 

@@ -248,7 +248,7 @@ Vector3 LedgerKeeper::OffChord(const Account& account, const LedgerImpulse& j) c
 // centre. What speeds that up along its way, as the wall sees it, does not count.
 void LedgerKeeper::JudgeTurningWall(const LedgerImpulse& j, const Body& wall, double sign, Account* account) const {
   if (wall.angular_velocity_W.isZero(0) || j.duration == 0) return;
-  const Vector3 off = OffChord(*account, j),
+  const Vector3 off = OffChord(*account, j) + 1.0 / 12 * j.duration * j.duration * wall.arc_W,
                 way = PositionAt(*account, j.time + j.duration) - PositionAt(*account, j.time) -
                       j.duration * wall.linear_velocity_W,
                 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W;
@@ -299,9 +299,13 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     for (const int wall : {j.contact.body_a, j.contact.body_b}) {
       const Body& w = step.before[wall];
       if (w.kind != BodyKind::kKinematic) continue;
-      const Vector3 at = w.position_W + (j.time + 0.5 * j.duration) * w.linear_velocity_W;
+      // The middle of its chord while the impulse acts, and its mean velocity.
+      const double middle = j.time + 0.5 * j.duration;
+      const Vector3 at = w.position_W + middle * w.linear_velocity_W +
+                         0.5 * (middle * (middle - step.dt) + 0.25 * j.duration * j.duration) * w.arc_W,
+                    velocity_W = w.linear_velocity_W + (middle - 0.5 * step.dt) * w.arc_W;
       account->gain -=
-          SignOn(j, number) * j.impulse_W.dot(w.linear_velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
+          SignOn(j, number) * j.impulse_W.dot(velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
       JudgeTurningWall(j, w, SignOn(j, number), account);
     }
   }

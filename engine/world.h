@@ -104,7 +104,8 @@ class World {
   void SetVelocity(int body, const Vector3& linear_W, const Vector3& angular_W);
   // [N], [N m]; stays until changed. Of a body that is not dynamic it waits until it is.
   void SetForce(int body, const Vector3& force_W, const Vector3& torque_W);
-  // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step.
+  // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step. Between the two poses it
+  // goes straight, or on an arc where it has gone in a circle since the step before.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
   // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass that it was given last. Wakes all bodies.
   void SetKind(int body, BodyKind kind);

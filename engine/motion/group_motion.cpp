@@ -152,7 +152,7 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
     hash = Mixed(hash, b.position_W);
     hash = Mixed(Mixed(hash, Vector3(b.rotation_WB.vec())), b.rotation_WB.w());
     hash = Mixed(Mixed(hash, b.linear_velocity_W), b.angular_velocity_W);
-    hash = Mixed(Mixed(hash, b.force_W), b.torque_W);
+    hash = Mixed(Mixed(Mixed(hash, b.force_W), b.torque_W), b.arc_W);
     hash = Mixed(Mixed(Mixed(Mixed(hash, b.mass), b.friction), b.restitution), b.surface_velocity_B);
   }
   return hash | 1;

@@ -59,7 +59,7 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     Vector3 way = Vector3::Zero();
     if (!StandsStill(body)) {
       way = dt * body.linear_velocity_W;
-      room += gravity_W.norm() * dt * dt;
+      room += (gravity_W.norm() + 0.125 * body.arc_W.norm()) * dt * dt;
       if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
       if (shapes[i].kind() != ShapeKind::kSphere) {
         double spin = VisibleSpin(shapes[i], body.rotation_WB, body.angular_velocity_W).norm();

@@ -237,7 +237,7 @@ Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double of
     if (!IsTurningWall(wall)) return Vector3::Zero();
     const Vector3 along = ways[other].mean_W - wall.linear_velocity_W;
     const double square = along.squaredNorm();
-    Vector3 across = ways[other].acceleration_W;
+    Vector3 across = ways[other].acceleration_W - wall.arc_W;
     if (square > 0) across -= across.dot(along) / square * along;
     return wall.angular_velocity_W.cross(off * across);
   };

@@ -12,17 +12,6 @@
 namespace islet::motion {
 namespace {
 
-// [m/s] by which the user changed the velocity of b's surface against a's at a contact since the step before.
-Vector3 ChangeAt(const Contact& c, std::span<const Body> bodies) {
-  const auto change = [&](const Body& body) -> Vector3 {
-    const Vector3 belt = body.rotation_WB * (body.surface_velocity_B - body.surface_before_B);
-    if (body.kind == BodyKind::kDynamic) return belt;
-    return belt + body.linear_velocity_W - body.linear_before_W +
-           (body.angular_velocity_W - body.angular_before_W).cross(c.point_W - body.position_W);
-  };
-  return change(bodies[c.body_b]) - change(bodies[c.body_a]);
-}
-
 // [m/s] of a velocity, across a contact's normal.
 double SlipOf(const Contact& contact, const Vector3& velocity_W) {
   const Vector3& n = contact.normal_W;
@@ -39,13 +28,38 @@ bool Ride::AnyChanged(std::span<const Body> bodies) {
   });
 }
 
-bool Ride::IsPushed(const Contact& contact, std::span<const Body> bodies) {
+// By which the velocity of a wall differs, where the step begins, from that where the one before ended.
+Twist Ride::ChangeOf(const Body& wall) const {
+  Twist change;
+  if (wall.kind == BodyKind::kDynamic) return change;
+  change.linear_W = wall.linear_velocity_W - wall.linear_before_W;
+  change.linear_W -= 0.5 * dt_ * wall.arc_W + wall.beyond_before_W;
+  change.angular_W = wall.angular_velocity_W - wall.angular_before_W;
+  return change;
+}
+
+// [m/s] the same of b's surface against a's at a contact.
+Vector3 Ride::ChangeAt(const Contact& c, std::span<const Body> bodies) const {
+  const auto change = [&](const Body& body) -> Vector3 {
+    const Twist twist = ChangeOf(body);
+    return body.rotation_WB * (body.surface_velocity_B - body.surface_before_B) + twist.linear_W +
+           twist.angular_W.cross(c.point_W - body.position_W);
+  };
+  const Vector3 change_W = change(bodies[c.body_b]) - change(bodies[c.body_a]);
+  const double rounding =
+      kRounding * (bodies[c.body_a].linear_velocity_W.norm() + bodies[c.body_b].linear_velocity_W.norm());
+  return change_W.norm() > rounding ? change_W : Vector3(Vector3::Zero());
+}
+
+bool Ride::IsPushed(double dt, const Contact& contact, std::span<const Body> bodies) {
+  dt_ = dt;
   return contact.normal_W.dot(ChangeAt(contact, bodies)) < 0;
 }
 
 void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
                  const MixMaterial& mix, std::span<const Contact> contacts, std::span<const Vector3> forces_W,
                  std::span<Body> bodies) {
+  dt_ = dt;
   const size_t n = bodies.size();
   cut_.resize(n);
   for (size_t i = 0; i < n; ++i) cut_[i] = !CanMove(bodies[i]);
@@ -100,10 +114,9 @@ void Ride::Detect(double dt, std::span<const int> of_island, const Settings& set
 }
 
 // A body in changes of velocities: it has none, a wall its own.
-void Ride::PoseChange(const Body& body, Body* posed) {
+void Ride::PoseChange(const Body& body, Body* posed) const {
   *posed = body;
-  const Twist change{body.linear_velocity_W - body.linear_before_W, body.angular_velocity_W - body.angular_before_W};
-  SetTwist(body.kind == BodyKind::kDynamic ? Twist{} : change, posed);
+  SetTwist(ChangeOf(body), posed);
   posed->frozen = false;
 }
 
@@ -123,20 +136,21 @@ void Ride::Weigh(double dt, std::span<const int> members, const Settings& settin
 }
 
 // A body as weight and forces alone would leave it where the step ends; a wall as it goes in the step.
-void Ride::PoseFree(double dt, const Settings& settings, const Body& body, Body* posed) {
+void Ride::PoseFree(const Settings& settings, const Body& body, Body* posed) const {
   *posed = body;
+  posed->linear_velocity_W += 0.5 * dt_ * body.arc_W;
   if (body.kind != BodyKind::kDynamic) return;
   posed->frozen = false;
-  posed->linear_velocity_W += dt * (settings.gravity + body.force_W / body.mass);
+  posed->linear_velocity_W += dt_ * (settings.gravity + body.force_W / body.mass);
   const Vector3 torque_W = body.torque_W - body.angular_velocity_W.cross(body.AngularMomentumW());
-  posed->angular_velocity_W += dt * SpinOf(body, body.rotation_WB, torque_W);
+  posed->angular_velocity_W += dt_ * SpinOf(body, body.rotation_WB, torque_W);
 }
 
 // Who rides: the step is solved as one piece, roughly, with the change of the walls, weight, the user's forces and true cones. What stays closed in
 // that goes along with its wall, and is held by friction if it sticks. Returns whether that is known.
 bool Ride::Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
   Weigh(dt, members, settings, bodies);
-  for (const int i : members) PoseFree(dt, settings, bodies[i], &posed_[i]);
+  for (const int i : members) PoseFree(settings, bodies[i], &posed_[i]);
   frames_.resize(now_.size());
   targets_.resize(now_.size());
   local_.resize(now_.size());
@@ -147,8 +161,8 @@ bool Ride::Predict(double dt, std::span<const int> members, const Settings& sett
       pressed += std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
     const auto [i, k] = std::pair(now_[c].body_a, now_[c].body_b);
     const Body &a = bodies[i], &b = bodies[k];
-    if (cut_[i]) PoseFree(dt, settings, a, &posed_[i]);
-    if (cut_[k]) PoseFree(dt, settings, b, &posed_[k]);
+    if (cut_[i]) PoseFree(settings, a, &posed_[i]);
+    if (cut_[k]) PoseFree(settings, b, &posed_[k]);
     const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound within the step
     for (size_t p = c; p < end; ++p) {
       Contact& contact = now_[p];

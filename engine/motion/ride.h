@@ -36,7 +36,7 @@ class Ride {
   static bool AnyChanged(std::span<const Body> bodies);
 
   // Whether a wall or a belt whose velocity the user changed comes towards the other body of a contact.
-  static bool IsPushed(const Contact& contact, std::span<const Body> bodies);
+  bool IsPushed(double dt, const Contact& contact, std::span<const Body> bodies);
 
   // contacts: where the step before ended, ascending by pair, with the forces [N] that held there, on body_b. Gives what rides its velocity and
   // its forces; what was frozen and rides is awake.
@@ -58,8 +58,10 @@ class Ride {
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
   bool Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
   bool Load(std::span<const int> members, std::span<const Body> bodies);
-  static void PoseFree(double dt, const Settings& settings, const Body& body, Body* posed);
-  static void PoseChange(const Body& body, Body* posed);
+  void PoseFree(const Settings& settings, const Body& body, Body* posed) const;
+  void PoseChange(const Body& body, Body* posed) const;
+  Twist ChangeOf(const Body& wall) const;
+  Vector3 ChangeAt(const Contact& contact, std::span<const Body> bodies) const;
   void Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
   bool Solve(std::span<const int> members, const Settings& settings);
   bool FindChange(std::span<const Body> bodies);
@@ -81,6 +83,7 @@ class Ride {
   std::vector<double> targets_;
   std::vector<int> held_;                    // those that hold
   std::vector<Vector3> given_W_, moment_W_;  // [N s], [N m s] per body
+  double dt_ = 0;                            // [s]
   double mass_ = 0;                          // [kg] of all of an island
   double floor_ = 0;                         // [m/s] least v_ref of the island
   Twist change_;                             // of all walls of the island, at the origin

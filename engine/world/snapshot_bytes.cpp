@@ -19,7 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::array<char, 8> kMagic{'i', 's', 'l', 'e', 't', 's', 'n', 'p'};
-constexpr std::uint64_t kVersion = 5;
+constexpr std::uint64_t kVersion = 6;
 struct Header {
   std::array<char, 8> magic;
   std::uint64_t version, length, checksum;
@@ -128,7 +128,7 @@ void Visit(A& a, Body& b) {
   Visit(a, b.force_W), Visit(a, b.torque_W);
   a(b.layers), a(b.collides_with), a(b.sensor), a(b.friction), a(b.restitution);
   Visit(a, b.surface_velocity_B), Visit(a, b.surface_before_B);
-  Visit(a, b.linear_before_W), Visit(a, b.angular_before_W);
+  Visit(a, b.linear_before_W), Visit(a, b.angular_before_W), Visit(a, b.beyond_before_W);
   a(b.rides);
 }
 template <typename A>

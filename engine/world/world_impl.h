@@ -13,6 +13,7 @@
 #include "engine/detection/body_watch.h"
 #include "engine/detection/detection.h"
 #include "engine/ledger.h"
+#include "engine/motion/arcs.h"
 #include "engine/motion/crowd/crowd.h"
 #include "engine/motion/group_motion.h"
 #include "engine/motion/ride.h"
@@ -66,6 +67,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<Contact> detected, still;  // scratch
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
+  motion::Arcs arcs;
   motion::Ride ride;
   motion::MixMaterial mix;
   LedgerKeeper ledger;
@@ -84,6 +86,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<LedgerImpulse> ledger_impulses;
   std::vector<Contact> held;       // where the step before ended, by small groups and crowds
   std::vector<Vector3> held_by_W;  // [N] the forces there
+  double began = 0;                // [s] the step
   std::vector<int> struck;         // in resolved: by a wall that pushes again
   std::vector<int> group_places;   // in impulses, of those of small groups
   LadderReport spared;             // what detection was spared in this step
@@ -108,7 +111,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void ForgetAll();
   StepReport StepWhole(double dt);
   bool IsShared() const;
-  void BeginRide(double dt);
+  void BeginRide(double dt, double dt_before);
   bool WasInCrowd(const Contact& contact) const;
   void AddHeld();
   void FindEvents();

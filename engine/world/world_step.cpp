@@ -213,6 +213,7 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
   const bool may_retry = races == Races::kRefused ? MayBeTakenBack() : races == Races::kTaken && MovesGroups();
   if (may_retry) part_start = *this;
   dt_hint = dt;
+  arcs.Follow(time - began, dt, bodies);
   before = bodies;
   const double moving = Seconds();
   const bool grouped = MovesGroups();
@@ -256,11 +257,6 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
   AddHits(dt);
   AddPassed();
   AddGroups(report);
-  for (Body& b : bodies) {
-    b.linear_before_W = b.linear_velocity_W;
-    b.angular_before_W = b.angular_velocity_W;
-    b.surface_before_B = b.surface_velocity_B;
-  }
   time += dt;
   return true;
 }
@@ -318,7 +314,7 @@ void World::Impl::AddHeld() {
   struck.clear();
   const size_t known = settings.stateless ? 0 : resolved.size();
   for (size_t c = 0; c < known; ++c)
-    if (motion::Ride::IsPushed(resolved[c], bodies) && !WasInCrowd(resolved[c]) &&
+    if (ride.IsPushed(whole_dt, resolved[c], bodies) && !WasInCrowd(resolved[c]) &&
         !std::binary_search(groups.contacts.begin(), groups.contacts.end(), resolved[c], EarlierPair))
       struck.push_back(static_cast<int>(c));
   std::sort(struck.begin(), struck.end(), [this](int c, int other) {
@@ -340,12 +336,14 @@ void World::Impl::AddHeld() {
 }
 
 // What rides on walls and belts whose velocity the user changed, by what held it as the step before ended.
-void World::Impl::BeginRide(double dt) {
+void World::Impl::BeginRide(double dt, double dt_before) {
   ride.Clear();
+  arcs.Clear();
   if (!motion::Ride::AnyChanged(bodies)) {
     for (Body& b : bodies) b.rides = false;
     return;
   }
+  arcs.Begin(dt, dt_before, bodies);
   held.clear();
   held_by_W.clear();
   AddHeld();
@@ -359,7 +357,9 @@ void World::Impl::BeginRide(double dt) {
 
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
-  dt_hint = whole_dt = dt;
+  const double dt_before = std::exchange(whole_dt, dt);
+  dt_hint = dt;
+  began = time;
   crowd_motion.SetWholeStep(dt);
   group_motion.SetWholeStep(dt);
   const double start_seconds = Seconds();
@@ -369,11 +369,12 @@ StepReport World::Impl::StepWhole(double dt) {
   if (settings.stateless) ForgetAll();
   frozen_before.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) frozen_before[i] = bodies[i].frozen;
-  BeginRide(dt);
+  BeginRide(dt, dt_before);
   double checked = 0;
   CountStage("detect", start_seconds, Seconds(), &checked);
   if (StepOnce(dt, Races::kRefused, &report)) {
     ride.End(bodies, &resolved, &impulses);
+    arcs.End(bodies);
     report.seconds.detect += checked;
     CountFrozen(&report);
     failed = report.Failed();
@@ -393,6 +394,7 @@ StepReport World::Impl::StepWhole(double dt) {
   }
   time = end;
   ride.End(bodies, &resolved, &impulses);
+  arcs.End(bodies);
   CountFrozen(&report);
   failed = report.Failed();
   return report;

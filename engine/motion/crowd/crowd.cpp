@@ -61,11 +61,10 @@ void Crowd::Load(double dt) {
     const Body& b = bodies_[i];
     begin_[i] = StateOf(b);
     if (!b.Moves()) {
-      mean_W_[i] = b.linear_velocity_W;
-      travel_[i] = dt * b.linear_velocity_W;
+      mean_W_[i] = b.linear_velocity_W + 0.5 * dt * b.arc_W;
+      travel_[i] = dt * mean_W_[i];
       mean_spin_W_[i] = b.angular_velocity_W;
-      middle_[i] = {b.position_W + 0.5 * dt * b.linear_velocity_W,
-                    Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
+      middle_[i] = {b.position_W + 0.5 * dt * mean_W_[i], Turned(0.5 * dt * b.angular_velocity_W, b.rotation_WB)};
       return;
     }
     free_[i] = {b.linear_velocity_W + 0.5 * dt * (settings_.gravity + b.force_W / b.mass),
@@ -292,6 +291,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   observer_ = &observer;
   errors_.assign(bodies.size(), 0.0);
   DropLevelEdges();
+  for (Body& b : bodies) b.linear_velocity_W -= 0.5 * dt * b.arc_W;  // as the step begins
   first_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);
   first_near_ = *near;
@@ -307,6 +307,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
     freezing_.Wake(frame_, hit_, settings_);
   }
   Freeze(dt, memory, report);
+  for (Body& b : bodies) b.linear_velocity_W -= 0.5 * dt * b.arc_W;  // of the chord again
   for (const Contact& c : *near) report->penetration_max = std::max(report->penetration_max, -c.gap);
   report->overlapping += CountOverlapping(*near, [this](const Contact& c) { return Size(c); });
 }

@@ -47,7 +47,7 @@ void Crowd::Select() {
     if (!a.Moves() && !b.Moves()) continue;
     const auto free = [&](const Body& body, int i) -> Vector3 {
       return body.Moves() ? Vector3(free_[i].linear_W + free_[i].half.spin_W.cross(contact.point_W - body.position_W))
-                          : body.VelocityAt(contact.point_W);
+                          : MeanVelocity(i, contact.point_W + middle_[i].position_W - body.position_W);
     };
     const double opening = contact.normal_W.dot(free(b, contact.body_b) - free(a, contact.body_a));
     const double size = Size(contact);
@@ -158,6 +158,7 @@ void Crowd::Carry(bool first, StepReport* report) {
   pool_->ForEachOf(bodies_.size(), [&](size_t i) {
     Body& p = posed_[i];
     p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
+    p.linear_velocity_W = mean_W_[i];
     if (cut_[i]) return;
     p.rotation_WB = free_[i].half.rotation_WB;
     p.linear_velocity_W = free_[i].linear_W;

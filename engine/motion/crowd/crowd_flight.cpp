@@ -46,7 +46,8 @@ void Crowd::Fly() {
   pool_->ForEachOf(n, [&](size_t i) {
     Body& b = bodies_[i];
     if (b.kind == BodyKind::kKinematic) {
-      b.position_W = begin_[i].pose.position_W + dt_ * b.linear_velocity_W;
+      b.position_W = begin_[i].pose.position_W + dt_ * mean_W_[i];
+      b.linear_velocity_W = begin_[i].linear_W + dt_ * b.arc_W;
       b.rotation_WB = Turned(dt_ * b.angular_velocity_W, begin_[i].pose.rotation_WB);
     }
     if (!b.Moves()) return;

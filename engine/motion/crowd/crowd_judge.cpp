@@ -146,8 +146,7 @@ double Crowd::WorkOfWalls(const Contact& c, const Vector3& point, const Vector3&
   for (const auto& [i, sign] : {std::pair{c.body_a, 1.0}, std::pair{c.body_b, -1.0}}) {
     const Body& wall = bodies_[i];
     if (wall.kind != BodyKind::kKinematic) continue;
-    const Vector3 centre = at_end ? wall.position_W : middle_[i].position_W;
-    work += sign * impulse_W.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+    work += sign * impulse_W.dot(at_end ? wall.VelocityAt(point) : MeanVelocity(i, point));
   }
   return work;
 }

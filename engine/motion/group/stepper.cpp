@@ -43,6 +43,7 @@ void Stepper::LoadState() {
   const size_t n = group_->bodies.size();
   state_.resize(n);
   for (size_t i = 0; i < n; ++i) state_[i] = StateOf(group_->bodies[i]);
+  PlaceWalls(0, &state_);
   end_state_ = state_;
   middle_.resize(n);
   turned_.resize(n);
@@ -128,6 +129,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   pulls_.clear();
   for (size_t i = 0; i < group->bodies.size(); ++i) {
     const Body& b = group->bodies[i];
+    pull_ = std::max(pull_, b.arc_W.norm());
     if (!b.Moves()) continue;
     ++movers;
     if (b.force_W.isZero(0) && b.torque_W.isZero(0)) continue;
@@ -235,7 +237,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
 bool Stepper::Piece(Progress* p) {
   work_ += kSolveWork + static_cast<int>(group_->pairs.size()) / kSolveWork;
   time_of_piece_ = p->t;
-  PlaceWallsAt(p->t, [&](size_t i, const Pose& pose) { state_[i].pose = pose; });
+  PlaceWalls(p->t, &state_);
   const double rest = dt_ - p->t;
   double h = ChooseLength(std::min(rest, p->most));
   if (rest - h < 0.2 * h && p->events == 0) h = std::min(rest, 1.2 * h);

@@ -18,6 +18,7 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/impact/sequential.h"
@@ -143,7 +144,9 @@ class Stepper {
   void EndAt(double at, double* h);
   void MoveCentres(double h);
   bool TurnIntoLine();
-  void PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const;
+  State WallAt(size_t i, double t) const;
+  std::pair<Pose, Vector3> WallHalfway(size_t i, double h) const;
+  void PlaceWalls(double t, std::vector<State>* states) const;
   Path PathOf(int i, double h) const;
   Course CourseOf(int i) const;
   Vector3 AxisOf(int i, bool faces) const;

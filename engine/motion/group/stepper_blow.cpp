@@ -26,7 +26,8 @@ bool Stepper::ActsOn(int body, const Contact& contact) const {
 // in any that contacts may turn it to. What is held by others feels a little of it along any normal.
 double Stepper::PullAlong(const Contact& contact) const {
   const Vector3& n = contact.normal_W;
-  double along = std::abs(n.dot(settings_.gravity)), twist = 0;
+  const Vector3 arcs_W = group_->bodies[contact.body_a].arc_W - group_->bodies[contact.body_b].arc_W;
+  double along = std::abs(n.dot(settings_.gravity)) + std::max(0.0, n.dot(arcs_W)), twist = 0;
   for (const Pull& pull : pulls_) {
     if (!ActsOn(pull.body, contact)) continue;
     const double towards = n.dot(pull.along_W);

@@ -133,10 +133,11 @@ void Stepper::Carry(double h, bool first) {
     p.angular_velocity_W = turned_[i].spin_W;
     if (!b.torque_W.isZero(0)) p.angular_velocity_W += 0.5 * h * SpinOf(b, p.rotation_WB, b.torque_W);
   }
-  PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) {
-    posed_[i].position_W = pose.position_W;
-    posed_[i].rotation_WB = pose.rotation_WB;
-  });
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (bodies[i].Moves()) continue;
+    const auto [pose, velocity_W] = WallHalfway(i, h);
+    SetState({pose, velocity_W, bodies[i].angular_velocity_W}, &posed_[i]);
+  }
   for (size_t c = 0; c < held_.size() && first; ++c) {  // what later passes pose faces them already
     const int a = held_[c].body_a, b = held_[c].body_b;
     Face(held_of_[c], posed_[a].position_W, posed_[b].position_W, &held_[c]);

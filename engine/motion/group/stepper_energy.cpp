@@ -48,8 +48,7 @@ void Stepper::KeepAccounts(double h) {
     for (const int i : {a, b}) {
       const Body& wall = bodies[i];
       if (wall.kind != BodyKind::kKinematic) continue;
-      const Vector3& centre = at_end ? end_state_[i].pose.position_W : middle_[i].position_W;
-      const double work = impulse.dot(wall.linear_velocity_W + wall.angular_velocity_W.cross(point - centre));
+      const double work = impulse.dot(at_end ? end_state_[i].VelocityAt(point) : MeanVelocity(i, point));
       accounts_[mover].gain += (i == b ? 1 : -1) * work;
       accounts_[mover].allowed += 10 * kUlp * std::abs(work);
     }

@@ -103,7 +103,7 @@ bool Stepper::GoesOn(size_t at_start) const {
 // A body at t, under the forces of the start of the piece; from `until` on without those of a pair.
 Pose Stepper::GoingOn(int i, int pair, double until, double t) const {
   const Body& b = group_->bodies[i];
-  Path path{state_[i].pose, state_[i].linear_W, Vector3::Zero(), VisibleSpinOf(i), Vector3::Zero(), 0};
+  Path path{state_[i].pose, state_[i].linear_W, 0.5 * b.arc_W, VisibleSpinOf(i), Vector3::Zero(), 0};
   if (!b.Moves()) return path.At(t);
   Vector3 force = b.mass * settings_.gravity + b.force_W, torque = b.torque_W, without = force, turn = torque;
   for (size_t c = 0; c < now_.size(); ++c) {

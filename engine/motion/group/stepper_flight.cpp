@@ -3,18 +3,31 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
-// Walls are where their velocity takes them: poses at time t of the step, for those that do not move by contacts.
-void Stepper::PlaceWallsAt(double t, const std::function<void(size_t, const Pose&)>& set) const {
-  for (size_t i = 0; i < group_->bodies.size(); ++i) {
-    const Body& b = group_->bodies[i];
-    if (b.Moves()) continue;
-    set(i, {b.position_W + t * b.linear_velocity_W, Turned(t * b.angular_velocity_W, b.rotation_WB)});
-  }
+// Walls are where their velocity takes them, straight or on an arc, at time t of the step.
+State Stepper::WallAt(size_t i, double t) const {
+  const Body& b = group_->bodies[i];
+  return {{b.position_W + t * b.linear_velocity_W + 0.5 * t * (t - dt_) * b.arc_W,
+           Turned(t * b.angular_velocity_W, b.rotation_WB)},
+          b.linear_velocity_W + (t - 0.5 * dt_) * b.arc_W,
+          b.angular_velocity_W};
+}
+
+// The middle of its chord in the piece, and its mean velocity.
+std::pair<Pose, Vector3> Stepper::WallHalfway(size_t i, double h) const {
+  State state = WallAt(i, time_of_piece_ + 0.5 * h);
+  state.pose.position_W += 0.125 * h * h * group_->bodies[i].arc_W;
+  return {state.pose, state.linear_W};
+}
+
+void Stepper::PlaceWalls(double t, std::vector<State>* states) const {
+  for (size_t i = 0; i < group_->bodies.size(); ++i)
+    if (!group_->bodies[i].Moves()) (*states)[i] = WallAt(i, t);
 }
 
 // Positions and velocities of centres.
@@ -70,8 +83,9 @@ void Stepper::Fly(double h) {
     turned_[i] = TurnFreely(b, s.pose.rotation_WB, s.angular_W, 0.5 * h);
     spin_gain_[i] = h * b.torque_W;
   }
-  PlaceWallsAt(time_of_piece_ + 0.5 * h, [&](size_t i, const Pose& pose) { middle_[i] = pose; });
-  PlaceWallsAt(time_of_piece_ + h, [&](size_t i, const Pose& pose) { end_state_[i].pose = pose; });
+  PlaceWalls(time_of_piece_ + h, &end_state_);
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (!bodies[i].Moves()) std::tie(middle_[i], mean_W_[i]) = WallHalfway(i, h);
   acted_at_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];
@@ -102,7 +116,7 @@ Path Stepper::PathOf(int i, double h) const {
   const Body& b = group_->bodies[i];
   const Shape& shape = *group_->shapes[i];
   const State &s = state_[i], &e = end_state_[i];
-  if (!b.Moves()) return FreePath(b, shape, {s.pose, b.linear_velocity_W, s.angular_W}, Vector3::Zero());
+  if (!b.Moves()) return FreePath(b, shape, s, 0.5 * b.arc_W);
   // By its mean velocity: that at the end may be the one after a blow.
   const Vector3 half_acceleration_W = (mean_W_[i] - s.linear_W) / h;
   if (shape.HasAxis() && SymmetricAbout(b.inertia_B, 2) && spin_gain_[i].isZero(0))
@@ -145,11 +159,10 @@ bool Stepper::TurnInThemselves(int pair) const {
 
 // Of a body, in the piece as it is now.
 Course Stepper::CourseOf(int i) const {
-  const Body& b = group_->bodies[i];
   return {state_[i].pose,
           middle_[i],
           {end_state_[i].pose.position_W, SeenAs(i, end_state_[i].pose)},
-          b.Moves() ? mean_W_[i] : b.linear_velocity_W,
+          mean_W_[i],
           MeanSpin(i),
           BodyRadius(i) == 0,
           group_->shapes[i]->kind() == ShapeKind::kSphere,
@@ -205,8 +218,7 @@ Vector3 Stepper::MeanSpin(int i) const {
 
 // [m/s] of a body's point halfway.
 Vector3 Stepper::MeanVelocity(int i, const Vector3& point) const {
-  const Body& b = group_->bodies[i];
-  return (b.Moves() ? mean_W_[i] : b.linear_velocity_W) + MeanSpin(i).cross(point - middle_[i].position_W);
+  return mean_W_[i] + MeanSpin(i).cross(point - middle_[i].position_W);
 }
 
 }  // namespace islet::motion
