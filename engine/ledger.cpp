@@ -170,8 +170,9 @@ void LedgerKeeper::FindCourse(const LedgerStep& step, int number, Account* accou
   std::vector<Moment>& course = account->course;
   course.clear();
   if (!IsOurs(body)) {
-    course.push_back({0, body.position_W, body.linear_velocity_W});
-    course.push_back({step.dt, body.position_W + step.dt * body.linear_velocity_W, body.linear_velocity_W});
+    const Vector3 &v = body.linear_velocity_W, beyond = 0.5 * step.dt * body.arc_W;
+    course.push_back({0, body.position_W, v - beyond});
+    course.push_back({step.dt, body.position_W + step.dt * v, v + beyond});
     return;
   }
   const Vector3 constant = step.gravity_W + body.force_W / body.mass;
@@ -246,17 +247,18 @@ Vector3 LedgerKeeper::OffChord(const Account& account, const LedgerImpulse& j) c
 
 // What acts at a wall that turns works beside the velocities at the middle of the chord: the wall goes by under the mean place of the
 // centre. What speeds that up along its way, as the wall sees it, does not count.
-void LedgerKeeper::JudgeTurningWall(const LedgerImpulse& j, const Body& wall, double sign, Account* account) const {
+void LedgerKeeper::JudgeTurningWall(const LedgerImpulse& j, const Body& wall, const Vector3& velocity_W, double sign,
+                                    Account* account) const {
   if (wall.angular_velocity_W.isZero(0) || j.duration == 0) return;
   const Vector3 off = OffChord(*account, j) + 1.0 / 12 * j.duration * j.duration * wall.arc_W,
-                way = PositionAt(*account, j.time + j.duration) - PositionAt(*account, j.time) -
-                      j.duration * wall.linear_velocity_W,
+                way =
+                    PositionAt(*account, j.time + j.duration) - PositionAt(*account, j.time) - j.duration * velocity_W,
                 friction_W = j.impulse_W - j.contact.normal_W.dot(j.impulse_W) * j.contact.normal_W;
   const double square = way.squaredNorm();
   const Vector3 across = square > 0 ? Vector3(off - off.dot(way) / square * way) : off;
   account->gain -= sign * j.impulse_W.dot(wall.angular_velocity_W.cross(across));
   // A first look foresees what friction does there, and may be wrong by as much.
-  account->allowed += 2 * friction_W.norm() * wall.angular_velocity_W.cross(off).norm();
+  account->allowed += 2 * friction_W.norm() * wall.angular_velocity_W.cross(OffChord(*account, j)).norm();
 }
 
 Quaternion LedgerKeeper::RotationAt(const LedgerStep& step, int number, double time, Spin* last) const {
@@ -306,7 +308,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
                     velocity_W = w.linear_velocity_W + (middle - 0.5 * step.dt) * w.arc_W;
       account->gain -=
           SignOn(j, number) * j.impulse_W.dot(velocity_W + w.angular_velocity_W.cross(j.contact.point_W - at));
-      JudgeTurningWall(j, w, SignOn(j, number), account);
+      JudgeTurningWall(j, w, velocity_W, SignOn(j, number), account);
     }
   }
   // So does a torque, between any two moments at which something begins or ends.

@@ -79,7 +79,8 @@ class LedgerKeeper {
   Vector3 PositionAt(const Account& account, double time) const;
   Vector3 CentreAt(const Account& account, const LedgerImpulse& impulse) const;
   Vector3 OffChord(const Account& account, const LedgerImpulse& impulse) const;
-  void JudgeTurningWall(const LedgerImpulse& impulse, const Body& wall, double sign, Account* account) const;
+  void JudgeTurningWall(const LedgerImpulse& impulse, const Body& wall, const Vector3& velocity_W, double sign,
+                        Account* account) const;
   // last: what was asked last, no later; is set to what is answered.
   Quaternion RotationAt(const LedgerStep& step, int body, double time, Spin* last) const;
   void JudgeIslands(const LedgerStep& step, Ledger* ledger);

@@ -107,7 +107,7 @@ class World {
   // Sets the velocities that take a kinematic body there in a step of dt [s]. They stay; call it again before each step. Between the two poses it
   // goes straight, or on an arc where it has gone in a circle since the step before.
   void MoveTo(int body, const Vector3& position_W, const Quaternion& rotation_WB, double dt);
-  // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass that it was given last. Wakes all bodies.
+  // A body that becomes fixed loses its velocity; one that becomes dynamic has the mass that it was given last, and goes on as it went: from the end of its arc along that. Wakes all bodies.
   void SetKind(int body, BodyKind kind);
   void SetMass(int body, double mass);  // [kg]; the inertia changes with it
   // [kg], [kg m^2] about the centre of mass.

@@ -218,13 +218,16 @@ Vector3 NormalAhead(const Contact& contact, const Side& a, const Side& b, const 
 
 void Foresee(double h, const Vector3& gravity, std::span<const Body> bodies, std::span<const Contact> contacts,
              std::span<const Vector3> forces_W, std::span<Going> ways) {
-  for (size_t i = 0; i < bodies.size(); ++i) ways[i].acceleration_W = gravity + bodies[i].force_W / bodies[i].mass;
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    const Body& b = bodies[i];
+    ways[i].acceleration_W = b.Moves() ? Vector3(gravity + b.force_W / b.mass) : b.arc_W;
+  }
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Body &a = bodies[contacts[c].body_a], &b = bodies[contacts[c].body_b];
     const Body& wall = IsTurningWall(a) ? a : b;
     const Vector3 force = IsTurningWall(wall) ? Exp(h * wall.angular_velocity_W) * forces_W[c] : forces_W[c];
-    ways[contacts[c].body_a].acceleration_W -= force / a.mass;
-    ways[contacts[c].body_b].acceleration_W += force / b.mass;
+    if (a.Moves()) ways[contacts[c].body_a].acceleration_W -= force / a.mass;
+    if (b.Moves()) ways[contacts[c].body_b].acceleration_W += force / b.mass;
   }
   for (Going& way : ways) way.mean_W += 0.5 * h * way.acceleration_W;
 }
@@ -235,9 +238,9 @@ Vector3 WallSlip(const Contact& contact, std::span<const Body> bodies, double of
   const auto slip = [&](int number, int other) -> Vector3 {
     const Body& wall = bodies[number];
     if (!IsTurningWall(wall)) return Vector3::Zero();
-    const Vector3 along = ways[other].mean_W - wall.linear_velocity_W;
+    const Vector3 along = ways[other].mean_W - ways[number].mean_W;
     const double square = along.squaredNorm();
-    Vector3 across = ways[other].acceleration_W - wall.arc_W;
+    Vector3 across = ways[other].acceleration_W - ways[number].acceleration_W;
     if (square > 0) across -= across.dot(along) / square * along;
     return wall.angular_velocity_W.cross(off * across);
   };

@@ -51,11 +51,6 @@ Vector3 Ride::ChangeAt(const Contact& c, std::span<const Body> bodies) const {
   return change_W.norm() > rounding ? change_W : Vector3(Vector3::Zero());
 }
 
-bool Ride::IsPushed(double dt, const Contact& contact, std::span<const Body> bodies) {
-  dt_ = dt;
-  return contact.normal_W.dot(ChangeAt(contact, bodies)) < 0;
-}
-
 void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,
                  const MixMaterial& mix, std::span<const Contact> contacts, std::span<const Vector3> forces_W,
                  std::span<Body> bodies) {
@@ -102,8 +97,7 @@ void Ride::Detect(double dt, std::span<const int> of_island, const Settings& set
     if (same_pair || a.removed || b.removed || !filter.Allows(bodies, c.body_a, c.body_b)) continue;
     const size_t first = now_.size();
     CollideShapes(shapes[c.body_a], Pose{a.position_W, a.rotation_WB}.placement(), shapes[c.body_b],
-                  Pose{b.position_W, b.rotation_WB}.placement(),
-                  std::max(4 * settings.overlap_tolerance * size_of(c), 0.5 * dt * ChangeAt(c, bodies).norm()), &now_);
+                  Pose{b.position_W, b.rotation_WB}.placement(), 4 * settings.overlap_tolerance * size_of(c), &now_);
     for (size_t found = first; found < now_.size(); ++found) {
       now_[found].body_a = c.body_a, now_[found].body_b = c.body_b;
       mix(&now_[found], a, b);

@@ -35,9 +35,6 @@ class Ride {
   // Whether the user changed the velocity of any wall or belt since the step before.
   static bool AnyChanged(std::span<const Body> bodies);
 
-  // Whether a wall or a belt whose velocity the user changed comes towards the other body of a contact.
-  bool IsPushed(double dt, const Contact& contact, std::span<const Body> bodies);
-
   // contacts: where the step before ended, ascending by pair, with the forces [N] that held there, on body_b. Gives what rides its velocity and
   // its forces; what was frozen and rides is awake.
   void Begin(double dt, const Settings& settings, std::span<const Shape> shapes, const ContactFilter& filter,

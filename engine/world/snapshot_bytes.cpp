@@ -219,7 +219,7 @@ void Visit(A& a, WorldState& w) {
   Visit(a, w.groups), Visit(a, w.crowd_memory), Visit(a, w.crowd);
   a(w.stale), a(w.failed);
   Visit(a, w.unchecked);
-  a(w.time), a(w.dt_hint);
+  a(w.time), a(w.dt_hint), a(w.whole_dt);
 }
 
 // The checksum tells of accidents. This keeps what was made up from being read past the end of a list.

@@ -197,6 +197,7 @@ void World::SetKind(int body, BodyKind kind) {
       Reject(NameOf(body), "kind", "= dynamic: a half-space has no mass");
     b.mass = impl_->masses[body].mass;
     b.inertia_B = impl_->masses[body].inertia_B;
+    if (b.linear_velocity_W == b.linear_before_W) b.linear_velocity_W += b.beyond_before_W;  // along the arc's end
   }
   if (kind == BodyKind::kFixed) SetTwist({}, &b);
   b.kind = kind;

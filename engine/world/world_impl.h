@@ -87,7 +87,6 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<Contact> held;       // where the step before ended, by small groups and crowds
   std::vector<Vector3> held_by_W;  // [N] the forces there
   double began = 0;                // [s] the step
-  std::vector<int> struck;         // in resolved: by a wall that pushes again
   std::vector<int> group_places;   // in impulses, of those of small groups
   LadderReport spared;             // what detection was spared in this step
   // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
@@ -113,7 +112,6 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   bool IsShared() const;
   void BeginRide(double dt, double dt_before);
   bool WasInCrowd(const Contact& contact) const;
-  void AddHeld();
   void FindEvents();
   void FindSensed();
   void AddPassed();

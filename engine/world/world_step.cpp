@@ -308,45 +308,17 @@ bool World::Impl::WasInCrowd(const Contact& contact) const {
   return !MovesGroups() || was(contact.body_a) || was(contact.body_b);
 }
 
-// What held in small groups. So did what a wall struck in the step before, is apart from now and pushes again: a wall that goes in a circle opens a
-// gap by its chord in each step.
-void World::Impl::AddHeld() {
-  struck.clear();
-  const size_t known = settings.stateless ? 0 : resolved.size();
-  for (size_t c = 0; c < known; ++c)
-    if (ride.IsPushed(whole_dt, resolved[c], bodies) && !WasInCrowd(resolved[c]) &&
-        !std::binary_search(groups.contacts.begin(), groups.contacts.end(), resolved[c], EarlierPair))
-      struck.push_back(static_cast<int>(c));
-  std::sort(struck.begin(), struck.end(), [this](int c, int other) {
-    return SamePair(resolved[c], resolved[other]) ? c < other : EarlierPair(resolved[c], resolved[other]);
-  });
-  auto next = struck.begin();
-  const auto add_struck = [&](auto is_next) {
-    for (; next != struck.end() && is_next(resolved[*next]); ++next) {
-      held.push_back(resolved[*next]);
-      held_by_W.emplace_back(Vector3::Zero());
-    }
-  };
-  for (size_t c = 0; c < groups.contacts.size(); ++c) {
-    add_struck([&](const Contact& s) { return EarlierPair(s, groups.contacts[c]); });
-    held.push_back(groups.contacts[c]);
-    held_by_W.push_back(groups.forces_W[c]);
-  }
-  add_struck([](const Contact&) { return true; });
-}
-
 // What rides on walls and belts whose velocity the user changed, by what held it as the step before ended.
 void World::Impl::BeginRide(double dt, double dt_before) {
   ride.Clear();
   arcs.Clear();
-  if (!motion::Ride::AnyChanged(bodies)) {
+  if (settings.stateless || !motion::Ride::AnyChanged(bodies)) {
     for (Body& b : bodies) b.rides = false;
     return;
   }
   arcs.Begin(dt, dt_before, bodies);
-  held.clear();
-  held_by_W.clear();
-  AddHeld();
+  held = groups.contacts;
+  held_by_W = groups.forces_W;
   for (size_t c = 0; c < crowd_memory.contacts.size(); ++c) {
     if (!WasInCrowd(crowd_memory.contacts[c])) continue;
     held.push_back(crowd_memory.contacts[c]);

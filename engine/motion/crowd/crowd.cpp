@@ -34,6 +34,23 @@ double Crowd::MeanPull() const {
   return any ? force / mass : settings_.gravity.norm();
 }
 
+// [m/s^2] What goes in a circle is held by more than its weight: mean of what contacts gave as the step before ended. 0 if no wall is on an arc.
+double Crowd::MeanHold() {
+  if (std::all_of(bodies_.begin(), bodies_.end(), [](const Body& b) { return b.arc_W.isZero(0); })) return 0;
+  held_by_W_.assign(bodies_.size(), Vector3::Zero());
+  for (size_t c = 0; c < start_.size(); ++c) {
+    held_by_W_[start_[c].body_a] -= start_force_W_[c];
+    held_by_W_[start_[c].body_b] += start_force_W_[c];
+  }
+  double force = 0, mass = 0;
+  for (size_t i = 0; i < bodies_.size(); ++i) {
+    if (bodies_[i].kind != BodyKind::kDynamic || bodies_[i].removed) continue;
+    force += held_by_W_[i].norm();
+    mass += bodies_[i].mass;
+  }
+  return mass > 0 ? force / mass : 0;
+}
+
 // States where the step begins, and the course under forces alone.
 void Crowd::Load(double dt) {
   const size_t n = bodies_.size();
@@ -53,7 +70,7 @@ void Crowd::Load(double dt) {
     driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
     if (!cut_[i]) pull_ = std::max(pull_, (settings_.gravity + bodies_[i].force_W / bodies_[i].mass).norm());
   }
-  const double mean = MeanPull();
+  const double mean = std::max(MeanPull(), MeanHold());
   floor_ = std::max({mean * dt, 1e-3 * FastestPoint(bodies_), 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
   least_energy_ = 0.5 * std::max(floor_ * floor_, mean * mean * dt * whole_dt_);

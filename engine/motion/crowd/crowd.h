@@ -128,6 +128,7 @@ class Crowd {
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   double MeanPull() const;
+  double MeanHold();
   void Load(double dt);
   void Remember(double h, CrowdMemory* memory);
   void Return(std::span<const State> states);
@@ -251,6 +252,7 @@ class Crowd {
   bool driven_ = false;                 // walls move
   std::vector<Contact> start_;          // near ones
   std::vector<Vector3> start_force_W_;  // [N] that held there
+  std::vector<Vector3> held_by_W_;      // [N] per body: all that contacts gave it
   std::vector<State> begin_;            // per body
   std::vector<Free> free_;
   std::vector<std::uint8_t> cut_;     // per body: contacts do not move it

@@ -84,8 +84,11 @@ void Stepper::Fly(double h) {
     spin_gain_[i] = h * b.torque_W;
   }
   PlaceWalls(time_of_piece_ + h, &end_state_);
-  for (size_t i = 0; i < bodies.size(); ++i)
-    if (!bodies[i].Moves()) std::tie(middle_[i], mean_W_[i]) = WallHalfway(i, h);
+  for (size_t i = 0; i < bodies.size(); ++i) {
+    if (bodies[i].Moves()) continue;
+    std::tie(middle_[i], mean_W_[i]) = WallHalfway(i, h);
+    ways_[i] = {bodies[i].arc_W, mean_W_[i]};
+  }
   acted_at_.resize(held_.size());
   for (size_t c = 0; c < held_.size(); ++c) {
     const Contact& contact = held_[c];

@@ -149,7 +149,9 @@ TEST(Ride, TurnsWithItsWalls) {
 
 // Two bodies of a crowd that pass each other far away make the world step in halves. What rides does not feel it.
 TEST(Ride, KeepsItsPlaceInHalves) {
-  World world(testing::AsCrowd(Awake()));
+  Settings settings = Awake();
+  settings.group_bodies = 1;
+  World world(settings);
   world.Add(Plate());
   world.Add(Crate(0.1));
   world.Add(Crate(0.3));
@@ -199,37 +201,6 @@ TEST(Ride, KeepsItsPlaceUpToTheLimit) {
       }
     }
   }
-}
-
-// [m] by which a box moves against a wall that carries it around the origin.
-double MovesAgainst(const Vector3& gravity, BodyDefinition wall, BodyDefinition box, const Vector3& spin_W, double dt,
-                    double seconds) {
-  Settings settings = Awake();
-  settings.gravity = gravity;
-  World world(settings);
-  wall.kind = BodyKind::kKinematic;
-  wall.restitution = box.restitution = 0;
-  box.mass = 1;
-  box.linear_velocity_W = spin_W.cross(box.position_W);
-  box.angular_velocity_W = spin_W;
-  world.Add(wall);
-  world.Add(box);
-  Quaternion turn = Quaternion::Identity();
-  for (int frame = 1; frame <= seconds / dt; ++frame) {
-    turn = testing::Turn(spin_W.norm() * frame * dt, spin_W.normalized());
-    world.MoveTo(0, turn * wall.position_W, turn, dt);
-    testing::Step(&world, dt);
-  }
-  return (turn.conjugate() * world.body(1).position_W - box.position_W).norm();
-}
-
-// The rim of a centrifuge, without gravity, presses a box outwards at a place where the pull leans by 0.2: friction holds it. A step's chord opens a
-// gap in the first one, which the rim closes in each step. (Struck in each step instead, the box slid by half of a step's change for ever.)
-TEST(Ride, HoldsWhatItReaches) {
-  const BodyDefinition rim{.shape = Shape::Box({4, 5, 0.5}), .position_W = {0, 0, -5.5}, .friction = 0.5};
-  const BodyDefinition box{.shape = Shape::Box({0.25, 0.25, 0.25}), .position_W = {0, 1, -4.75}, .friction = 0.5};
-  for (const auto& [spin, dt] : {std::pair{1.0, 1.0 / 30}, {1.0, 1.0 / 60}, {1.4, 1.0 / 60}})
-    EXPECT_LT(MovesAgainst(Vector3::Zero(), rim, box, {spin, 0, 0}, dt, 5), 3e-3) << spin << " " << dt;
 }
 
 // A slope of 0.5 rad on which friction of 0.4 holds nothing at rest speeds up downhill by half of what gravity pulls: that asks for 0.27 of friction,
@@ -312,16 +283,6 @@ TEST(Ride, HoldsOnASwing) {
       EXPECT_NEAR(place.x(), 1, 1e-4) << frame;
     }
   }
-}
-
-// A wall that runs in a circle presses a box outwards by three times its weight, and friction holds it up. Each step's chord takes the wall away from
-// it by a hundredth of its size: it is struck in the step, and pushed again in the next. (It fell by g dt / 2 a second for ever.)
-TEST(Ride, HoldsWhatItStruckInTheStepBefore) {
-  const BodyDefinition wall{.shape = Shape::Box({0.1, 2, 2}), .position_W = {3.1, 0, 0}, .friction = 0.8};
-  const BodyDefinition box{.shape = Shape::Box({0.1, 0.1, 0.1}), .position_W = {2.9, 0, 0}, .friction = 0.8};
-  for (const double dt : {1.0 / 30, 1.0 / 60, 1.0 / 240})
-    EXPECT_LT(MovesAgainst({0, 0, -kGravity}, wall, box, {0, 0, std::sqrt(kGravity)}, dt, 2), 1.1 * kGravity * dt * dt)
-        << dt;
 }
 
 // A slender body on a truck that speeds up stands as long as its weight holds it against its inertia, and tips then as by a force of mass times
