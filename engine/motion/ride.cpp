@@ -71,7 +71,7 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
     const std::span<const int> of_island = partition_.contacts_of(island), members = partition_.bodies_of(island);
     if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
-    Detect(dt, of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
+    Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
     if (!Predict(dt, members, settings, bodies) || !Load(members, bodies)) continue;
     bool solved = Solve(members, settings);
     const bool upright = solved && FindChange(bodies) && KeepUpright(members, settings, bodies);
@@ -81,7 +81,7 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
 }
 
 // The contacts that an island has now, where bodies may have been moved since, and the forces that held there.
-void Ride::Detect(double dt, std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+void Ride::Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
                   const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
                   std::span<const Vector3> forces_W, std::span<const Body> bodies) {
   before_.clear();

@@ -50,7 +50,7 @@ class Ride {
     int body;
     Vector3 force_W, torque_W;  // [N], [N m] the user's
   };
-  void Detect(double dt, std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
+  void Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
               const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
   bool Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
