@@ -32,8 +32,7 @@ bool Ride::AnyChanged(std::span<const Body> bodies) {
 Twist Ride::ChangeOf(const Body& wall) const {
   Twist change;
   if (wall.kind == BodyKind::kDynamic) return change;
-  change.linear_W = wall.linear_velocity_W - wall.linear_before_W;
-  change.linear_W -= 0.5 * dt_ * wall.arc_W + wall.beyond_before_W;
+  change.linear_W = wall.linear_velocity_W - 0.5 * dt_ * wall.arc_W - (wall.linear_before_W + wall.beyond_before_W);
   change.angular_W = wall.angular_velocity_W - wall.angular_before_W;
   return change;
 }
