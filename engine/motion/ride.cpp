@@ -71,11 +71,11 @@ void Ride::Begin(double dt, const Settings& settings, std::span<const Shape> sha
     if (std::all_of(of_island.begin(), of_island.end(), [&](int c) { return ChangeAt(contacts[c], bodies).isZero(0); }))
       continue;
     Detect(of_island, settings, shapes, filter, mix, contacts, forces_W, bodies);
-    if (!Predict(dt, members, settings, bodies) || !Load(members, bodies)) continue;
+    if (!Predict(members, settings, bodies) || !Load(members, bodies)) continue;
     bool solved = Solve(members, settings);
     const bool upright = solved && FindChange(bodies) && KeepUpright(members, settings, bodies);
     if (upright) solved = Solve(members, settings);
-    if (solved) Give(dt, members, upright, bodies);
+    if (solved) Give(members, upright, bodies);
   }
 }
 
@@ -114,7 +114,7 @@ void Ride::PoseChange(const Body& body, Body* posed) const {
 }
 
 // What all of an island weigh together, and how fast they may be.
-void Ride::Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
+void Ride::Weigh(std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
   double pull = settings.gravity.norm(), fastest = 0;  // [m/s^2], [m/s]
   mass_ = 0;
   for (const int i : members) {
@@ -125,7 +125,7 @@ void Ride::Weigh(double dt, std::span<const int> members, const Settings& settin
     pull = std::max(
         pull, (settings.gravity + b.force_W / b.mass).norm() + b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm());
   }
-  floor_ = std::max({pull * dt, 1e-3 * fastest, 1e-12});
+  floor_ = std::max({pull * dt_, 1e-3 * fastest, 1e-12});
 }
 
 // A body as weight and forces alone would leave it where the step ends; a wall as it goes in the step.
@@ -141,8 +141,8 @@ void Ride::PoseFree(const Settings& settings, const Body& body, Body* posed) con
 
 // Who rides: the step is solved as one piece, roughly, with the change of the walls, weight, the user's forces and true cones. What stays closed in
 // that goes along with its wall, and is held by friction if it sticks. Returns whether that is known.
-bool Ride::Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
-  Weigh(dt, members, settings, bodies);
+bool Ride::Predict(std::span<const int> members, const Settings& settings, std::span<const Body> bodies) {
+  Weigh(members, settings, bodies);
   for (const int i : members) PoseFree(settings, bodies[i], &posed_[i]);
   frames_.resize(now_.size());
   targets_.resize(now_.size());
@@ -151,17 +151,17 @@ bool Ride::Predict(double dt, std::span<const int> members, const Settings& sett
   for (size_t c = 0, end = 0; c < now_.size(); c = end) {
     double pressed = 0;  // [N s] of the pair
     for (end = c; end < now_.size() && SamePair(now_[c], now_[end]); ++end)
-      pressed += std::max(0.0, dt * now_[end].normal_W.dot(force_W_[end]));
+      pressed += std::max(0.0, dt_ * now_[end].normal_W.dot(force_W_[end]));
     const auto [i, k] = std::pair(now_[c].body_a, now_[c].body_b);
     const Body &a = bodies[i], &b = bodies[k];
     if (cut_[i]) PoseFree(settings, a, &posed_[i]);
     if (cut_[k]) PoseFree(settings, b, &posed_[k]);
-    const double ends_at_once = settings.gravity.norm() * dt + pressed / mass_;  // [m/s] a rebound within the step
+    const double ends_at_once = settings.gravity.norm() * dt_ + pressed / mass_;  // [m/s] a rebound within the step
     for (size_t p = c; p < end; ++p) {
       Contact& contact = now_[p];
       frames_[p] = ContactFrame(contact.normal_W);
-      local_[p] = frames_[p].transpose() * (dt * force_W_[p]);
-      targets_[p] = -2 * std::max(0.0, contact.gap) / dt;  // the speed grows evenly, from none
+      local_[p] = frames_[p].transpose() * (dt_ * force_W_[p]);
+      targets_[p] = -2 * std::max(0.0, contact.gap) / dt_;  // the speed grows evenly, from none
       contact.surface_W = b.rotation_WB * b.surface_velocity_B - a.rotation_WB * a.surface_velocity_B;
       if (contact.restitution == 0 || -contact.normal_W.dot(ChangeAt(contact, bodies)) <= ends_at_once)
         held_.push_back(static_cast<int>(p));
@@ -274,8 +274,8 @@ Vector3 Ride::TurnOfWalls(std::span<const Body> bodies) const {
 Vector3 Ride::GivenBy(int c) const { return frames_[c] * local_[c] - load_W_[c]; }
 
 // What the contacts of an island give at once, and take back all through the step, turned with what turns them.
-void Ride::Give(double dt, std::span<const int> members, bool upright, std::span<Body> bodies) {
-  const Quaternion halfway = upright ? Quaternion(Quaternion::Identity()) : Exp(0.5 * dt * TurnOfWalls(bodies));
+void Ride::Give(std::span<const int> members, bool upright, std::span<Body> bodies) {
+  const Quaternion halfway = upright ? Quaternion(Quaternion::Identity()) : Exp(0.5 * dt_ * TurnOfWalls(bodies));
   for (const int i : members) {
     given_W_[i].setZero();
     moment_W_[i].setZero();
@@ -302,10 +302,10 @@ void Ride::Give(double dt, std::span<const int> members, bool upright, std::span
     riders_.push_back({i, b.force_W, b.torque_W});
     b.frozen = false;
     b.linear_velocity_W += given_W_[i] / b.mass;
-    b.force_W -= halfway * given_W_[i] / dt;
+    b.force_W -= halfway * given_W_[i] / dt_;
     if (moment_W_[i].isZero(0)) continue;
     b.angular_velocity_W += SpinOf(b, b.rotation_WB, moment_W_[i]);
-    b.torque_W -= halfway * moment_W_[i] / dt;
+    b.torque_W -= halfway * moment_W_[i] / dt_;
   }
 }
 

@@ -53,19 +53,19 @@ class Ride {
   void Detect(std::span<const int> of_island, const Settings& settings, std::span<const Shape> shapes,
               const ContactFilter& filter, const MixMaterial& mix, std::span<const Contact> contacts,
               std::span<const Vector3> forces_W, std::span<const Body> bodies);
-  bool Predict(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  bool Predict(std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
   bool Load(std::span<const int> members, std::span<const Body> bodies);
   void PoseFree(const Settings& settings, const Body& body, Body* posed) const;
   void PoseChange(const Body& body, Body* posed) const;
   Twist ChangeOf(const Body& wall) const;
   Vector3 ChangeAt(const Contact& contact, std::span<const Body> bodies) const;
-  void Weigh(double dt, std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
+  void Weigh(std::span<const int> members, const Settings& settings, std::span<const Body> bodies);
   bool Solve(std::span<const int> members, const Settings& settings);
   bool FindChange(std::span<const Body> bodies);
   bool KeepUpright(std::span<const int> members, const Settings& settings, std::span<Body> bodies);
   Vector3 TurnOfWalls(std::span<const Body> bodies) const;
   Vector3 GivenBy(int c) const;
-  void Give(double dt, std::span<const int> members, bool upright, std::span<Body> bodies);
+  void Give(std::span<const int> members, bool upright, std::span<Body> bodies);
 
   std::vector<Rider> riders_;
   std::vector<Contact> kept_;

@@ -31,6 +31,15 @@ inline Settings AsCrowd(Settings settings) {
   return settings;
 }
 
+// Eight bodies that pass each other far away: where so many are a crowd, the world steps in halves.
+inline void AddPassersBy(World* world) {
+  for (int k = 0; k < 8; ++k)
+    world->Add({.shape = Shape::Sphere(0.02),
+                .mass = 0.1,
+                .position_W = {50 + 0.05 * k, 0, 0},
+                .linear_velocity_W = {k % 2 == 0 ? 20.0 : -20.0, 0, 5}});
+}
+
 // Half-space below z = 0, or turned by `incline` about y: it then falls towards +x.
 inline BodyDefinition Floor(double friction = 0.5, double restitution = 0, double incline = 0) {
   return {.shape = Shape::HalfSpace(),

@@ -38,6 +38,17 @@ void AddTool(World* world, const std::vector<Part>& parts, double friction, doub
                 .restitution = 0});
 }
 
+// A box of 1 kg that goes along with the tool.
+BodyDefinition Rider(const Vector3& half, const Vector3& place, double friction, double spin) {
+  return {.shape = Shape::Box(half),
+          .mass = 1,
+          .position_W = place,
+          .linear_velocity_W = spin * Vector3::UnitZ().cross(place),
+          .angular_velocity_W = spin * Vector3::UnitZ(),
+          .friction = friction,
+          .restitution = 0};
+}
+
 // A box lies between four walls and a floor that turn together and leave it 1e-5 of its size, or nothing at one side. (Straight on their chords they
 // closed by 30 times as much within a step: the box was thrown out, or up to 80 of 90 steps failed.)
 TEST(Arc, WallsOfOneToolDoNotClose) {
@@ -111,13 +122,7 @@ TEST(Arc, RidersGoAlongTheTangent) {
   World world(settings);
   const std::vector<Part> rim{{{0.1, 1, 1}, {2.2, 0, 0}}};
   AddTool(&world, rim, 0.5, spin);
-  world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
-             .mass = 1,
-             .position_W = {2, 0.3, 0},
-             .linear_velocity_W = spin * Vector3(-0.3, 2, 0),
-             .angular_velocity_W = spin * Vector3::UnitZ(),
-             .friction = 0.5,
-             .restitution = 0});
+  world.Add(Rider({0.1, 0.1, 0.1}, {2, 0.3, 0}, 0.5, spin));
   for (int frame = 1; frame <= 120; ++frame) {
     TurnTool(&world, rim, spin * frame * dt, dt);
     testing::Step(&world, dt);
@@ -198,13 +203,7 @@ TEST(Arc, GoesOnAlongTheTangentIfLetGo) {
     const double spin = 2.5, dt = 1.0 / 30;
     const std::vector<Part> tool{{{0.1, 0.5, 0.5}, {1.2, 0, 0}}};
     AddTool(&world, tool, 0.8, spin);
-    world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
-               .mass = 1,
-               .position_W = {1, 0, 0},
-               .linear_velocity_W = {0, spin, 0},
-               .angular_velocity_W = {0, 0, spin},
-               .friction = 0.8,
-               .restitution = 0});
+    world.Add(Rider({0.1, 0.1, 0.1}, {1, 0, 0}, 0.8, spin));
     for (int frame = 1; frame <= 10; ++frame) {
       TurnTool(&world, tool, spin * frame * dt, dt);
       testing::Step(&world, dt);
@@ -222,13 +221,7 @@ TEST(Arc, LedgerSeesThem) {
   const double spin = 15, dt = 1.0 / 30;
   const std::vector<Part> tool{{{0.1, 0.5, 0.5}, {1.12, 0, 0}}};
   AddTool(&world, tool, 0.8, spin);
-  world.Add({.shape = Shape::Box({0.02, 0.2, 0.2}),
-             .mass = 1,
-             .position_W = {1, 0, 0},
-             .linear_velocity_W = {0, spin, 0},
-             .angular_velocity_W = {0, 0, spin},
-             .friction = 0.8,
-             .restitution = 0});
+  world.Add(Rider({0.02, 0.2, 0.2}, {1, 0, 0}, 0.8, spin));
   for (int frame = 1; frame <= 10; ++frame) {
     TurnTool(&world, tool, spin * frame * dt, dt);
     testing::Step(&world, dt);
@@ -242,19 +235,8 @@ TEST(Arc, GoesOnInHalves) {
   World world(settings);
   const std::vector<Part> tool{{{1, 1, 0.1}, {3, 0, -0.1}}};
   AddTool(&world, tool, 0.8, 1);
-  for (const double z : {0.1, 0.3})
-    world.Add({.shape = Shape::Box({0.1, 0.1, 0.1}),
-               .mass = 1,
-               .position_W = {3, 0, z},
-               .linear_velocity_W = {0, 3, 0},
-               .angular_velocity_W = {0, 0, 1},
-               .friction = 0.8,
-               .restitution = 0});
-  for (int k = 0; k < 8; ++k)
-    world.Add({.shape = Shape::Sphere(0.02),
-               .mass = 0.1,
-               .position_W = {50 + 0.05 * k, 0, 0},
-               .linear_velocity_W = {k % 2 == 0 ? 20.0 : -20.0, 0, 5}});
+  for (const double z : {0.1, 0.3}) world.Add(Rider({0.1, 0.1, 0.1}, {3, 0, z}, 0.8, 1));
+  testing::AddPassersBy(&world);
   const double dt = 1.0 / 60;
   for (int frame = 1; frame <= 10; ++frame) {
     TurnTool(&world, tool, frame * dt, dt);

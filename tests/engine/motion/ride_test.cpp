@@ -155,11 +155,7 @@ TEST(Ride, KeepsItsPlaceInHalves) {
   world.Add(Plate());
   world.Add(Crate(0.1));
   world.Add(Crate(0.3));
-  for (int k = 0; k < 8; ++k)
-    world.Add({.shape = Shape::Sphere(0.02),
-               .mass = 0.1,
-               .position_W = {50 + 0.05 * k, 0, 0},
-               .linear_velocity_W = {k % 2 == 0 ? 20.0 : -20.0, 0, 5}});
+  testing::AddPassersBy(&world);
   const double dt = 1.0 / 60;
   testing::StepTimes(&world, 3, dt);
   for (int frame = 0; frame < 20; ++frame) {
