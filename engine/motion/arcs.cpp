@@ -1,27 +1,41 @@
 #include "engine/motion/arcs.h"
 
-#include <algorithm>
+#include <Eigen/Cholesky>
 
 #include "engine/motion/lever.h"
 #include "engine/rotation.h"
 
 namespace islet::motion {
+namespace {
+
+// From an arm [m] to the velocity [m/s] of the chord of its end, which turns around the origin for this long [s] from now on, or until now if that
+// is negative.
+Matrix3 ChordOf(const Vector3& angular_velocity_W, double duration) {
+  if (duration == 0) return CrossMatrix(angular_velocity_W);
+  const Quaternion turn = Exp(duration * angular_velocity_W);
+  const Matrix3 half = CrossMatrix(turn.vec());
+  return 2 / duration * (turn.w() * half + half * half);
+}
+
+}  // namespace
 
 void Arcs::Begin(double dt, double before, std::span<Body> bodies) {
   dt_ = dt;
   walls_.clear();
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& b = bodies[i];
-    if (!IsTurningWall(b) || b.removed) continue;
-    const Vector3 &v = b.linear_velocity_W, half = 0.5 * dt * b.angular_velocity_W;
-    // How far what changed its velocity is that it turned with it.
-    const Vector3 turned = v - Exp(-half - 0.5 * before * b.angular_before_W) * v;
-    const double share = (v - b.linear_before_W).dot(turned) / std::max(turned.squaredNorm(), 1e-300);
-    const Vector3 axis = half.normalized(), across = v - axis.dot(v) * axis, ahead = Exp(half) * across;
-    const double cosine = ahead.dot(across) / std::max(across.squaredNorm(), 1e-300);
-    if (share <= 0 || cosine < 0.5) continue;  // more than a third of a circle in a step is no arc
-    b.arc_W = 2 / dt * std::min(1.0, share) * (ahead / cosine - across);
-    walls_.push_back({static_cast<int>(i), v, b.arc_W});
+    const Vector3 change_W = b.linear_velocity_W - b.linear_before_W;
+    if (!IsTurningWall(b) || b.removed || change_W.isZero(0)) continue;
+    const Quaternion turn = Exp(dt * b.angular_velocity_W);
+    if (turn.w() < 0.5) continue;  // more than a third of a circle in a step is no arc
+    const Matrix3 to_chord = ChordOf(b.angular_velocity_W, dt),
+                  to_change = to_chord - ChordOf(b.angular_before_W, -before);
+    // How far it is along the axis matters only where the axis turns, too: where that is not known well it is taken for nothing.
+    const Vector3 axis = b.angular_velocity_W.normalized();
+    const Matrix3 known = to_change.transpose() * to_change + 0.01 * to_change.squaredNorm() * axis * axis.transpose();
+    const Vector3 arm_W = known.ldlt().solve(to_change.transpose() * change_W);
+    b.arc_W = 2 / (dt * turn.w()) * turn.vec().cross(to_chord * arm_W);
+    walls_.push_back({static_cast<int>(i), b.linear_velocity_W, b.arc_W});
   }
 }
 

@@ -1,9 +1,9 @@
-// Walls that go in a circle. The user gives a wall one velocity for each step, that of the chord between two poses. Where it turns with the wall, the
-// wall goes on an arc: a parabola that is as fast where it begins as the arc of the step before was where it ended.
+// Walls that turn around a place that goes evenly. The user gives a wall one velocity for each step, that of the chord between two poses. How it
+// changes from step to step tells where that place is, and the wall goes around it on an arc: a parabola.
 //
 //   in:      bodies as a step begins, with their velocities in the one before
 //   out:     Body::arc_W while the step is under way, beyond_before_W after it
-//   law:     engine/motion/README.md, Arc. What rolls turns, but not its velocity: it goes straight
+//   law:     engine/motion/README.md, Arc. What rolls evenly goes straight
 //   frames:  W    units: SI    threads: one
 #pragma once
 

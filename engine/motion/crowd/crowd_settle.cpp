@@ -222,13 +222,13 @@ Vector3 Crowd::BeyondCone(int c) const {
   return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// There all is taken back as it acted, and the end is solved again, unless that would make energy. What is left shows in no velocity.
+// There all is taken back as it acted, and the end is solved again, until nobody is beyond; not where that would make energy.
 void Crowd::KeepToCone(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const auto is_beyond = [&](int c) {
     return BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]);
   };
-  if (std::any_of(contacts.begin(), contacts.end(), is_beyond)) {
+  while (std::any_of(contacts.begin(), contacts.end(), is_beyond)) {
     worker->before.clear();
     worker->settled.clear();
     for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
@@ -245,24 +245,18 @@ void Crowd::KeepToCone(int island, Worker* worker) {
       ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
     }
     Strike(island, worker);
-    if (MarkGains(island, worker)) {
-      held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
-      outcomes_[island] = held, struck_[island] = struck;
-      bounces_of_[island] = bounces;
-      for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
-      for (size_t k = 0; k < contacts.size(); ++k) {
-        const int c = contacts[k];
-        const Settled& s = worker->settled[k];
-        local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
-        carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
-      }
+    if (!MarkGains(island, worker)) continue;
+    held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
+    outcomes_[island] = held, struck_[island] = struck;
+    bounces_of_[island] = bounces;
+    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+    for (size_t k = 0; k < contacts.size(); ++k) {
+      const int c = contacts[k];
+      const Settled& s = worker->settled[k];
+      local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
+      carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
     }
-  }
-  for (const int c : contacts) {
-    const Vector3 beyond = BeyondCone(c);
-    if (beyond.isZero(0)) continue;
-    local_[c] -= frames_[c].transpose() * beyond;
-    ApplyImpulse(problem_[c], -beyond, posed_);
+    return;
   }
 }
 
