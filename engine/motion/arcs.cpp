@@ -28,13 +28,21 @@ void Arcs::Begin(double dt, double before, std::span<Body> bodies) {
     if (!IsTurningWall(b) || b.removed || change_W.isZero(0)) continue;
     const Quaternion turn = Exp(dt * b.angular_velocity_W);
     if (turn.w() < 0.5) continue;  // more than a third of a circle in a step is no arc
-    const Matrix3 to_chord = ChordOf(b.angular_velocity_W, dt),
-                  to_change = to_chord - ChordOf(b.angular_before_W, -before);
-    // How far it is along the axis matters only where the axis turns, too: where that is not known well it is taken for nothing.
+    const Matrix3 to_chord = ChordOf(b.angular_velocity_W, dt);
     const Vector3 axis = b.angular_velocity_W.normalized();
-    const Matrix3 known = to_change.transpose() * to_change + 0.01 * to_change.squaredNorm() * axis * axis.transpose();
-    const Vector3 arm_W = known.ldlt().solve(to_change.transpose() * change_W);
-    b.arc_W = 2 / (dt * turn.w()) * turn.vec().cross(to_chord * arm_W);
+    const auto chord_if = [&](double lasted) -> Vector3 {
+      const Matrix3 to_change = to_chord - ChordOf(b.angular_before_W, -lasted);
+      // How far it is along the axis is known only where the axis turns, too; else it is taken for nothing.
+      const Matrix3 known =
+          to_change.transpose() * to_change + 1e-6 * to_change.squaredNorm() * axis * axis.transpose();
+      return to_chord * known.ldlt().solve(to_change.transpose() * change_W);
+    };
+    Vector3 chord_W = chord_if(before);
+    if (before == 0) {  // given may be the velocity of a point, or of a chord: as its centre goes slower
+      const Vector3 other_W = chord_if(dt);
+      if ((b.linear_velocity_W - other_W).norm() < (b.linear_velocity_W - chord_W).norm()) chord_W = other_W;
+    }
+    b.arc_W = 2 / (dt * turn.w()) * turn.vec().cross(chord_W);
     walls_.push_back({static_cast<int>(i), b.linear_velocity_W, b.arc_W});
   }
 }

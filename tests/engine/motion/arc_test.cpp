@@ -192,6 +192,32 @@ TEST(Arc, RidersGoAlongTheTangent) {
   }
 }
 
+// A world may begin with the velocity of the wall's point, or, as one that is built from what another shows, with that of its chord. (What rode on it
+// was slung 10 mm off in the first two steps.)
+TEST(Arc, BeginsFromEitherVelocity) {
+  const double spin = 10, dt = 1.0 / 30;
+  const std::vector<Part> rim{{{0.05, 1, 1}, {1.05, 0, 0}}};
+  const Vector3 box(0.9, 0, 0);
+  for (const bool of_chord : {false, true}) {
+    World world(Awake());
+    const Vector3 place = rim[0].place;
+    world.Add({.shape = Shape::Box(rim[0].half),
+               .kind = BodyKind::kKinematic,
+               .position_W = place,
+               .linear_velocity_W = of_chord ? Vector3((place - Turn(-spin * dt, Vector3::UnitZ()) * place) / dt)
+                                             : Vector3(spin * Vector3::UnitZ().cross(place)),
+               .angular_velocity_W = spin * Vector3::UnitZ(),
+               .friction = 0.6,
+               .restitution = 0});
+    world.Add(Rider({0.1, 0.1, 0.1}, box, 0.6, spin));
+    for (int frame = 1; frame <= 3; ++frame) {
+      TurnTool(&world, rim, spin * frame * dt, dt);
+      testing::Step(&world, dt);
+      EXPECT_LT((Turn(-spin * frame * dt, Vector3::UnitZ()) * world.body(1).position_W - box).norm(), 1e-4) << of_chord;
+    }
+  }
+}
+
 // A ball falls on a paddle that swings up at it, both seen from a frame that travels by -travel_W [m/s]. [m] where it is then, in theirs.
 Vector3 StruckBall(double dt, const Vector3& travel_W = Vector3::Zero()) {
   World world(Awake());
