@@ -17,6 +17,17 @@ Matrix3 ChordOf(const Vector3& angular_velocity_W, double duration) {
   return 2 / duration * (turn.w() * half + half * half);
 }
 
+// [m/s] by which a wall goes around a centre that goes evenly, if the step before lasted so long [s].
+Vector3 Around(const Body& wall, double dt, double before) {
+  const Matrix3 to_chord = ChordOf(wall.angular_velocity_W, dt),
+                to_change = to_chord - ChordOf(wall.angular_before_W, -before);
+  // How far it is along the axis is known only where the axis turns, too; else it is taken for nothing.
+  const Vector3 axis = wall.angular_velocity_W.normalized();
+  const Matrix3 known = to_change.transpose() * to_change + 1e-6 * to_change.squaredNorm() * axis * axis.transpose();
+  const Vector3 change_W = wall.linear_velocity_W - wall.linear_before_W;
+  return to_chord * known.ldlt().solve(to_change.transpose() * change_W);
+}
+
 }  // namespace
 
 void Arcs::Begin(double dt, double before, std::span<Body> bodies) {
@@ -24,25 +35,16 @@ void Arcs::Begin(double dt, double before, std::span<Body> bodies) {
   walls_.clear();
   for (size_t i = 0; i < bodies.size(); ++i) {
     Body& b = bodies[i];
-    const Vector3 change_W = b.linear_velocity_W - b.linear_before_W;
-    if (!IsTurningWall(b) || b.removed || change_W.isZero(0)) continue;
+    if (!IsTurningWall(b) || b.removed || b.linear_velocity_W == b.linear_before_W) continue;
     const Quaternion turn = Exp(dt * b.angular_velocity_W);
     if (turn.w() < 0.5) continue;  // more than a third of a circle in a step is no arc
-    const Matrix3 to_chord = ChordOf(b.angular_velocity_W, dt);
-    const Vector3 axis = b.angular_velocity_W.normalized();
-    const auto chord_if = [&](double lasted) -> Vector3 {
-      const Matrix3 to_change = to_chord - ChordOf(b.angular_before_W, -lasted);
-      // How far it is along the axis is known only where the axis turns, too; else it is taken for nothing.
-      const Matrix3 known =
-          to_change.transpose() * to_change + 1e-6 * to_change.squaredNorm() * axis * axis.transpose();
-      return to_chord * known.ldlt().solve(to_change.transpose() * change_W);
-    };
-    Vector3 chord_W = chord_if(before);
-    if (before == 0) {  // given may be the velocity of a point, or of a chord: as its centre goes slower
-      const Vector3 other_W = chord_if(dt);
-      if ((b.linear_velocity_W - other_W).norm() < (b.linear_velocity_W - chord_W).norm()) chord_W = other_W;
+    Vector3 around_W = Around(b, dt, before);
+    if (before == 0) {  // given may be the velocity of a point, or that of a chord: the one whose centre goes slower
+      const Vector3 of_chord_W = Around(b, dt, dt);
+      const auto centre = [&](const Vector3& around) { return (b.linear_velocity_W - around).norm(); };
+      if (centre(of_chord_W) < centre(around_W)) around_W = of_chord_W;
     }
-    b.arc_W = 2 / (dt * turn.w()) * turn.vec().cross(chord_W);
+    b.arc_W = 2 / (dt * turn.w()) * turn.vec().cross(around_W);
     walls_.push_back({static_cast<int>(i), b.linear_velocity_W, b.arc_W});
   }
 }

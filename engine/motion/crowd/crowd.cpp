@@ -189,7 +189,6 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
     if (press > 0 && !change.isZero(0))
       impulses_.push_back({(*near_)[e], press / pressed_[e] * change, t + h, 0, acted_as_[c]});
   }
-  near_->resize(found_);
   return Outcome::kDone;
 }
 
@@ -211,17 +210,12 @@ bool Crowd::HitsFrozen() {
 
 // What held as the piece ended, also between bodies that stood still all the while.
 void Crowd::Remember(double h, CrowdMemory* memory) {
-  memory->contacts.assign(near_->begin(), near_->begin() + static_cast<std::ptrdiff_t>(found_));
+  memory->contacts = *near_;
   memory->lost = lost_;
-  memory->forces_W.assign(found_, Vector3::Zero());
-  blow_W_.assign(found_, Vector3::Zero());
+  memory->forces_W.assign(near_->size(), Vector3::Zero());
+  blow_W_.assign(near_->size(), Vector3::Zero());
   for (size_t c = 0; c < problem_.size(); ++c) {
-    auto e = static_cast<size_t>(closed_[c]);
-    if (e >= found_) {  // the nearest of its pair holds instead
-      const auto [first, last] =
-          std::equal_range(memory->contacts.begin(), memory->contacts.end(), problem_[c], EarlierPair);
-      e = first - memory->contacts.begin() + FindHeir({first, last}, problem_[c].normal_W, problem_[c].point_W);
-    }
+    const int e = closed_[c];
     memory->forces_W[e] += 1 / h * (frames_[c] * local_[c] + beyond_W_[c]);
     blow_W_[e] += frames_[c] * (blows_[c] + collisions_[c]);
   }

@@ -282,7 +282,6 @@ class Crowd {
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.
-  size_t found_ = 0;             // near contacts that are there; behind them those where pairs that ended open pressed
   std::vector<int> problem_at_;  // per near contact: its place in the problem, or -1
   std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem

@@ -86,25 +86,14 @@ void Crowd::TurnCarried() {
   });
 }
 
-// What pressed and is not found again falls to the nearest contact of its pair. Where that one is open, too, it may be anywhere: such a pair
-// takes part where its bodies took the impulse, behind the contacts that are there.
+// What pressed and is not found again falls to the nearest contact of its pair.
 void Crowd::Inherit() {
-  found_ = near_->size();
   for (size_t c = 0; c < held_.size(); ++c) {
     if (follows_[c] >= 0 || impulse_W_[c].isZero(0)) continue;
-    const auto end = near_->begin() + static_cast<std::ptrdiff_t>(found_);
-    const auto [first, last] = std::equal_range(near_->begin(), end, held_[c], EarlierPair);
-    const Vector3 place_W = PlaceAtEnd(c).point_W;
-    const int nearest = FindHeir({first, last}, held_[c].normal_W, place_W);
+    const auto [first, last] = std::equal_range(near_->begin(), near_->end(), held_[c], EarlierPair);
+    const int nearest = FindHeir({first, last}, held_[c].normal_W, PlaceAtEnd(c).point_W);
     if (nearest < 0) continue;
     follows_[c] = static_cast<int>(first - near_->begin()) + nearest;
-    if (LeastGap({first, last}) > settings_.overlap_tolerance * Size(held_[c])) {
-      Contact contact = first[nearest];
-      contact.point_W = place_W;
-      follows_[c] = static_cast<int>(near_->size());
-      near_->push_back(contact);
-      carried_W_.emplace_back(Vector3::Zero());
-    }
     carried_W_[follows_[c]] += impulse_W_[c];
   }
 }

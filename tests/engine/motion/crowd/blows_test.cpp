@@ -86,6 +86,22 @@ TEST(CrowdBlows, ForcesHoldAsGravityDoes) {
   }
 }
 
+// A ball that stands in the air falls, by gravity or by the user's force, by less than a step takes it: it rebounds by what it fell.
+TEST(CrowdBlows, WhatFallsWithinAStepRebounds) {
+  for (const bool by_force : {false, true}) {
+    for (const double height : {0.005, 0.02}) {
+      Settings settings = testing::AsCrowd(testing::Awake());
+      if (by_force) settings.gravity = Vector3::Zero();
+      World world(settings);
+      world.Add(Floor(0.5, 0.8));
+      const int ball = world.Add(Ball({0, 0, 0.1 + height}, 0.1, 0.5, 0.8));
+      if (by_force) world.SetForce(ball, {0, 0, -kGravity * world.body(ball).mass}, Vector3::Zero());
+      for (int frame = 0; frame < 2; ++frame) testing::Step(&world, 1.0 / 30);
+      EXPECT_NEAR(Head(world.body(ball), 0.1), 0.64 * height, 1e-6) << by_force << " " << height;
+    }
+  }
+}
+
 // The floor stops what sticks and brakes what slides; neighbours that do the same take no part.
 TEST(CrowdBlows, RowLandsFlatLikeOneCube) {
   for (const double speed : {0.1, 3.0}) {
