@@ -211,41 +211,38 @@ Vector3 Crowd::BeyondCone(int c) const {
   return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// There all is taken back as it acted, and the end is solved again, until nobody is beyond; not where that would make energy.
+// Where any is, all of the island is taken back as it acted, and the end is solved again; not where that would make energy.
 void Crowd::KeepToCone(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const auto is_beyond = [&](int c) {
     return BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]);
   };
-  while (std::any_of(contacts.begin(), contacts.end(), is_beyond)) {
-    worker->before.clear();
-    worker->settled.clear();
-    for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
-    for (const int c : contacts)
-      worker->settled.push_back({local_[c], blows_[c], collisions_[c], carried_W_[closed_[c]], beyond_W_[c]});
-    ResponseOutcome held = outcomes_[island], struck = struck_[island];
-    const int bounces = bounces_of_[island];
-    for (const int c : contacts)
-      if (is_beyond(c)) carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
-    for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
-    for (const int c : contacts) {
-      blows_[c].setZero();
-      collisions_[c].setZero();
-      ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
-    }
-    Strike(island, worker);
-    if (!MarkGains(island, worker)) continue;
-    held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
-    outcomes_[island] = held, struck_[island] = struck;
-    bounces_of_[island] = bounces;
-    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
-    for (size_t k = 0; k < contacts.size(); ++k) {
-      const int c = contacts[k];
-      const Settled& s = worker->settled[k];
-      local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
-      carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
-    }
-    return;
+  if (std::none_of(contacts.begin(), contacts.end(), is_beyond)) return;
+  worker->before.clear();
+  worker->settled.clear();
+  for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
+  for (const int c : contacts)
+    worker->settled.push_back({local_[c], blows_[c], collisions_[c], carried_W_[closed_[c]], beyond_W_[c]});
+  ResponseOutcome held = outcomes_[island], struck = struck_[island];
+  const int bounces = bounces_of_[island];
+  for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+  for (const int c : contacts) {
+    carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
+    blows_[c].setZero();
+    collisions_[c].setZero();
+    ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
+  }
+  Strike(island, worker);
+  if (!MarkGains(island, worker)) return;
+  held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
+  outcomes_[island] = held, struck_[island] = struck;
+  bounces_of_[island] = bounces;
+  for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+  for (size_t k = 0; k < contacts.size(); ++k) {
+    const int c = contacts[k];
+    const Settled& s = worker->settled[k];
+    local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
+    carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
   }
 }
 
