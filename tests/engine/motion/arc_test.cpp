@@ -20,25 +20,30 @@ struct Part {
   Vector3 half, place;
 };
 
-// Moves kinematic boxes to where a tool has them.
-void MoveTool(World* world, const std::vector<Part>& parts, const Vector3& place, const Quaternion& turn, double dt) {
+// A step in which kinematic boxes go to where a tool has them.
+void StepTool(World* world, const std::vector<Part>& parts, const Vector3& place, const Quaternion& turn, double dt) {
   for (size_t i = 0; i < parts.size(); ++i) world->MoveTo(static_cast<int>(i), place + turn * parts[i].place, turn, dt);
+  testing::Step(world, dt);
 }
 
-// One that has turned about the vertical.
+// Of one that has turned about the vertical.
 void TurnTool(World* world, const std::vector<Part>& parts, double angle, double dt) {
-  MoveTool(world, parts, Vector3::Zero(), Turn(angle, Vector3::UnitZ()), dt);
+  StepTool(world, parts, Vector3::Zero(), Turn(angle, Vector3::UnitZ()), dt);
 }
 
-void AddTool(World* world, const std::vector<Part>& parts, double friction, double spin = 0) {
-  for (const Part& part : parts)
+// Their velocities are those of their points, or, where chord [s] is given, those of the chords on which they came here in so long.
+void AddTool(World* world, const std::vector<Part>& parts, double friction, double spin = 0, double chord = 0) {
+  for (const Part& part : parts) {
+    const Vector3 before = Turn(-spin * chord, Vector3::UnitZ()) * part.place;
     world->Add({.shape = Shape::Box(part.half),
                 .kind = BodyKind::kKinematic,
                 .position_W = part.place,
-                .linear_velocity_W = spin * Vector3::UnitZ().cross(part.place),
+                .linear_velocity_W = chord > 0 ? Vector3((part.place - before) / chord)
+                                               : Vector3(spin * Vector3::UnitZ().cross(part.place)),
                 .angular_velocity_W = spin * Vector3::UnitZ(),
                 .friction = friction,
                 .restitution = 0});
+  }
 }
 
 // A box of 1 kg that goes along with the tool.
@@ -73,7 +78,6 @@ TEST(Arc, WallsOfOneToolDoNotClose) {
       for (int frame = 1; frame * dt < 2; ++frame) {
         angle += 3 * std::min(1.0, frame * dt) * dt;
         TurnTool(&world, tool, angle, dt);
-        testing::Step(&world, dt);
         const Vector3 place = Turn(-angle, Vector3::UnitZ()) * world.body(5).position_W;
         EXPECT_LT((place - box).norm(), 5 * play) << frame;
       }
@@ -130,8 +134,7 @@ TEST(Arc, PartsStayTogetherHoweverTheToolGoes) {
       for (int frame = 1; frame * dt < 1; ++frame) {
         const Vector3 place = way.place(frame * dt);
         const Quaternion turn = way.turn(frame * dt);
-        MoveTool(&world, crate, place, turn, dt);
-        testing::Step(&world, dt);
+        StepTool(&world, crate, place, turn, dt);
         EXPECT_LT((turn.conjugate() * (world.body(6).position_W - place) - box).norm(), 5 * play) << frame;
       }
     }
@@ -185,7 +188,6 @@ TEST(Arc, RidersGoAlongTheTangent) {
   world.Add(Rider({0.1, 0.1, 0.1}, {2, 0.3, 0}, 0.5, spin));
   for (int frame = 1; frame <= 120; ++frame) {
     TurnTool(&world, rim, spin * frame * dt, dt);
-    testing::Step(&world, dt);
     const Body& box = world.body(1);
     EXPECT_LT((box.linear_velocity_W - spin * Vector3::UnitZ().cross(box.position_W)).norm(), 1e-3) << frame;
     EXPECT_LT((Turn(-spin * frame * dt, Vector3::UnitZ()) * box.position_W - Vector3(2, 0.3, 0)).norm(), 1e-5) << frame;
@@ -200,19 +202,10 @@ TEST(Arc, BeginsFromEitherVelocity) {
   const Vector3 box(0.9, 0, 0);
   for (const bool of_chord : {false, true}) {
     World world(Awake());
-    const Vector3 place = rim[0].place;
-    world.Add({.shape = Shape::Box(rim[0].half),
-               .kind = BodyKind::kKinematic,
-               .position_W = place,
-               .linear_velocity_W = of_chord ? Vector3((place - Turn(-spin * dt, Vector3::UnitZ()) * place) / dt)
-                                             : Vector3(spin * Vector3::UnitZ().cross(place)),
-               .angular_velocity_W = spin * Vector3::UnitZ(),
-               .friction = 0.6,
-               .restitution = 0});
+    AddTool(&world, rim, 0.6, spin, of_chord ? dt : 0);
     world.Add(Rider({0.1, 0.1, 0.1}, box, 0.6, spin));
     for (int frame = 1; frame <= 3; ++frame) {
       TurnTool(&world, rim, spin * frame * dt, dt);
-      testing::Step(&world, dt);
       EXPECT_LT((Turn(-spin * frame * dt, Vector3::UnitZ()) * world.body(1).position_W - box).norm(), 1e-4) << of_chord;
     }
   }
@@ -298,7 +291,6 @@ TEST(Arc, GoesOnAlongTheTangentIfLetGo) {
     world.Add(Rider({0.1, 0.1, 0.1}, {1, 0, 0}, 0.8, spin));
     for (int frame = 1; frame <= 10; ++frame) {
       TurnTool(&world, tool, spin * frame * dt, dt);
-      testing::Step(&world, dt);
     }
     world.SetKind(0, BodyKind::kDynamic);
     const Vector3 apart = world.body(1).linear_velocity_W - world.body(0).linear_velocity_W,
@@ -316,7 +308,6 @@ TEST(Arc, LedgerSeesThem) {
   world.Add(Rider({0.02, 0.2, 0.2}, {1, 0, 0}, 0.8, spin));
   for (int frame = 1; frame <= 10; ++frame) {
     TurnTool(&world, tool, spin * frame * dt, dt);
-    testing::Step(&world, dt);
   }
 }
 
@@ -332,7 +323,6 @@ TEST(Arc, GoesOnInHalves) {
   const double dt = 1.0 / 60;
   for (int frame = 1; frame <= 10; ++frame) {
     TurnTool(&world, tool, frame * dt, dt);
-    testing::Step(&world, dt);
     const Body& box = world.body(1);
     EXPECT_LT((Turn(-frame * dt, Vector3::UnitZ()) * box.position_W - Vector3(3, 0, 0.1)).norm(), 1e-5) << frame;
     EXPECT_LT((box.linear_velocity_W - Vector3::UnitZ().cross(box.position_W)).head<2>().norm(), 3e-3) << frame;
@@ -348,7 +338,6 @@ TEST(Arc, IsInSnapshots) {
   const auto drive = [&](World* w, double spin, double dt) {  // faster and faster
     const double angle = std::atan2(w->body(0).position_W.y(), w->body(0).position_W.x()) + spin * dt;
     TurnTool(w, tool, angle, dt);
-    testing::Step(w, dt);
   };
   for (int frame = 0; frame < 5; ++frame) drive(&world, 1 + 0.1 * frame, 1.0 / 60);
   World other(Awake());
