@@ -30,7 +30,6 @@ void LadderReport::Include(const LadderReport& other) {
     rungs[r].contacts += other.rungs[r].contacts;
     rungs[r].seconds += other.rungs[r].seconds;
   }
-  in_vain.Include(other.in_vain);
 }
 
 void Ledger::Include(const Ledger& other) {

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "qp/in_vain.h"
 #include "qp/ladder.h"
 
 namespace islet {
@@ -78,10 +77,9 @@ struct LadderReport {
   struct Rung {
     std::int64_t problems = 0;  // answered there
     std::int64_t contacts = 0;  // of these problems
-    double seconds = 0;         // [s] wall, summed over islands; what was tried in vain before included
+    double seconds = 0;         // [s] wall, summed over islands
   };
-  std::array<Rung, qp::kNumRungs> rungs;  // by qp::Rung
-  qp::InVain in_vain;                     // and what was tried before
+  std::array<Rung, qp::kNumRungs> rungs;                                                      // by qp::Rung
   void Add(qp::Rung rung, std::int64_t problems, std::int64_t contacts, double seconds = 0);  // counts them, [s]
   void Include(const LadderReport& other);                                                    // adds it up
 };

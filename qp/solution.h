@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "qp/in_vain.h"
 #include "qp/ladder.h"
 #include "qp/problem.h"
 
@@ -32,7 +31,6 @@ struct Solution {
   int iterations = 0;                      // factorisations, all together
   double gap = 0;                          // relative duality gap reached
   Rung rung = Rung::kNothing;              // that the answer came from
-  InVain in_vain;                          // rungs tried before
 };
 
 }  // namespace islet::qp

@@ -10,19 +10,10 @@ FrameLog::FrameLog()
     : text_(
           "frame,contacts,active_contacts,islands,largest_island_contacts,collision_qp_seconds,static_qp_seconds,"
           "iterations,awake,kinetic_energy,penetration_max,woken,frozen,step_seconds") {
-  AddNames("", qp::kNumProblemRungs);
-  AddNames("motion_", qp::kNumRungs);
+  for (const char* rung : qp::kRungNames) fmt::format_to(std::back_inserter(text_), ",{}", rung);
   text_ +=
       ",natural_map_max,coulomb_map_max,problems_missed,problems_failed,energy_created,momentum_unexplained,"
       "angular_momentum_unexplained,displacement_without_velocity,sides_changed,overlapping,step_failed\n";
-}
-
-void FrameLog::AddNames(const char* prefix, int rungs) {
-  const auto out = std::back_inserter(text_);
-  for (int r = 0; r < rungs; ++r) fmt::format_to(out, ",{}{}", prefix, qp::kRungNames[r]);
-  fmt::format_to(out, ",{0}escalations,{0}seconds_in_vain", prefix);
-  for (int rung = 0; rung < qp::kNumProblemRungs; ++rung)
-    fmt::format_to(out, ",{}{}_escalations", prefix, qp::kRungNames[rung]);
 }
 
 void FrameLog::Add(const StepReport& r, double step_seconds) {
@@ -30,21 +21,16 @@ void FrameLog::Add(const StepReport& r, double step_seconds) {
                  r.contacts, r.active_contacts, r.islands.size(), r.largest_island_contacts, r.collision_qp.seconds,
                  r.static_qp.seconds, r.collision_qp.iterations + r.static_qp.iterations, r.awake, r.kinetic_energy,
                  r.penetration_max, r.woken, r.frozen, step_seconds);
-  AddRungs(r.ladder, qp::kNumProblemRungs);
-  AddRungs(r.motion_ladder, qp::kNumRungs);
+  for (int rung = 0; rung < qp::kNumRungs; ++rung) {
+    const LadderReport& ladder = rung < qp::kNumProblemRungs ? r.ladder : r.motion_ladder;
+    fmt::format_to(std::back_inserter(text_), ",{}", ladder.rungs[rung].problems);
+  }
   const Ledger& l = r.ledger;
   fmt::format_to(std::back_inserter(text_), ",{:.6g},{:.6g},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{},{}\n",
                  r.certificate.natural_map_max, r.certificate.coulomb_map_max,
                  r.collision_qp.missed + r.static_qp.missed, r.collision_qp.failed + r.static_qp.failed,
                  l.energy_created.value, l.momentum_unexplained.value, l.angular_momentum_unexplained.value,
                  l.displacement_without_velocity.value, l.sides_changed, r.overlapping, r.Failed() ? 1 : 0);
-}
-
-void FrameLog::AddRungs(const LadderReport& ladder, int rungs) {
-  for (int r = 0; r < rungs; ++r) fmt::format_to(std::back_inserter(text_), ",{}", ladder.rungs[r].problems);
-  fmt::format_to(std::back_inserter(text_), ",{},{:.6g}", ladder.in_vain.times(), ladder.in_vain.seconds());
-  for (int r = 0; r < qp::kNumProblemRungs; ++r)
-    fmt::format_to(std::back_inserter(text_), ",{}", ladder.in_vain.times(qp::Rung(r)));
 }
 
 }  // namespace islet

@@ -2,8 +2,7 @@
 //
 // Columns: frame (from 1), contacts, active_contacts, islands, largest_island_contacts, collision_qp_seconds [s],
 // static_qp_seconds [s], iterations (interior point, both problems), awake, kinetic_energy [J], penetration_max [m],
-// woken, frozen, step_seconds [s]; problems by rung of the ladder, escalations: how often rungs were tried in vain,
-// seconds_in_vain: how long, and which; motion_...: the same of motion and detection, and what those were spared;
+// woken, frozen, step_seconds [s]; by rung of the ladder: problems that it answered, and what detection was spared;
 // natural_map_max, coulomb_map_max [m/s] at the worst contact: of the model that was solved, and of exact Coulomb friction;
 // problems_missed, problems_failed: that ended above the tolerance, and that have no answer; of the ledger (engine/step_report.h):
 // energy_created, momentum_unexplained, angular_momentum_unexplained, displacement_without_velocity [m], sides_changed;
@@ -23,9 +22,6 @@ class FrameLog {
   const std::string& text() const { return text_; }
 
  private:
-  void AddNames(const char* prefix, int rungs);
-  void AddRungs(const LadderReport& ladder, int rungs);
-
   int frames_ = 0;
   std::string text_;  // whole table; written when the run is over, so that no half table is left by a broken one
 };

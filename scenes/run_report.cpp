@@ -59,20 +59,13 @@ Json QpJson(const QpSummary& qp, double frames) {
           {"seconds_per_frame", qp.seconds / frames}};
 }
 
-// Its first `rungs` rungs.
-Json LadderJson(const LadderReport& ladder, int rungs, double all_seconds) {
+// Its rungs from `first` on, up to `last`.
+Json LadderJson(const LadderReport& ladder, int first, int last) {
   Json json;
-  for (int r = 0; r < rungs; ++r) {
+  for (int r = first; r < last; ++r) {
     const LadderReport::Rung& rung = ladder.rungs[r];
-    Json& entry = json[qp::kRungNames[r]];
-    entry = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
-    if (r >= qp::kNumProblemRungs) continue;
-    entry["escalations"] = ladder.in_vain.times(qp::Rung(r));
-    entry["seconds_in_vain"] = ladder.in_vain.seconds(qp::Rung(r));
+    json[qp::kRungNames[r]] = {{"problems", rung.problems}, {"contacts", rung.contacts}, {"seconds", rung.seconds}};
   }
-  json["escalations"] = ladder.in_vain.times();
-  json["seconds_in_vain"] = ladder.in_vain.seconds();
-  json["share_in_vain"] = ladder.in_vain.seconds() / std::max(all_seconds, 1e-300);
   return json;
 }
 
@@ -229,7 +222,7 @@ std::string RunReport::Json() const {
   json["restitution_lowered"] = restitution_lowered_;
   json["collision_qp"] = QpJson(collision_qp_, frames);
   json["static_qp"] = QpJson(static_qp_, frames);
-  json["ladder"] = LadderJson(ladder_, qp::kNumProblemRungs, sum);
+  json["ladder"] = LadderJson(ladder_, 0, qp::kNumProblemRungs);
   json["certificate"] = CertificateJson(certificate_);
   json["frozen_imbalance"] = frozen_imbalance_;
   json["penetration"] = {{"max", penetration_.max},
@@ -238,7 +231,7 @@ std::string RunReport::Json() const {
   json["motion"] = {{"passes_max", motion_passes_max_},
                     {"failures", motion_failures_},
                     {"gave_up", {{"frames", gave_up_}, {"bodies_max", gave_up_max_}}},
-                    {"ladder", LadderJson(motion_ladder_, qp::kNumRungs, sum)}};
+                    {"ladder", LadderJson(motion_ladder_, qp::kNumProblemRungs, qp::kNumRungs)}};
   json["kinetic_energy_end"] = kinetic_energy_;
   const auto entry = [&](const LedgerEntry& e, int place) {
     return islet::Json{{"value", e.value}, {"frame", ledger_frames_[place]}, {"body", e.body}};

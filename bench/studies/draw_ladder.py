@@ -87,7 +87,7 @@ def draw_rungs(found, folder, save):
 def table_of(found, clock):
     first = next(iter(found.values()))["auto", ASKED]
     headers = ["scene", "frames", "ms/frame off", "auto", "off/auto", "QP off/auto", "map [m/s] off", "auto", "deviation [m] off", "auto",
-               "nudged", "stepwise: off/auto", "QP off/auto", "deviation [m]", "problems off", "auto", "given up", "in vain, % of the step"]
+               "nudged", "stepwise: off/auto", "QP off/auto", "deviation [m]", "problems off", "auto"]
     headers += [f"{rung}: % of {what}" for rung in rungs_of(first) for what in ("problems", "QP time")]
     lines = []
     for scene, rows in found.items():
@@ -100,8 +100,7 @@ def table_of(found, clock):
         line += [step[0][c] / max(step[1][c], 1e-9) for c in (clock + "_s", "qp_s")] + [step[1]["deviation"]] if all(step) else [None] * 3
         counts = {rung: auto[rung + "_n"] for rung in rungs_of(auto)}
         seconds = {rung: auto[rung + "_s"] for rung in rungs_of(auto)}
-        line += [int(sum(off[rung + "_n"] for rung in counts)), int(sum(counts.values())), int(auto["escalations"]),
-                 100 * auto["vain_s"] / auto["wall_s"]]
+        line += [int(sum(off[rung + "_n"] for rung in counts)), int(sum(counts.values()))]
         for rung in counts:
             line += [100 * counts[rung] / max(1, sum(counts.values())), 100 * seconds[rung] / max(1e-12, sum(seconds.values()))]
         lines.append(line)

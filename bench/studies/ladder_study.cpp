@@ -229,7 +229,7 @@ class Study {
   static std::string Columns() {
     std::string columns =
         "scene,frames,lead,ladder,tolerance,repeats,cpu_s,wall_s,qp_s,map_mean,map_max,deviation,"
-        "energy_end,penetration_max,contacts_mean,frozen_end,failed,missed,escalations,vain_s,";
+        "energy_end,penetration_max,contacts_mean,frozen_end,failed,missed,";
     for (int rung = 0; rung < qp::kNumProblemRungs; ++rung)
       columns += qp::kRungNames[rung] + std::string("_n,") + qp::kRungNames[rung] + "_s,";
     return columns + "kept_pairs,spared_detections,state_hash";
@@ -275,8 +275,7 @@ class Study {
       rungs << run.motion_ladder.rungs[static_cast<int>(rung)].problems << ',';
     csv_.Row(scene.name, scene.frames, scene.lead, kind.name, kind.tolerance, repeats, run.Cpu(), run.Wall(), run.qp,
              run.map_mean, run.map_max, run.deviation, run.energy, run.penetration, run.contacts, run.frozen,
-             run.failed, run.missed, run.ladder.in_vain.times() + run.motion_ladder.in_vain.times(),
-             run.ladder.in_vain.seconds() + run.motion_ladder.in_vain.seconds(), rungs.str() + Hex(run.hash));
+             run.failed, run.missed, rungs.str() + Hex(run.hash));
     std::ostringstream line;
     line << "  ladder: " << scene.name << ' ' << kind.name << ' ' << kind.tolerance << ": " << run.Cpu() << " s, "
          << static_cast<int>(clock_.Cpu()) << " of at most about " << options_.budget << " s";

@@ -73,7 +73,6 @@ void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   summary->seconds += seconds;
   if (contacts == 0) return;
   ladder->Add(rung, 1, contacts, seconds);
-  ladder->in_vain.Include(in_vain);
   if (status == QpStatus::kNone) return;
   ++summary->solved;
   summary->failed += status == QpStatus::kInfeasible || status == QpStatus::kFailed;
@@ -140,7 +139,6 @@ void IslandResponder::SolveOnce(const qp::Settings& settings, ResponseOutcome* o
   solver_.Solve(problem_, settings, &solution_, guess_);
   outcome->iterations += solution_.iterations;
   outcome->rung = solution_.rung;
-  outcome->in_vain.Include(solution_.in_vain);
 }
 
 // Without moving walls, bounces and pushes all bodies could stand still: where a problem has no solution, these are to blame.

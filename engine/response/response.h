@@ -36,7 +36,6 @@ struct ResponseOutcome {
   double seconds = 0;                  // [s] wall
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
-  qp::InVain in_vain;                  // rungs tried before
   Certificate certificate;
   double map = 0;  // natural map of the model, rms, over v_ref
   void AddTo(QpSummary* summary, LadderReport* ladder) const;

@@ -1,7 +1,6 @@
 #include "qp/cascade/island_solver.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include "qp/body_algebra.h"
@@ -12,8 +11,6 @@
 
 namespace islet::qp {
 namespace {
-
-double Seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // The impulse of one contact alone, and the multiplier of the kinetic model's bounce. w: of the contact, u: its velocity without
 // impulse. False if it is missed.
@@ -54,7 +51,6 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
   ReturnNone(problem, solution);
   solution->rung = Rung::kNothing;
   solution->iterations = 0;
-  InVain in_vain;
   convex_.Begin();
   scales_.clear();
   tried_ = false;
@@ -63,13 +59,10 @@ void IslandSolver::Solve(const Problem& problem, const Settings& settings, Solut
     if (problem.contacts.empty()) break;
     if (strategy.rung != Rung::kInteriorPoint && !settings.ladder.Has(strategy.rung)) continue;
     if (strategy.rung > Rung::kClosedForm && scales_.empty()) ImpulseScales(problem, &scales_);
-    const double begin = Seconds();
     if (!(this->*strategy.fits)(task)) continue;
     solution->rung = strategy.rung;
     if ((this->*strategy.solve)(task, solution)) break;
-    in_vain.Add(strategy.rung, Seconds() - begin);
   }
-  solution->in_vain = in_vain;
   if (!AllFinite(*solution)) solution->status = Status::kFailed;
 }
 
