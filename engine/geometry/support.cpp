@@ -106,4 +106,27 @@ bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const 
   return normals_W->size() > 1;
 }
 
+bool LeastClosingSide(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
+                      const Vector3& velocity_W, Vector3* normal_W) {
+  if (a.polytope().vertices.empty() || b.polytope().vertices.empty()) return false;
+  static thread_local std::vector<int> apart;
+  double least = INFINITY, next = INFINITY;
+  const auto look = [&](const Vector3& n) {
+    const double closing = -n.dot(velocity_W);
+    const bool other = least == INFINITY || (n - *normal_W).norm() >= kAngle;
+    if (closing >= least) {
+      if (other) next = std::min(next, closing);
+      return;
+    }
+    if (other) next = least;
+    least = closing;
+    *normal_W = n;
+  };
+  SidesApart(a, pose_a, b, pose_b, deep, &apart);
+  for (const int side : apart) look(pose_a.rotation_WB * FlatSides(a)[side]);
+  SidesApart(b, pose_b, a, pose_a, deep, &apart);
+  for (const int side : apart) look(-(pose_b.rotation_WB * FlatSides(b)[side]));
+  return least < INFINITY && next - least > kAngle * velocity_W.norm();
+}
+
 }  // namespace islet

@@ -108,6 +108,17 @@ double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   return GapAt(query, 0, reach, &normal);
 }
 
+void TurnToOpenSide(const Shape& a, const Pose& at_a, const Shape& b, const Pose& at_b, const Vector3& velocity_W,
+                    double near, double level, std::span<Contact> contacts) {
+  const Placement placement_a = at_a.placement(), placement_b = at_b.placement();
+  Vector3 normal_W;
+  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, &normal_W)) return;
+  const double gap = SeparationAlong(a, placement_a, b, placement_b, normal_W);
+  for (Contact& c : contacts)
+    if (c.gap <= near && c.gap >= -level && (normal_W - c.normal_W).dot(velocity_W) > kAngle * velocity_W.norm())
+      c.normal_W = normal_W, c.gap = gap;
+}
+
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {
   int pairs = 0;
   const Contact* last = nullptr;

@@ -57,6 +57,11 @@ class Meeting {
 // alone of what turns by more than kLargestTurn: no path tells its way.
 bool ComeNear(const MeetingQuery& query, Meeting* meeting);
 
+// What hits at a corner, with this velocity of b against a, goes on the side of it along which it closes least: contacts of a pair with gaps
+// from -level to near [m].
+void TurnToOpenSide(const Shape& a, const Pose& at_a, const Shape& b, const Pose& at_b, const Vector3& velocity_W,
+                    double near, double level, std::span<Contact> contacts);
+
 // Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size);
 

@@ -67,8 +67,17 @@ double Stepper::TurnAgainst(const GroupPair& pair) const {
   return (spin(pair.b) - spin(pair.a)).norm();
 }
 
+// [rad/s] at which the axis of a round body circles its angular momentum.
+double Stepper::WobbleOf(int i) const {
+  const Body& b = group_->bodies[i];
+  if (!group_->shapes[i]->HasAxis() || !b.Moves()) return 0;
+  const Vector3 spin_B = state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W;
+  return (b.inertia_B * spin_B).norm() / b.inertia_B(0, 0);
+}
+
 // Normals and levers are those of the middle of a piece. So nothing that is near turns by more than the way of one lever describes, and what
-// touches turns against each other by much less: what it carries is right to the second order of that.
+// touches turns against each other by much less: what it carries is right to the second order of that. The axis of what is round and touches
+// circles by 2 rad at most: from pi on, what contacts give it halfway ends on the other side.
 double Stepper::ChooseLength(double rest) {
   double most = rest;
   for (const GroupPair& pair : group_->pairs) {
@@ -83,8 +92,11 @@ double Stepper::ChooseLength(double rest) {
     }
   }
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
-    const double turn = least_gap_[p] < kFar ? TurnAgainst(group_->pairs[p]) : 0;
+    if (least_gap_[p] >= kFar) continue;
+    const double turn = TurnAgainst(group_->pairs[p]),
+                 wobble = std::max(WobbleOf(group_->pairs[p].a), WobbleOf(group_->pairs[p].b));
     if (turn * most > kTouchingTurn) most = std::min(most, std::max(kTouchingTurn / turn, brief_));
+    if (wobble * most > 2) most = std::min(most, std::max(2 / wobble, brief_));
   }
   return most;
 }
@@ -143,6 +155,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   brief_ = brief * dt;
   budget_ = static_cast<int>(4 / brief);
   LoadState();
+  MeasureSunk(group->remembered);
   FindTouching();
   RecallForces(
       group->remembered, group->remembered_force_W, now_,
@@ -150,6 +163,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
         return Size({c.body_a, c.body_b});
       },
       &force_W_);
+  step_sunk_ = sunk_;
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;

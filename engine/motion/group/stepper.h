@@ -89,6 +89,7 @@ class Stepper {
   void End();
   void LoadState();
   Vector3 VisibleSpinOf(int i) const;
+  double WobbleOf(int i) const;
   double TurnAgainst(const GroupPair& pair) const;
   double Size(const GroupPair& pair) const;
   double BodyRadius(int i) const;
@@ -98,9 +99,11 @@ class Stepper {
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
   void Mix(const GroupPair& pair, Contact* contact) const;
+  void Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const;
   bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();
   void MeasureGaps();
+  void MeasureSunk(std::span<const Contact> contacts);
   void DetectEnd();
   Contact AsActed(size_t held) const;
   void FollowHeld();
@@ -115,6 +118,8 @@ class Stepper {
   bool Touches(int pair) const;
   double ClosedGap(int pair) const;
   double GapBefore(int pair) const;
+  double Sunk(const GroupPair& pair, const Vector3& normal_W) const;
+  double GapBeforeOf(size_t at_end) const;
   double GapToMeet(size_t at_end, const Contact* start) const;
   double PushOut(int pair) const;
   double FreshOverlap() const;
@@ -231,6 +236,7 @@ class Stepper {
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;  // per pair: whether that is enough
+  std::vector<double> sunk_, step_sunk_;  // [m] per body: how deep it is in others as the piece begins, as the step began
   std::vector<double> step_gap_;    // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
