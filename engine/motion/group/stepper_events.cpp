@@ -143,17 +143,19 @@ double Stepper::MostFriction(size_t c) const {
   return held_[c].friction * std::max(0.0, held_[c].normal_W.dot(impulse_W_[c]));
 }
 
-// [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall that moves while nobody knew what held there: it may
-// ride.
+// [m/s] of a held contact where the piece begins; none where it did not touch, and on a wall whose velocity the user changed while nobody knew
+// what held there: it may ride.
 Vector3 Stepper::SlipAtStart(size_t c) const {
   const int found = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kStart, now_);
   if (found < 0 || !closed_[found]) return Vector3::Zero();
   const Contact& contact = now_[found];
-  const auto moves = [&](int i) {
+  const auto changed = [&](int i) {
     const Body& wall = group_->bodies[i];
-    return (wall.kind == BodyKind::kKinematic && !StandsStill(wall)) || !wall.surface_velocity_B.isZero(0);
+    return (wall.kind == BodyKind::kKinematic &&
+            (wall.linear_velocity_W != wall.linear_before_W || wall.angular_velocity_W != wall.angular_before_W)) ||
+           wall.surface_velocity_B != wall.surface_before_B;
   };
-  if (force_W_[found].isZero(0) && (moves(contact.body_a) || moves(contact.body_b))) return Vector3::Zero();
+  if (force_W_[found].isZero(0) && (changed(contact.body_a) || changed(contact.body_b))) return Vector3::Zero();
   const Vector3 u = state_[contact.body_b].VelocityAt(contact.point_W) -
                     state_[contact.body_a].VelocityAt(contact.point_W) + SurfaceSlip(contact);
   return u - contact.normal_W.dot(u) * contact.normal_W;
