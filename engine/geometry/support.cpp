@@ -107,12 +107,13 @@ bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const 
 }
 
 bool LeastClosingSide(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
-                      const Vector3& velocity_W, Vector3* normal_W) {
-  if (a.polytope().vertices.empty() || b.polytope().vertices.empty()) return false;
+                      const Vector3& velocity_W, double most_a, double most_b, Vector3* normal_W) {
+  if (!HasSupport(a) || !HasSupport(b)) return false;
   static thread_local std::vector<int> apart;
   double least = INFINITY, next = INFINITY;
-  const auto look = [&](const Vector3& n) {
+  const auto look = [&](const Vector3& n, double most) {
     const double closing = -n.dot(velocity_W);
+    if (closing > most) return;
     const bool other = least == INFINITY || (n - *normal_W).norm() >= kAngle;
     if (closing >= least) {
       if (other) next = std::min(next, closing);
@@ -123,9 +124,9 @@ bool LeastClosingSide(const Shape& a, const Placement& pose_a, const Shape& b, c
     *normal_W = n;
   };
   SidesApart(a, pose_a, b, pose_b, deep, &apart);
-  for (const int side : apart) look(pose_a.rotation_WB * FlatSides(a)[side]);
+  for (const int side : apart) look(pose_a.rotation_WB * FlatSides(a)[side], most_a);
   SidesApart(b, pose_b, a, pose_a, deep, &apart);
-  for (const int side : apart) look(-(pose_b.rotation_WB * FlatSides(b)[side]));
+  for (const int side : apart) look(-(pose_b.rotation_WB * FlatSides(b)[side]), most_b);
   return least < INFINITY && next - least > kAngle * velocity_W.norm();
 }
 

@@ -33,10 +33,10 @@ void FacingSides(const Shape& a, const Placement& pose_a, const Shape& b, const 
 bool TouchByLevelEdges(std::span<const Contact> contacts, const Shape& a, const Placement& pose_a, const Shape& b,
                        const Placement& pose_b, double level, std::vector<Vector3>* normals_W);
 
-// Two polytopes that touch at a corner part along any direction between the sides that meet there. Among those from a to b along which a side
-// of either keeps them apart, or no deeper in each other than this [m]: the one along which a velocity of b against a closes least. False where
-// another is as good, or there is none.
+// Two shapes that touch at a corner part along any direction between the sides that meet there. Among those from a to b along which a side
+// of either keeps them apart, or no deeper in each other than this [m]: the one along which a velocity of b against a closes least. Sides of a
+// count only where it closes by no more than most_a [m/s], sides of b by most_b. False where another is as good, or there is none.
 bool LeastClosingSide(const Shape& a, const Placement& pose_a, const Shape& b, const Placement& pose_b, double deep,
-                      const Vector3& velocity_W, Vector3* normal_W);
+                      const Vector3& velocity_W, double most_a, double most_b, Vector3* normal_W);
 
 }  // namespace islet

@@ -108,15 +108,24 @@ double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   return GapAt(query, 0, reach, &normal);
 }
 
-void TurnToOpenSide(const Shape& a, const Pose& at_a, const Shape& b, const Pose& at_b, const Vector3& velocity_W,
-                    double near, double level, std::span<Contact> contacts) {
+bool IsRound(const Shape& shape) { return shape.polytope().vertices.empty(); }
+
+void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Shape& b, const Body& of_b,
+                    const Pose& at_b, const Vector3& velocity_W, double cut, double near, double level,
+                    std::span<Contact> contacts) {
   const Placement placement_a = at_a.placement(), placement_b = at_b.placement();
   Vector3 normal_W;
-  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, &normal_W)) return;
+  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, of_b.Moves() ? INFINITY : cut,
+                        of_a.Moves() ? INFINITY : cut, &normal_W))
+    return;
   const double gap = SeparationAlong(a, placement_a, b, placement_b, normal_W);
-  for (Contact& c : contacts)
-    if (c.gap <= near && c.gap >= -level && (normal_W - c.normal_W).dot(velocity_W) > kAngle * velocity_W.norm())
-      c.normal_W = normal_W, c.gap = gap;
+  const bool both = of_a.Moves() && of_b.Moves(), round = IsRound(a) || IsRound(b);
+  if (round && (both || -normal_W.dot(velocity_W) <= cut)) return;  // no edge is where it looks, as far as it passes
+  for (Contact& c : contacts) {
+    const double better =
+        both ? (normal_W - c.normal_W).dot(velocity_W) / velocity_W.norm() : (normal_W - c.normal_W).norm();
+    if (c.gap <= near && c.gap >= -level && better > kAngle) c.normal_W = normal_W, c.gap = gap;
+  }
 }
 
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {

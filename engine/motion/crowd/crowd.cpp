@@ -258,7 +258,8 @@ void Crowd::DropLevelEdges() {
     for (const Contact& c : found) {
       const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
       if (std::abs(c.gap) > level || -dt_ * c.normal_W.dot(velocity_W) <= level) continue;
-      TurnToOpenSide(shapes_[i], a.pose, shapes_[k], b.pose, velocity_W, level, level, found);
+      TurnToOpenSide(shapes_[i], bodies_[i], a.pose, shapes_[k], bodies_[k], b.pose, velocity_W, level / dt_, level,
+                     level, found);
       return;
     }
   };

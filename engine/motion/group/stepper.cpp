@@ -67,17 +67,17 @@ double Stepper::TurnAgainst(const GroupPair& pair) const {
   return (spin(pair.b) - spin(pair.a)).norm();
 }
 
-// [rad/s] at which the axis of a round body circles its angular momentum.
+// [rad/s] at which a round body rolls, or its axis circles its angular momentum.
 double Stepper::WobbleOf(int i) const {
   const Body& b = group_->bodies[i];
   if (!group_->shapes[i]->HasAxis() || !b.Moves()) return 0;
   const Vector3 spin_B = state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W;
-  return (b.inertia_B * spin_B).norm() / b.inertia_B(0, 0);
+  return std::max(std::abs(spin_B.z()), (b.inertia_B * spin_B).norm() / b.inertia_B(0, 0));
 }
 
 // Normals and levers are those of the middle of a piece. So nothing that is near turns by more than the way of one lever describes, and what
-// touches turns against each other by much less: what it carries is right to the second order of that. The axis of what is round and touches
-// circles by 2 rad at most: from pi on, what contacts give it halfway ends on the other side.
+// touches turns against each other by much less: what it carries is right to the second order of that. What is round and touches rolls by
+// 2 rad at most, and its axis circles as much: from about pi on, what contacts give it halfway ends on the other side.
 double Stepper::ChooseLength(double rest) {
   double most = rest;
   for (const GroupPair& pair : group_->pairs) {

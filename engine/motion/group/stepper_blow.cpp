@@ -127,9 +127,11 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
   }
 }
 
-// Near enough to a blow to take part in it.
+// Near enough to a blow to take part in it. A ball has one point on each wall: before the seam of two floors it is near the edge of the next.
 bool Stepper::IsThere(size_t at_end) const {
-  return end_[at_end].gap <= kTogether * Size(group_->pairs[end_pair_[at_end]]);
+  const GroupPair& pair = group_->pairs[end_pair_[at_end]];
+  const bool ball = (BodyRadius(pair.a) == 0 && cut_[pair.b]) || (BodyRadius(pair.b) == 0 && cut_[pair.a]);
+  return end_[at_end].gap <= (ball ? kMet : kTogether) * Size(pair);
 }
 
 // Whether a contact is a blow where the piece ends: it strikes now, or when the next one begins, and carries nothing. What a push

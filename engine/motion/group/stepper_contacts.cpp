@@ -51,8 +51,10 @@ void Stepper::Turn(const GroupPair& pair, const State& a, const State& b, std::s
                level = 4 * kTouching * Size(pair) + std::max(sunk_[pair.a], sunk_[pair.b]);
   for (const Contact& c : found) {
     const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
-    if (c.gap > near || c.gap < -level || -c.normal_W.dot(velocity_W) <= CutSpeed(c)) continue;
-    TurnToOpenSide(*group_->shapes[pair.a], a.pose, *group_->shapes[pair.b], b.pose, velocity_W, near, level, found);
+    const double cut = CutSpeed(c);
+    if (c.gap > near || c.gap < -level || -c.normal_W.dot(velocity_W) <= cut) continue;
+    TurnToOpenSide(*group_->shapes[pair.a], group_->bodies[pair.a], a.pose, *group_->shapes[pair.b],
+                   group_->bodies[pair.b], b.pose, velocity_W, cut, near, level, found);
     return;
   }
 }
