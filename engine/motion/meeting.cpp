@@ -108,8 +108,6 @@ double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   return GapAt(query, 0, reach, &normal);
 }
 
-bool IsRound(const Shape& shape) { return shape.polytope().vertices.empty(); }
-
 void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Shape& b, const Body& of_b,
                     const Pose& at_b, const Vector3& velocity_W, double cut, double near, double level,
                     std::span<Contact> contacts) {
@@ -119,7 +117,8 @@ void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Sh
                         of_a.Moves() ? INFINITY : cut, &normal_W))
     return;
   const double gap = SeparationAlong(a, placement_a, b, placement_b, normal_W);
-  const bool both = of_a.Moves() && of_b.Moves(), round = IsRound(a) || IsRound(b);
+  const bool both = of_a.Moves() && of_b.Moves(),
+             round = a.polytope().vertices.empty() || b.polytope().vertices.empty();
   if (round && (both || -normal_W.dot(velocity_W) <= cut)) return;  // no edge is where it looks, as far as it passes
   for (Contact& c : contacts) {
     const double better =

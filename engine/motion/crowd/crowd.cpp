@@ -253,6 +253,7 @@ void Crowd::DropLevelEdges() {
   };
   const auto turn = [&](std::span<Contact> found) {
     const int i = found[0].body_a, k = found[0].body_b;
+    if (shapes_[i].polytope().vertices.empty() || shapes_[k].polytope().vertices.empty()) return;
     const State a = StateOf(bodies_[i]), b = StateOf(bodies_[k]);
     const double level = 2 * settings_.overlap_tolerance * Size(found[0]);
     for (const Contact& c : found) {

@@ -155,7 +155,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   brief_ = brief * dt;
   budget_ = static_cast<int>(4 / brief);
   LoadState();
-  MeasureSunk(group->remembered);
   FindTouching();
   RecallForces(
       group->remembered, group->remembered_force_W, now_,
@@ -163,7 +162,6 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
         return Size({c.body_a, c.body_b});
       },
       &force_W_);
-  step_sunk_ = sunk_;
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
   cuts_ = work_ = 0;

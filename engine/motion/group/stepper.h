@@ -103,7 +103,6 @@ class Stepper {
   bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();
   void MeasureGaps();
-  void MeasureSunk(std::span<const Contact> contacts);
   void DetectEnd();
   Contact AsActed(size_t held) const;
   void FollowHeld();
@@ -118,8 +117,6 @@ class Stepper {
   bool Touches(int pair) const;
   double ClosedGap(int pair) const;
   double GapBefore(int pair) const;
-  double Sunk(const GroupPair& pair, const Vector3& normal_W) const;
-  double GapBeforeOf(size_t at_end) const;
   double GapToMeet(size_t at_end, const Contact* start) const;
   double PushOut(int pair) const;
   double FreshOverlap() const;
@@ -236,7 +233,6 @@ class Stepper {
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;  // per pair: whether that is enough
-  std::vector<double> sunk_, step_sunk_;  // [m] per body: how deep it is in others as the piece begins, as the step began
   std::vector<double> step_gap_;    // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins

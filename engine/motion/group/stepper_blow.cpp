@@ -149,7 +149,7 @@ bool Stepper::Hits(size_t at_end) const {
 // Whether something hit before the piece ends, on the way that a pass has changed.
 bool Stepper::HitsEarlier() const {
   for (size_t e = 0; e < end_.size(); ++e)
-    if (end_[e].gap < GapBeforeOf(e) - 2 * kExact * Size(group_->pairs[end_pair_[e]]) && Hits(e)) return true;
+    if (end_[e].gap < GapBefore(end_pair_[e]) - 2 * kExact * Size(group_->pairs[end_pair_[e]]) && Hits(e)) return true;
   return false;
 }
 

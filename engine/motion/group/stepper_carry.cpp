@@ -196,7 +196,7 @@ bool Stepper::NormalsMove() const {
 // Whether anything closed that presses nothing got deeper: by its place where the piece begins it would not, so its normal or lever moved.
 bool Stepper::SinksFreely() const {
   for (size_t e = 0; e < end_.size(); ++e) {
-    const double before = GapBeforeOf(e), least = kExact * Size(group_->pairs[end_pair_[e]]);
+    const double before = GapBefore(end_pair_[e]), least = kExact * Size(group_->pairs[end_pair_[e]]);
     if (end_[e].gap < before - least && yields_[end_pair_[e]] == 0 && !Hits(e) && CarriedBy(e).isZero(0) &&
         ClosedAtStart(e))
       return true;

@@ -47,8 +47,7 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
 
 // What hits at a corner is a contact of the side on which it passes.
 void Stepper::Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const {
-  const double near = kTogether * Size(pair),
-               level = 4 * kTouching * Size(pair) + std::max(sunk_[pair.a], sunk_[pair.b]);
+  const double near = kTogether * Size(pair), level = 4 * kTouching * Size(pair);
   for (const Contact& c : found) {
     const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
     const double cut = CutSpeed(c);
@@ -93,16 +92,6 @@ void Stepper::FindTouching() {
   MeasureGaps();
 }
 
-// Of each body that moves: how deep it is in others.
-void Stepper::MeasureSunk(std::span<const Contact> contacts) {
-  sunk_.assign(group_->bodies.size(), 0.0);
-  for (const Contact& c : contacts) {
-    const double deep = std::min(-c.gap, 2 * settings_.overlap_tolerance * Size({c.body_a, c.body_b}));
-    for (const int i : {c.body_a, c.body_b})
-      if (group_->bodies[i].Moves()) sunk_[i] = std::max(sunk_[i], deep);
-  }
-}
-
 // As the piece begins: of each pair the least gap, and which bodies that move touch each other, directly or by others.
 void Stepper::MeasureGaps() {
   least_gap_.assign(group_->pairs.size(), kFar);
@@ -110,7 +99,6 @@ void Stepper::MeasureGaps() {
     double& least = least_gap_[now_pair_[c]];
     least = std::min(least, now_[c].gap);
   }
-  MeasureSunk(now_);
   joined_.resize(group_->bodies.size());
   islands::DisjointSets sets(joined_);
   for (const Contact& c : now_)
@@ -150,30 +138,6 @@ double Stepper::ClosedGap(int pair) const {
 // [m] <= 0: overlap as the piece begins.
 double Stepper::GapBefore(int pair) const { return std::min(0.0, least_gap_[pair]); }
 
-// [m] by how much the bodies of a pair are in others along this normal, as the piece begins: so deep they are in each other when they meet.
-double Stepper::Sunk(const GroupPair& pair, const Vector3& normal_W) const {
-  double deepest = 0;
-  for (const Contact& c : now_) {
-    const auto along = [&](int i, double sign) {
-      if (!group_->bodies[i].Moves() || (c.body_a != i && c.body_b != i)) return;
-      deepest = std::max(deepest, -c.gap * (c.body_b == i ? sign : -sign) * c.normal_W.dot(normal_W));
-    };
-    if (c.gap >= 0 || (c.body_a == pair.a && c.body_b == pair.b)) continue;
-    along(pair.a, -1);
-    along(pair.b, 1);
-  }
-  return std::min(deepest, 2 * settings_.overlap_tolerance * Size(pair));
-}
-
-// [m] <= 0: overlap of a contact at the end that the piece did not make: its pair's, or what its bodies brought along from others. To that it
-// may add a tenth of what pieces may miss, so it does not grow from seam to seam.
-double Stepper::GapBeforeOf(size_t at_end) const {
-  const GroupPair& pair = group_->pairs[end_pair_[at_end]];
-  const double before = GapBefore(end_pair_[at_end]), slack = 0.9 * kTouching * Size(pair);
-  if (std::max(sunk_[pair.a], sunk_[pair.b]) <= slack) return before;
-  return std::min(before, slack - Sunk(pair, end_[at_end].normal_W));
-}
-
 // Of the pair's overlap, what the piece takes back: where it shows, and the pair itself has paid for it.
 double Stepper::PushOut(int pair) const {
   return pays_[pair] && GapBefore(pair) < -kTouching * Size(group_->pairs[pair]) ? kPushOut : 0;
@@ -184,26 +148,23 @@ double Stepper::FreshOverlap() const {
   double worst = 0;
   for (size_t c = 0; c < end_.size(); ++c)
     if (end_[c].gap < 0 && yields_[end_pair_[c]] == 0)
-      worst = std::max(worst, (GapBeforeOf(c) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
+      worst = std::max(worst, (GapBefore(end_pair_[c]) - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
 
 // The same since the step began.
 double Stepper::DeepestSinceStart() const {
   double worst = 0;
-  for (size_t c = 0; c < end_.size(); ++c) {
-    const GroupPair& pair = group_->pairs[end_pair_[c]];
-    const double before = std::min(step_gap_[end_pair_[c]],
-                                   0.9 * kTouching * Size(pair) - std::max(step_sunk_[pair.a], step_sunk_[pair.b]));
-    if (yields_[end_pair_[c]] == 0) worst = std::max(worst, (before - end_[c].gap) / Size(pair));
-  }
+  for (size_t c = 0; c < end_.size(); ++c)
+    if (yields_[end_pair_[c]] == 0)
+      worst = std::max(worst, (step_gap_[end_pair_[c]] - end_[c].gap) / Size(group_->pairs[end_pair_[c]]));
   return worst;
 }
 
 // [m] with which a contact that presses ends the piece: its own as the piece began, if it was closed then (start), or the pair's.
 double Stepper::GapToMeet(size_t at_end, const Contact* start) const {
   const int pair = end_pair_[at_end];
-  const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBeforeOf(at_end);
+  const double before = start ? std::min(start->gap, kTouching * Size(group_->pairs[pair])) : GapBefore(pair);
   return (1 - PushOut(pair)) * before;
 }
 
@@ -214,7 +175,7 @@ double Stepper::Missed() const {
     const int pair = end_pair_[e];
     const double size = Size(group_->pairs[pair]);
     if (end_[e].gap < 0 && yields_[pair] == 0 && !Hits(e))
-      worst = std::max(worst, (GapBeforeOf(e) - end_[e].gap) / size);
+      worst = std::max(worst, (GapBefore(pair) - end_[e].gap) / size);
     const double rose = end_[e].gap - GapToMeet(e, ClosedAtStart(e));
     if (rose > 0 && !CarriedBy(e).isZero(0)) worst = std::max(worst, rose / size);
   }

@@ -101,7 +101,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
       const double approach = ApproachOnWay(query, at_a, at_b, c, *t);
       if (approach <= std::max(fastest, CutSpeed(c))) continue;
       fastest = approach;
-      back = std::max(0.0, std::min(query.gap, -Sunk(pair, c.normal_W)) - c.gap) / approach;
+      back = std::max(0.0, query.gap - c.gap) / approach;
       fast = c.feature;
     }
     if (round > 0 && fastest == 0 && !found) {
@@ -199,16 +199,15 @@ double Stepper::EndAtBlow(double h, double moment, double most) {
     probe_.clear();
     CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
                   end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
-    double gap = kFar, approach = 0, met_at = before;
+    double gap = kFar, approach = 0;
     for (Contact& c : probe_) Mix(pair, &c);
     Turn(pair, end_state_[pair.a], end_state_[pair.b], probe_);
     for (const Contact& c : probe_) {  // of what hits; other corners of the pair may rest
       const double speed =
           -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
-      if (c.gap >= gap || speed <= CutSpeed(c)) continue;
-      gap = c.gap, approach = speed, met_at = std::min(before, -Sunk(pair, c.normal_W));
+      if (c.gap < gap && speed > CutSpeed(c)) gap = c.gap, approach = speed;
     }
-    gap -= met_at;
+    gap -= before;
     if (std::abs(gap) >= nearest) break;
     nearest = std::abs(gap);
     best = at;

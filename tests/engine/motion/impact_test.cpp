@@ -895,8 +895,7 @@ TEST(Impact, DropsOnASeamGoStraightUp) {
   }
 }
 
-// A polygonal dish that a smooth cube slides along: at a seam of angle d it loses no more than about d^2, some 1 % of it in all here. The overlap
-// that it brings from one facet to the next is none that the next has to push out.
+// A polygonal dish that a smooth cube slides along: at a seam of angle d it loses no more than about d^2, some 1 % of it in all here.
 TEST(Impact, FacetsOfADishTripNobody) {
   constexpr double kRadius = 2, kHalf = 0.02, kReach = 1.2, kStart = 0.5;
   for (const auto& [rate, facets] :
