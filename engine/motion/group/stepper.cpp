@@ -155,6 +155,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
   brief_ = brief * dt;
   budget_ = static_cast<int>(4 / brief);
   LoadState();
+  MeasureSunk(group->remembered);
   FindTouching();
   RecallForces(
       group->remembered, group->remembered_force_W, now_,

@@ -103,6 +103,7 @@ class Stepper {
   bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();
   void MeasureGaps();
+  void MeasureSunk(std::span<const Contact> contacts);
   void DetectEnd();
   Contact AsActed(size_t held) const;
   void FollowHeld();
@@ -233,6 +234,7 @@ class Stepper {
   std::vector<double> work_of_, taken_, costs_,
       purse_;  // [J] per pair: work of what carried in the piece; what it took in the step; for its overlap; may give back
   std::vector<std::uint8_t> pays_;  // per pair: whether that is enough
+  std::vector<double> sunk_;        // [m] per body: how deep it is in others as the piece begins
   std::vector<double> step_gap_;    // [m] <= 0 per pair: overlap as the step began
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins

@@ -47,7 +47,8 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
 
 // What hits at a corner is a contact of the side on which it passes.
 void Stepper::Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const {
-  const double near = kTogether * Size(pair), level = 4 * kTouching * Size(pair);
+  const double near = kTogether * Size(pair),
+               level = 4 * kTouching * Size(pair) + std::max(sunk_[pair.a], sunk_[pair.b]);
   for (const Contact& c : found) {
     const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
     const double cut = CutSpeed(c);
@@ -92,6 +93,16 @@ void Stepper::FindTouching() {
   MeasureGaps();
 }
 
+// Of each body that moves: how deep it is in others. So deep it is in what lies flush with them, too.
+void Stepper::MeasureSunk(std::span<const Contact> contacts) {
+  sunk_.assign(group_->bodies.size(), 0.0);
+  for (const Contact& c : contacts) {
+    const double deep = std::min(-c.gap, 2 * settings_.overlap_tolerance * Size({c.body_a, c.body_b}));
+    for (const int i : {c.body_a, c.body_b})
+      if (group_->bodies[i].Moves()) sunk_[i] = std::max(sunk_[i], deep);
+  }
+}
+
 // As the piece begins: of each pair the least gap, and which bodies that move touch each other, directly or by others.
 void Stepper::MeasureGaps() {
   least_gap_.assign(group_->pairs.size(), kFar);
@@ -99,6 +110,7 @@ void Stepper::MeasureGaps() {
     double& least = least_gap_[now_pair_[c]];
     least = std::min(least, now_[c].gap);
   }
+  MeasureSunk(now_);
   joined_.resize(group_->bodies.size());
   islands::DisjointSets sets(joined_);
   for (const Contact& c : now_)
