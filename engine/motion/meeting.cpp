@@ -113,18 +113,15 @@ void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Sh
                     std::span<Contact> contacts) {
   const Placement placement_a = at_a.placement(), placement_b = at_b.placement();
   Vector3 normal_W;
-  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, of_b.Moves() ? INFINITY : cut,
-                        of_a.Moves() ? INFINITY : cut, &normal_W))
+  const double mass_a = of_a.Moves() ? of_a.mass : INFINITY, mass_b = of_b.Moves() ? of_b.mass : INFINITY;
+  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, mass_a > mass_b ? INFINITY : cut,
+                        mass_b > mass_a ? INFINITY : cut, &normal_W))
     return;
   const double gap = SeparationAlong(a, placement_a, b, placement_b, normal_W);
-  const bool both = of_a.Moves() && of_b.Moves(),
-             round = a.polytope().vertices.empty() || b.polytope().vertices.empty();
-  if (round && (both || -normal_W.dot(velocity_W) <= cut)) return;  // no edge is where it looks, as far as it passes
-  for (Contact& c : contacts) {
-    const double better =
-        both ? (normal_W - c.normal_W).dot(velocity_W) / velocity_W.norm() : (normal_W - c.normal_W).norm();
-    if (c.gap <= near && c.gap >= -level && better > kAngle) c.normal_W = normal_W, c.gap = gap;
-  }
+  const bool round = a.polytope().vertices.empty() || b.polytope().vertices.empty();
+  if (round && -normal_W.dot(velocity_W) <= cut) return;  // no edge is where it looks, as far as it passes
+  for (Contact& c : contacts)
+    if (c.gap <= near && c.gap >= -level && (normal_W - c.normal_W).norm() > kAngle) c.normal_W = normal_W, c.gap = gap;
 }
 
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {

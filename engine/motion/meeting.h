@@ -58,8 +58,8 @@ class Meeting {
 bool ComeNear(const MeetingQuery& query, Meeting* meeting);
 
 // What hits at a corner, with this velocity of b against a, goes on the side of it along which it closes least: contacts of a pair with gaps
-// from -level to near [m]. Along its own sides what hits an immovable body passes, slower than `cut` [m/s], or not at all: the way past a
-// corner that another body covers is none.
+// from -level to near [m]. A blow acts along the sides of the heavier body alone. Along others the lighter one passes, slower than `cut`
+// [m/s], or not at all: the way past a corner that another body covers is none.
 void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Shape& b, const Body& of_b,
                     const Pose& at_b, const Vector3& velocity_W, double cut, double near, double level,
                     std::span<Contact> contacts);
