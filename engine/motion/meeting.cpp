@@ -108,20 +108,28 @@ double Meeting::GapAtStart(const MeetingQuery& query, double reach) {
   return GapAt(query, 0, reach, &normal);
 }
 
-void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Shape& b, const Body& of_b,
-                    const Pose& at_b, const Vector3& velocity_W, double cut, double near, double level,
-                    std::span<Contact> contacts) {
-  const Placement placement_a = at_a.placement(), placement_b = at_b.placement();
+void TurnToOpenSide(const Partner& a, const Partner& b, double near, double level,
+                    const std::function<double(const Contact&)>& cut, std::span<Contact> contacts) {
+  const auto is_there = [&](const Contact& c) { return c.gap <= near && c.gap >= -level; };
+  const auto velocity = [&](const Contact& c) -> Vector3 {
+    return b.at.VelocityAt(c.point_W) - a.at.VelocityAt(c.point_W);
+  };
+  const auto hit = std::find_if(contacts.begin(), contacts.end(),
+                                [&](const Contact& c) { return is_there(c) && -c.normal_W.dot(velocity(c)) > cut(c); });
+  if (hit == contacts.end()) return;
+  const Vector3 velocity_W = velocity(*hit);
+  const double least = cut(*hit), mass_a = a.body.Moves() ? a.body.mass : INFINITY,
+               mass_b = b.body.Moves() ? b.body.mass : INFINITY;
+  const Placement at_a = a.at.pose.placement(), at_b = b.at.pose.placement();
   Vector3 normal_W;
-  const double mass_a = of_a.Moves() ? of_a.mass : INFINITY, mass_b = of_b.Moves() ? of_b.mass : INFINITY;
-  if (!LeastClosingSide(a, placement_a, b, placement_b, level, velocity_W, mass_a > mass_b ? INFINITY : cut,
-                        mass_b > mass_a ? INFINITY : cut, &normal_W))
+  if (!LeastClosingSide(a.shape, at_a, b.shape, at_b, level, velocity_W, mass_a > mass_b ? INFINITY : least,
+                        mass_b > mass_a ? INFINITY : least, &normal_W))
     return;
-  const double gap = SeparationAlong(a, placement_a, b, placement_b, normal_W);
-  const bool round = a.polytope().vertices.empty() || b.polytope().vertices.empty();
-  if (round && -normal_W.dot(velocity_W) <= cut) return;  // no edge is where it looks, as far as it passes
+  const bool round = a.shape.polytope().vertices.empty() || b.shape.polytope().vertices.empty();
+  if (round && -normal_W.dot(velocity_W) <= least) return;  // no edge is where it looks, as far as it passes
+  const double gap = SeparationAlong(a.shape, at_a, b.shape, at_b, normal_W);
   for (Contact& c : contacts)
-    if (c.gap <= near && c.gap >= -level && (normal_W - c.normal_W).norm() > kAngle) c.normal_W = normal_W, c.gap = gap;
+    if (is_there(c) && (normal_W - c.normal_W).norm() > kAngle) c.normal_W = normal_W, c.gap = gap;
 }
 
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size) {

@@ -57,12 +57,18 @@ class Meeting {
 // alone of what turns by more than kLargestTurn: no path tells its way.
 bool ComeNear(const MeetingQuery& query, Meeting* meeting);
 
-// What hits at a corner, with this velocity of b against a, goes on the side of it along which it closes least: contacts of a pair with gaps
-// from -level to near [m]. A blow acts along the sides of the heavier body alone. Along others the lighter one passes, slower than `cut`
-// [m/s], or not at all: the way past a corner that another body covers is none.
-void TurnToOpenSide(const Shape& a, const Body& of_a, const Pose& at_a, const Shape& b, const Body& of_b,
-                    const Pose& at_b, const Vector3& velocity_W, double cut, double near, double level,
-                    std::span<Contact> contacts);
+// A body of a pair, where it is now.
+struct Partner {
+  const Shape& shape;
+  const Body& body;
+  State at;
+};
+
+// What hits at a corner goes on the side of it along which it closes least: contacts of a pair from a to b, with gaps from -level to near [m], if
+// any closes faster than cut(contact) [m/s]. A blow acts along the sides of the heavier body alone. Along others the lighter one passes, no
+// faster than that, or not at all: the way past a corner that another body covers is none.
+void TurnToOpenSide(const Partner& a, const Partner& b, double near, double level,
+                    const std::function<double(const Contact&)>& cut, std::span<Contact> contacts);
 
 // Of these contacts, in order of their pairs: how many pairs are deeper in each other than a fiftieth of a size.
 int CountOverlapping(std::span<const Contact> contacts, const std::function<double(const Contact&)>& size);

@@ -20,12 +20,14 @@ double SlipOf(const Contact& contact, const Vector3& velocity_W) {
 
 }  // namespace
 
+bool Ride::Changed(const Body& b) {
+  return b.surface_velocity_B != b.surface_before_B ||
+         (b.kind != BodyKind::kDynamic &&
+          (b.linear_velocity_W != b.linear_before_W || b.angular_velocity_W != b.angular_before_W));
+}
+
 bool Ride::AnyChanged(std::span<const Body> bodies) {
-  return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) {
-    return !b.removed && (b.surface_velocity_B != b.surface_before_B ||
-                          (b.kind != BodyKind::kDynamic &&
-                           (b.linear_velocity_W != b.linear_before_W || b.angular_velocity_W != b.angular_before_W)));
-  });
+  return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) { return !b.removed && Changed(b); });
 }
 
 // By which the velocity of a wall differs, where the step begins, from that where the one before ended.

@@ -32,7 +32,8 @@ namespace islet::motion {
 
 class Ride {
  public:
-  // Whether the user changed the velocity of any wall or belt since the step before.
+  // Whether the user changed the velocity of a wall or belt since the step before; of any.
+  static bool Changed(const Body& wall);
   static bool AnyChanged(std::span<const Body> bodies);
 
   // contacts: where the step before ended, ascending by pair, with the forces [N] that held there, on body_b. Gives what rides its velocity and

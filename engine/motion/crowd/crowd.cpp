@@ -240,9 +240,22 @@ void Crowd::ReportIslands(StepReport* report) const {
   }
 }
 
+// What hits at a corner by more than gaps may miss in the piece is a contact of the side on which it passes.
+void Crowd::TurnCorners() {
+  const auto is_polytope = [&](int i) { return !shapes_[i].polytope().vertices.empty(); };
+  ForEachPair(*near_, {}, [&](size_t c, size_t end, size_t, size_t) {
+    const std::span<Contact> found = std::span(*near_).subspan(c, end - c);
+    const int a = found[0].body_a, b = found[0].body_b;
+    const double level = 2 * settings_.overlap_tolerance * Size(found[0]), cut = level / dt_;
+    if (is_polytope(a) && is_polytope(b))
+      TurnToOpenSide(
+          {shapes_[a], bodies_[a], StateOf(bodies_[a])}, {shapes_[b], bodies_[b], StateOf(bodies_[b])}, level, level,
+          [cut](const Contact&) { return cut; }, found);
+  });
+}
+
 // Takes out what touches by edges alone, and is level along two sides that face each other. Nothing presses there: cubes of a wall touch those
-// beside, above and below, but push none that is diagonal. What closes along both shows as an overlap at the end. What passes a corner faster
-// than gaps may miss in the step goes on the side on which it is open.
+// beside, above and below, but push none that is diagonal. What closes along both shows as an overlap at the end.
 void Crowd::DropLevelEdges() {
   const auto presses_nothing = [&](const Contact* first, const Contact* last) {
     const Body &a = bodies_[first->body_a], &b = bodies_[first->body_b];
@@ -251,23 +264,9 @@ void Crowd::DropLevelEdges() {
            TouchByLevelEdges({first, last}, shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(),
                              shapes_[first->body_b], Pose{b.position_W, b.rotation_WB}.placement(), level, &sides_W_);
   };
-  const auto turn = [&](std::span<Contact> found) {
-    const int i = found[0].body_a, k = found[0].body_b;
-    if (shapes_[i].polytope().vertices.empty() || shapes_[k].polytope().vertices.empty()) return;
-    const State a = StateOf(bodies_[i]), b = StateOf(bodies_[k]);
-    const double level = 2 * settings_.overlap_tolerance * Size(found[0]);
-    for (const Contact& c : found) {
-      const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
-      if (std::abs(c.gap) > level || -dt_ * c.normal_W.dot(velocity_W) <= level) continue;
-      TurnToOpenSide(shapes_[i], bodies_[i], a.pose, shapes_[k], bodies_[k], b.pose, velocity_W, level / dt_, level,
-                     level, found);
-      return;
-    }
-  };
   size_t kept = 0;
   for (size_t c = 0, end = 0; c < near_->size(); c = end) {
     for (end = c + 1; end < near_->size() && SamePair((*near_)[c], (*near_)[end]);) ++end;
-    turn({near_->data() + c, near_->data() + end});
     if (presses_nothing(near_->data() + c, near_->data() + end)) continue;
     for (size_t k = c; k < end; ++k) (*near_)[kept++] = (*near_)[k];
   }
@@ -294,6 +293,7 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
         t, h, level == kMostHalvings,
         [&](std::span<const Vector3> travel_W) {
           find(travel_W);
+          TurnCorners();
           DropLevelEdges();
         },
         memory, report);
@@ -318,6 +318,7 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   errors_.assign(bodies.size(), 0.0);
   for (Body& b : bodies) b.linear_velocity_W -= 0.5 * dt * b.arc_W;  // as the step begins
   dt_ = dt;
+  TurnCorners();
   DropLevelEdges();
   first_.resize(bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) first_[i] = StateOf(bodies[i]);

@@ -124,6 +124,7 @@ class Crowd {
   };
 
   // crowd.cpp: the step, piece by piece.
+  void TurnCorners();
   void DropLevelEdges();
   bool Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report);
   Outcome Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory, StepReport* report);

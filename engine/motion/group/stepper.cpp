@@ -68,7 +68,7 @@ double Stepper::TurnAgainst(const GroupPair& pair) const {
 }
 
 // [rad/s] at which a round body rolls, or its axis circles its angular momentum.
-double Stepper::WobbleOf(int i) const {
+double Stepper::RoundTurn(int i) const {
   const Body& b = group_->bodies[i];
   if (!group_->shapes[i]->HasAxis() || !b.Moves()) return 0;
   const Vector3 spin_B = state_[i].pose.rotation_WB.conjugate() * state_[i].angular_W;
@@ -94,9 +94,9 @@ double Stepper::ChooseLength(double rest) {
   for (size_t p = 0; p < group_->pairs.size(); ++p) {
     if (least_gap_[p] >= kFar) continue;
     const double turn = TurnAgainst(group_->pairs[p]),
-                 wobble = std::max(WobbleOf(group_->pairs[p].a), WobbleOf(group_->pairs[p].b));
+                 round = std::max(RoundTurn(group_->pairs[p].a), RoundTurn(group_->pairs[p].b));
     if (turn * most > kTouchingTurn) most = std::min(most, std::max(kTouchingTurn / turn, brief_));
-    if (wobble * most > 2) most = std::min(most, std::max(2 / wobble, brief_));
+    if (round * most > 2) most = std::min(most, std::max(2 / round, brief_));
   }
   return most;
 }

@@ -89,7 +89,7 @@ class Stepper {
   void End();
   void LoadState();
   Vector3 VisibleSpinOf(int i) const;
-  double WobbleOf(int i) const;
+  double RoundTurn(int i) const;
   double TurnAgainst(const GroupPair& pair) const;
   double Size(const GroupPair& pair) const;
   double BodyRadius(int i) const;
@@ -175,6 +175,7 @@ class Stepper {
   double First(const MeetingQuery& query, double until);
   bool WayIsBarred(double h);
   void Probe(const MeetingQuery& query, const GroupPair& pair, double t);
+  void ProbeAt(const GroupPair& pair, const State& a, const State& b, double reach);
   void Guard(const SlowMeeting& slow);
   double EndAtBlow(double h, double moment, double most);
   double GapOfBlow(int pair) const;

@@ -47,16 +47,10 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
 
 // What hits at a corner is a contact of the side on which it passes.
 void Stepper::Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const {
-  const double near = kTogether * Size(pair),
-               level = 4 * kTouching * Size(pair) + std::max(sunk_[pair.a], sunk_[pair.b]);
-  for (const Contact& c : found) {
-    const Vector3 velocity_W = b.VelocityAt(c.point_W) - a.VelocityAt(c.point_W);
-    const double cut = CutSpeed(c);
-    if (c.gap > near || c.gap < -level || -c.normal_W.dot(velocity_W) <= cut) continue;
-    TurnToOpenSide(*group_->shapes[pair.a], group_->bodies[pair.a], a.pose, *group_->shapes[pair.b],
-                   group_->bodies[pair.b], b.pose, velocity_W, cut, near, level, found);
-    return;
-  }
+  const double level = 4 * kTouching * Size(pair) + std::max(sunk_[pair.a], sunk_[pair.b]);
+  TurnToOpenSide(
+      {*group_->shapes[pair.a], group_->bodies[pair.a], a}, {*group_->shapes[pair.b], group_->bodies[pair.b], b},
+      kTogether * Size(pair), level, [this](const Contact& c) { return CutSpeed(c); }, found);
 }
 
 // Whether a pair that touches by edges alone is level along two sides that face each other, and does not close along one of them. It passes by

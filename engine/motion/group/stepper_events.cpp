@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "engine/motion/ride.h"
 #include "engine/response/suite_frame.h"
 #include "qp/smallness.h"
 
@@ -149,12 +150,7 @@ Vector3 Stepper::SlipAtStart(size_t c) const {
   const int found = FindAt(held_of_[c].pair, AsActed(c), Moment::kMiddle, Moment::kStart, now_);
   if (found < 0 || !closed_[found]) return Vector3::Zero();
   const Contact& contact = now_[found];
-  const auto changed = [&](int i) {
-    const Body& wall = group_->bodies[i];
-    return (wall.kind == BodyKind::kKinematic &&
-            (wall.linear_velocity_W != wall.linear_before_W || wall.angular_velocity_W != wall.angular_before_W)) ||
-           wall.surface_velocity_B != wall.surface_before_B;
-  };
+  const auto changed = [&](int i) { return Ride::Changed(group_->bodies[i]); };
   if (force_W_[found].isZero(0) && (changed(contact.body_a) || changed(contact.body_b))) return Vector3::Zero();
   const Vector3 u = state_[contact.body_b].VelocityAt(contact.point_W) -
                     state_[contact.body_a].VelocityAt(contact.point_W) + SurfaceSlip(contact);

@@ -119,12 +119,16 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
 
 // What of the pair is near at that moment of its way.
 void Stepper::Probe(const MeetingQuery& query, const GroupPair& pair, double t) {
+  const auto state = [t](const Path& path) -> State { return {path.At(t), path.VelocityAt(t), path.RateAt(t)}; };
+  ProbeAt(pair, state(query.path_a), state(query.path_b), 40 * kTouching * Size(pair));
+}
+
+void Stepper::ProbeAt(const GroupPair& pair, const State& a, const State& b, double reach) {
   probe_.clear();
-  CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(),
-                40 * kTouching * Size(pair), &probe_);
+  CollideShapes(*group_->shapes[pair.a], a.pose.placement(), *group_->shapes[pair.b], b.pose.placement(), reach,
+                &probe_);
   for (Contact& c : probe_) Mix(pair, &c);
-  const auto state = [&](const Path& path) -> State { return {path.At(t), path.VelocityAt(t), path.RateAt(t)}; };
-  Turn(pair, state(query.path_a), state(query.path_b), probe_);
+  Turn(pair, a, b, probe_);
 }
 
 double Stepper::First(const MeetingQuery& query, double until) {
@@ -196,12 +200,8 @@ double Stepper::EndAtBlow(double h, double moment, double most) {
   double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
   for (int k = 0; k < 6; ++k) {
     if (at != h) EndAt(at, &h);
-    probe_.clear();
-    CollideShapes(*group_->shapes[pair.a], end_state_[pair.a].pose.placement(), *group_->shapes[pair.b],
-                  end_state_[pair.b].pose.placement(), 1e-2 * Size(pair), &probe_);
+    ProbeAt(pair, end_state_[pair.a], end_state_[pair.b], 1e-2 * Size(pair));
     double gap = kFar, approach = 0;
-    for (Contact& c : probe_) Mix(pair, &c);
-    Turn(pair, end_state_[pair.a], end_state_[pair.b], probe_);
     for (const Contact& c : probe_) {  // of what hits; other corners of the pair may rest
       const double speed =
           -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
