@@ -204,9 +204,10 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
   const double golden = 0.5 * (std::sqrt(5.0) - 1);
   const auto gain_at = [&](double share) { return SolveTies(group_contacts, contacts, share); };
   double low = 0, high = 1, left = 1 - golden, right = golden, at_left = gain_at(left), at_right = gain_at(right);
-  // Where neither is solved, no search finds its way.
+  // Where neither is solved, no search finds its way. Without friction nothing is made: who makes some is past the least. (What sticks makes as
+  // much at any larger share.)
   while (high - low > kSamePoint && std::min(at_left, at_right) < INFINITY) {
-    if (at_left <= at_right) {
+    if (at_left > 0 || at_left <= at_right) {
       high = right, right = left, at_right = at_left;
       at_left = gain_at(left = high - golden * (high - low));
     } else {

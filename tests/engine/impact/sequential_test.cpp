@@ -224,6 +224,37 @@ TEST(SequentialResolver, ExactLawNeverRaisesEnergyAndEndsWithoutApproach) {
   EXPECT_GT(ended, 40);
 }
 
+// The edge of a rod strikes a floor by two points at once, and slips so that Newton's rebound with friction that sticks would make energy. Both
+// together get the friction after which the least is left: that at which the mean slip is zero.
+TEST(SequentialResolver, TiesThatWouldStickWithEnergyGetTheFrictionThatLeavesLeast) {
+  const double x = -0.28, z = -0.44, spin = 0.09;  // of the points; moment of inertia about y
+  Group g;
+  Body floor, rod;
+  floor.kind = BodyKind::kFixed;
+  rod.inertia_B = Vector3(spin, spin, spin).asDiagonal();
+  rod.linear_velocity_W = {0.5, 0, -1};
+  g.bodies = {floor, rod};
+  for (const double y : {-0.1, 0.1})
+    g.contacts.push_back({.body_a = 0,
+                          .body_b = 1,
+                          .point_W = {x, y, z},
+                          .normal_W = Vector3::UnitZ(),
+                          .friction = 1,
+                          .restitution = 1});
+  g.Finish();
+  const double before = g.KineticEnergy();
+  g.Resolve();
+  // [1/kg] velocity of the points by impulses (across, up) at both.
+  const double across = 1 + z * z / spin, mixed = -x * z / spin, up = 1 + x * x / spin;
+  const double smooth = 0.5 + mixed * 2 / up, least = -(0.5 + smooth) / (2 * (across - mixed * mixed / up));
+  Vector3 sum = Vector3::Zero();
+  for (size_t c = 0; c < 2; ++c) sum += g.frames[c] * g.impulses[c];
+  EXPECT_GT(std::abs(least), 0.05);
+  EXPECT_NEAR(sum.x(), least, 1e-5);
+  EXPECT_NEAR(sum.z(), (2 - mixed * least) / up, 1e-5);
+  EXPECT_LT(g.KineticEnergy(), before);
+}
+
 // Numbers of bodies that belong to other groups must not confuse the resolver, nor what an earlier group left in it.
 TEST(SequentialResolver, GroupsOfOneWorldAreIndependent) {
   Group g = OfficeToy(6, 1);
