@@ -108,9 +108,14 @@ class Stepper {
   Contact AsActed(size_t held) const;
   void FollowHeld();
   int FindAt(int pair, const Contact& contact, Moment from, Moment to, std::span<const Contact> there) const;
-  const Contact* ClosedAtStart(size_t at_end) const;
+  const Contact* ClosedAtStart(int pair, const Contact& end) const;
+  const Contact* ClosedAtStart(size_t at_end) const { return ClosedAtStart(end_pair_[at_end], end_[at_end]); }
   Vector3 CarriedBy(size_t at_end) const;
   int HeirOf(size_t held) const;
+  bool CutFor(size_t at_end) const;
+  bool IsCutForNew() const;
+  double ClosingAtEnd(const Contact& c) const;
+  bool ClosesFromRest(const MeetingQuery& query, int number, const Contact& c, double approach, double t) const;
   Vector3 AllowedOf(size_t at_end, const Vector3& velocity_W) const;
   Vector3 BeyondCone(size_t at_end, const Vector3& change_W) const;
   bool WasHeld(size_t at_end) const;

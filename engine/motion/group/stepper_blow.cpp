@@ -138,8 +138,8 @@ bool Stepper::IsThere(size_t at_end) const {
 // of the piece threw against it does not strike: Settle stops that. What the way was cut for strikes, however slowly it set out.
 bool Stepper::Hits(size_t at_end) const {
   const Contact& c = end_[at_end];
-  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0) || (cut_pair_ < 0 && ClosedAtStart(at_end)))
-    return false;
+  if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0)) return false;
+  if (ClosedAtStart(at_end) && (cut_pair_ < 0 || (end_pair_[at_end] == cut_pair_ && IsCutForNew()))) return false;
   const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
   const auto mean = [&](int i) { return MeanVelocity(i, CarriedWith(i, c.point_W, Moment::kEnd, Moment::kMiddle)); };
   const Vector3 on_the_way = end_pair_[at_end] == cut_pair_ ? now : Vector3(mean(c.body_a) - mean(c.body_b));

@@ -244,13 +244,32 @@ int Stepper::HeirOf(size_t held) const {
   const auto [first, last] = std::equal_range(end_.begin(), end_.end(), held_[held], EarlierPair);
   const Vector3 there = Carried(AsActed(held), Moment::kMiddle, Moment::kEnd);
   const int heir = FindHeir({first, last}, held_[held].normal_W, there);
-  return heir < 0 ? -1 : static_cast<int>(first - end_.begin()) + heir;
+  if (heir < 0) return -1;
+  const int found = static_cast<int>(first - end_.begin()) + heir;
+  return CutFor(found) ? -1 : found;
+}
+
+// [m/s] at which a contact closes where the piece ends.
+double Stepper::ClosingAtEnd(const Contact& c) const {
+  return c.normal_W.dot(end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W));
+}
+
+// Whether the piece ends for this contact: one of the pair that meets, it was not closed as the piece began, and comes as a blow.
+bool Stepper::CutFor(size_t at_end) const {
+  const Contact& c = end_[at_end];
+  return end_pair_[at_end] == cut_pair_ && !ClosedAtStart(at_end) &&
+         c.gap <= kTogether * Size(group_->pairs[cut_pair_]) && ClosingAtEnd(c) > CutSpeed(c);
+}
+
+bool Stepper::IsCutForNew() const {
+  for (size_t e = 0; e < end_.size(); ++e)
+    if (CutFor(e)) return true;
+  return false;
 }
 
 // The contact as the piece began, if it was closed.
-const Contact* Stepper::ClosedAtStart(size_t at_end) const {
-  const Contact& end = end_[at_end];
-  const int found = FindAt(end_pair_[at_end], end, Moment::kEnd, Moment::kStart, now_);
+const Contact* Stepper::ClosedAtStart(int pair, const Contact& end) const {
+  const int found = FindAt(pair, end, Moment::kEnd, Moment::kStart, now_);
   return found >= 0 && closed_[found] ? &now_[found] : nullptr;
 }
 

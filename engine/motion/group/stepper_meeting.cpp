@@ -20,6 +20,13 @@ double ApproachOnWay(const MeetingQuery& query, const Pose& at_a, const Pose& at
   return -c.normal_W.dot(velocity(query.path_b, at_b) - velocity(query.path_a, at_a));
 }
 
+// Where a point of the body at t was as its way began.
+Vector3 AtStart(const Path& path, const Shape& shape, double t, const Vector3& point_W) {
+  const Pose now = path.At(t);
+  const Quaternion seen_WB = VisibleRotation(shape, path.start.rotation_WB, now.rotation_WB);
+  return path.start.position_W + path.start.rotation_WB * (seen_WB.conjugate() * (point_W - now.position_W));
+}
+
 }  // namespace
 
 // [s] of the first blow within the piece, h if there is none. What is found of a pair does not depend on who was looked at before it.
@@ -80,6 +87,19 @@ bool Stepper::StaysLevel(const MeetingQuery& query, const GroupPair& pair, doubl
   });
 }
 
+// Whether a contact that closes like this at t was closed as the piece began, and closes faster and faster since: by then half as fast on the
+// mean. Its way bends as it turns, and the same place may have another feature by then.
+bool Stepper::ClosesFromRest(const MeetingQuery& query, int number, const Contact& c, double approach, double t) const {
+  const Vector3 with_a = AtStart(query.path_a, *query.a, t, c.point_W),
+                with_b = AtStart(query.path_b, *query.b, t, c.point_W);
+  const double far = kSamePlace * Size(group_->pairs[number]) + 0.5 * (with_a - with_b).norm();
+  for (size_t k = 0; k < now_.size(); ++k) {
+    if (now_pair_[k] != number || !closed_[k] || approach * t > 4 * (now_[k].gap - c.gap)) continue;
+    if (now_[k].feature == c.feature || (now_[k].point_W - 0.5 * (with_a + with_b)).norm() < far) return true;
+  }
+  return false;
+}
+
 // Whether a pair that is too deep at t met in a blow. What its way bends by from there on, by weight or by a turn, is no speed of the
 // blow: t goes back to where what is fast was as deep as the piece found it. A rebound that comes back before it is open was none. A point that is none where it would have met is new: the lowest one of a rim that tips about others.
 bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
@@ -99,7 +119,7 @@ bool Stepper::MetInABlow(const MeetingQuery& query, int number, double* t) {
       if (c.gap > kTogether * Size(pair)) continue;  // it is on its way
       if (Presses(number, c.feature)) continue;      // what its way bends by meanwhile is no blow
       const double approach = ApproachOnWay(query, at_a, at_b, c, *t);
-      if (approach <= std::max(fastest, CutSpeed(c))) continue;
+      if (approach <= std::max(fastest, CutSpeed(c)) || ClosesFromRest(query, number, c, approach, *t)) continue;
       fastest = approach;
       back = std::max(0.0, query.gap - c.gap) / approach;
       fast = c.feature;
@@ -173,13 +193,11 @@ void Stepper::Guard(const SlowMeeting& slow) {
   const GroupPair& pair = group_->pairs[slow.pair];
   Probe(slow.query, pair, slow.time);
   for (Contact c : probe_) {
-    const auto at_start = [&](const Vector3& point, const Shape& shape, const Pose& now, const Path& path) -> Vector3 {
-      const Quaternion seen_WB = VisibleRotation(shape, path.start.rotation_WB, now.rotation_WB);
-      return path.start.position_W + path.start.rotation_WB * (seen_WB.conjugate() * (point - now.position_W));
-    };
+    const bool comes = c.gap > kTogether * Size(pair);
+    if (comes && ApproachOnWay(slow.query, at_a, at_b, c, slow.time) > CutSpeed(c)) continue;  // as a blow of its own
     const Vector3 half = 0.5 * c.gap * c.normal_W;
-    const double gap = c.normal_W.dot(at_start(c.point_W + half, *slow.query.b, at_b, b) -
-                                      at_start(c.point_W - half, *slow.query.a, at_a, a));
+    const double gap = c.normal_W.dot(AtStart(b, *slow.query.b, slow.time, c.point_W + half) -
+                                      AtStart(a, *slow.query.a, slow.time, c.point_W - half));
     const Vector3 with_a = c.point_W - (at_a.position_W - a.start.position_W),
                   with_b = c.point_W - (at_b.position_W - b.start.position_W);
     c.body_a = pair.a;
@@ -198,14 +216,17 @@ double Stepper::EndAtBlow(double h, double moment, double most) {
   const GroupPair& pair = group_->pairs[cut_pair_];
   const double before = GapOfBlow(cut_pair_);
   double at = std::max(moment, 1e-9 * dt_), best = at, nearest = kFar;
+  bool comes = false;  // what hits was not closed as the piece began; what was, and closes slowly, may be deeper then
   for (int k = 0; k < 6; ++k) {
     if (at != h) EndAt(at, &h);
     ProbeAt(pair, end_state_[pair.a], end_state_[pair.b], 1e-2 * Size(pair));
     double gap = kFar, approach = 0;
     for (const Contact& c : probe_) {  // of what hits; other corners of the pair may rest
-      const double speed =
-          -c.normal_W.dot(end_state_[pair.b].VelocityAt(c.point_W) - end_state_[pair.a].VelocityAt(c.point_W));
-      if (c.gap < gap && speed > CutSpeed(c)) gap = c.gap, approach = speed;
+      const double speed = ClosingAtEnd(c);
+      if (speed <= CutSpeed(c)) continue;
+      const bool is_new = !ClosedAtStart(cut_pair_, c);
+      if (is_new && !comes && k == 0 && c.gap <= kTogether * Size(pair)) comes = true, gap = kFar;
+      if (c.gap < gap && (is_new || !comes)) gap = c.gap, approach = speed;
     }
     gap -= before;
     if (std::abs(gap) >= nearest) break;

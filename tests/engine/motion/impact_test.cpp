@@ -931,5 +931,85 @@ TEST(Impact, FacetsOfADishTripNobody) {
   }
 }
 
+// A smooth hull rattles out on a blade that turns, presses, and is then hit by the blade's end, all in one step. What pressed is no longer near by
+// then. The blow has its rebound as in finer steps.
+TEST(Impact, TheEndOfABladeHitsWhatPressesOnIt) {
+  const std::vector<Vector3> corners = {{0.014362, 0.12572, 0.057837},     {-0.076269, -0.030499, 0.047645},
+                                        {-0.089285, -0.040014, -0.011638}, {-0.110002, -0.101779, -0.153138},
+                                        {0.029385, -0.05241, 0.039718},    {0.063444, -0.018846, -0.100258},
+                                        {0.095005, 0.060511, 0.137735}};
+  const auto after = [&](double restitution, int steps) {
+    Settings settings = Awake();
+    settings.gravity.setZero();
+    World world(settings);
+    world.Add({.shape = Shape::Box({0.5, 0.02, 0.3}),
+               .kind = BodyKind::kKinematic,
+               .position_W = {0, 0, 0.32},
+               .rotation_WB = Quaternion(0.99938961, 0, 0, 0.03493432).normalized(),
+               .angular_velocity_W = {0, 0, -8.1868},
+               .friction = 0,
+               .restitution = restitution});
+    world.Add({.shape = Shape::ConvexHull(corners),
+               .mass = 0.3,
+               .position_W = {0.618563, -0.050454, 0.512197},
+               .rotation_WB = Quaternion(-0.09753911, -0.86264439, -0.15325871, -0.47206201).normalized(),
+               .linear_velocity_W = {3.339826, -3.415263, -0.661775},
+               .angular_velocity_W = {3.932894, -1.434013, -0.878359},
+               .friction = 0,
+               .restitution = restitution});
+    for (int i = 0; i < steps; ++i) testing::Step(&world, 1.0 / 60 / steps);
+    return world.body(1);
+  };
+  for (const double restitution : {0.05, 0.2, 0.3, 0.4, 0.5}) {
+    const Body one = after(restitution, 1), fine = after(restitution, 16);
+    EXPECT_LT((one.linear_velocity_W - fine.linear_velocity_W).norm(), 1e-3) << restitution;
+    EXPECT_LT((one.angular_velocity_W - fine.angular_velocity_W).norm(), 1e-2) << restitution;
+  }
+}
+
+// Plain hulls that meet in free space without a rebound roll and slide on each other: what closes from rest, as normals turn, presses. It is no
+// blow, or they would be cut into pieces without end.
+TEST(Impact, WhatClosesFromRestIsNoBlow) {
+  const auto around = [](int sides, double radius, double z) {
+    std::vector<Vector3> ring;
+    for (int k = 0; k < sides; ++k) {
+      const double angle = 2 * std::numbers::pi * k / sides;
+      ring.push_back({radius * std::cos(angle), radius * std::sin(angle), z});
+    }
+    return ring;
+  };
+  std::vector<std::vector<Vector3>> hulls;
+  for (const double top : {0.0, 0.4, 0.7})
+    for (const int sides : {3, 4, 5}) {
+      std::vector<Vector3> hull = around(sides, 0.7, -0.4);
+      if (top == 0) hull.push_back({0, 0, 0.6});
+      for (const Vector3& corner : top > 0 ? around(sides, top, 0.4) : std::vector<Vector3>{}) hull.push_back(corner);
+      hulls.push_back(hull);
+    }
+  std::mt19937 rng(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto any = [&] { return Vector3(uniform(rng), uniform(rng), uniform(rng)); };
+  Settings settings = Awake();
+  settings.gravity.setZero();
+  int gave_up = 0;
+  for (int pair = 0; pair < 40; ++pair) {
+    World world(settings);
+    for (const double side : {0.0, 2.2}) {
+      BodyDefinition body{.shape = Shape::ConvexHull(hulls[rng() % hulls.size()]), .mass = 1 + side};
+      body.position_W = {side, 0, 0};
+      body.rotation_WB = Quaternion(Eigen::AngleAxisd(3 * uniform(rng), any().normalized()));
+      body.linear_velocity_W = {-1.6 * side, 0, 0};
+      body.angular_velocity_W = 4 * any();
+      body.friction = 0;
+      body.restitution = 0;
+      world.Add(body);
+    }
+    bool gives_up = false;
+    for (int i = 0; i < 60; ++i) gives_up = world.Step(1.0 / 60).gave_up > 0 || gives_up;
+    gave_up += gives_up;
+  }
+  EXPECT_LE(gave_up, 3);
+}
+
 }  // namespace
 }  // namespace islet
