@@ -121,8 +121,8 @@ struct StepReport {
   int newly_frozen = 0;               // the other way round
   int awake = 0;                      // dynamic bodies after the step
   int frozen = 0;                     // the others of them
-  // Certified freezing in crowds: worst sum of all impulses on a frozen body, over the sum of their magnitudes; at most ten times
-  // the tolerance, or the body would not be frozen.
+  // Certified freezing in crowds: worst sum of all impulses on a frozen body, over the sum of their magnitudes; at most 5e-10, half of
+  // what the ledger forgives, or the body would not be frozen.
   double frozen_imbalance = 0;
   int restitution_lowered = 0;        // islands in which restitution was lowered so that no energy is created
   QpSummary collision_qp, static_qp;  // problems of step 2 and of step 3

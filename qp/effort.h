@@ -5,7 +5,7 @@
 namespace islet::qp {
 
 struct Effort {
-  int sweeps = 0;       // visits of every contact, on islands of more than 32 bodies that are no towers
+  int sweeps = 0;       // visits of every contact, on islands of more than 32 bodies (in a crowd 8) that are no towers
   bool newton = false;  // these islands go on by Newton's method; smaller ones always do
 
   friend bool operator==(const Effort& x, const Effort& y) { return x.sweeps == y.sweeps && x.newton == y.newton; }

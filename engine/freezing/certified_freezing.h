@@ -2,10 +2,9 @@
 //
 //   island   bodies joined by contacts, all of them
 //   freezes  where each of its bodies has stood still for freeze_seconds (by the displacement of its farthest point, under the same
-//            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where the
-//            impulses of this very frame balance what acts on it, inside their cones, to the tolerance.
-//            What velocity is left is taken by impulses of its contacts (StopImpulses), and what they leave off balance, too. Where their
-//            cones do not allow that, it stands on an edge or a top, and will fall. Where some of its bodies move and the island was solved
+//            gravity and force), or was frozen when the frame began; where this frame leaves it no velocity worth a name; and where its
+//            contacts can take that (StopImpulses), and what the impulses of this frame leave off balance, inside their cones. Where
+//            their cones do not allow that, it stands on an edge or a top, and will fall. Where some of its bodies move and the island was solved
 //            to the tolerance, the others freeze all the same
 //   holds    what is frozen is a wall for what moves beside it. After the frame what that pressed with is balanced by the contacts of what
 //            is frozen: that they can means that standing still obeys Coulomb's law

@@ -315,44 +315,53 @@ bool GroupMotion::LeaveToCrowd(GroupMemory* memory) {
   return any;
 }
 
-bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span<const Shape> shapes,
-                       const ContactFilter& filter, const MixMaterial& mix, const ProblemObserver& observer,
-                       GroupMemory* memory, StepReport* report) {
-  memory->Resize(bodies.size());
-  rooms_.assign(bodies.size(), 0.0);
-  was_frozen_.resize(bodies.size());
-  for (size_t i = 0; i < bodies.size(); ++i) was_frozen_[i] = bodies[i].frozen;
-  num_before_ = num_jobs_ = 0;
-  bool kept = false;
-  joined_.clear();
-  gave_up_.resize(bodies.size());
-  spent_.resize(bodies.size());
+void GroupMotion::Begin(Races races, std::span<const Body> bodies, GroupMemory* memory) {
+  const size_t n = bodies.size();
+  memory->Resize(n);
+  rooms_.assign(n, 0.0);
+  was_frozen_.resize(n);
+  gave_up_.resize(n);
+  spent_.resize(n);
   races_ = races;
   if (races == Races::kHalted) spent_ = spent_before_;
   spent_before_ = spent_;
-  for (size_t i = 0; i < bodies.size(); ++i)
+  for (size_t i = 0; i < n; ++i) {
+    was_frozen_[i] = bodies[i].frozen;
     gave_up_[i] = memory->crowded[i] > 0 && races == Races::kRefused ? kBefore : 0;
-  // A round that keeps nobody to its room joins somebody to others, so there are no more rounds than bodies.
-  for (size_t round = 0; round <= bodies.size() && !kept; ++round) {
-    const auto find = [&] {
-      do {
-        groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
-        groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
-        MakeJobs(dt, bodies, shapes, *memory);
-        // Where a crowd goes is not known yet: who may meet it goes with it.
-      } while (any_crowd_ && JoinParted([&](int i, int k) { return crowd_[i] || crowd_[k]; }));
-    };
+  }
+  num_before_ = num_jobs_ = 0;
+  joined_.clear();
+}
+
+// Groups and crowds, by rooms and by who was met so far. Whom a crowd may meet or push goes with it.
+void GroupMotion::FindGroups(double dt, std::span<const Body> bodies, std::span<const Shape> shapes,
+                             const ContactFilter& filter, const GroupMemory& memory) {
+  const auto find = [&] {
+    do {
+      groups_.Find(dt, settings_.gravity, bodies, shapes, rooms_, filter);
+      groups_.Part(settings_.group_bodies, dt, bodies, shapes, joined_);
+      MakeJobs(dt, bodies, shapes, memory);
+    } while (any_crowd_ && JoinParted([&](int i, int k) { return crowd_[i] || crowd_[k]; }));
+  };
+  find();
+  if (!any_crowd_) return;
+  for (std::ptrdiff_t known = 0, crowd = CountCrowd(); known < crowd; known = crowd, crowd = CountCrowd()) {
+    WidenCrowds(dt, bodies);
     find();
-    if (any_crowd_) {
-      // Whom they may push goes on as far as they do.
-      for (std::ptrdiff_t known = 0, crowd = CountCrowd(); known < crowd; known = crowd, crowd = CountCrowd()) {
-        WidenCrowds(dt, bodies);
-        find();
-      }
-      if (races == Races::kRefused &&
-          (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes, gave_up_)))
-        return false;
-    }
+  }
+}
+
+bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span<const Shape> shapes,
+                       const ContactFilter& filter, const MixMaterial& mix, const ProblemObserver& observer,
+                       GroupMemory* memory, StepReport* report) {
+  Begin(races, bodies, memory);
+  bool kept = false;
+  // A round in which somebody leaves its room joins somebody to others, so there are no more rounds than bodies.
+  for (size_t round = 0; round <= bodies.size() && !kept; ++round) {
+    FindGroups(dt, bodies, shapes, filter, *memory);
+    if (any_crowd_ && races == Races::kRefused &&
+        (HasRace(dt, bodies, shapes) || groups_.PartsInHalf(settings_.group_bodies, dt, bodies, shapes, gave_up_)))
+      return false;
     RunJobs(dt, mix, static_cast<bool>(observer), bodies, shapes);
     kept = std::all_of(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(num_jobs_),
                        [](const Job& job) { return job.kept; });
@@ -361,6 +370,14 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   }
   if (!kept && races == Races::kRefused) return false;
   report->motion_failures += !kept;
+  CommitAll(dt, bodies, memory, report);
+  for (const Job& job : std::span(jobs_).first(num_jobs_))
+    for (size_t r = 0; observer && r < job.outcome.records.size(); ++r) observer(job.outcome.records[r]);
+  return true;
+}
+
+// Poses, velocities and what is remembered, of all groups; who gave up is told.
+void GroupMotion::CommitAll(double dt, std::span<Body> bodies, GroupMemory* memory, StepReport* report) {
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
     if (IsCrowd(members) && members.size() <= static_cast<size_t>(settings_.group_bodies))
@@ -372,10 +389,7 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
   impulses_.clear();
   contacts_.clear();
   forces_W_.clear();
-  const std::span<Job> jobs = std::span(jobs_).first(num_jobs_);
-  for (Job& job : jobs) Commit(dt, &job, bodies, memory, report);
-  for (const Job& job : jobs)
-    for (size_t r = 0; observer && r < job.outcome.records.size(); ++r) observer(job.outcome.records[r]);
+  for (Job& job : std::span(jobs_).first(num_jobs_)) Commit(dt, &job, bodies, memory, report);
   // By pair; groups hold pairs of their own.
   order_.resize(contacts_.size());
   for (size_t c = 0; c < order_.size(); ++c) order_[c] = static_cast<int>(c);
@@ -388,7 +402,6 @@ bool GroupMotion::Step(double dt, Races races, std::span<Body> bodies, std::span
     memory->contacts[c] = contacts_[order_[c]];
     memory->forces_W[c] = forces_W_[order_[c]];
   }
-  return true;
 }
 
 // Whether two bodies of a crowd may go through each other within a step, or in and out again: where they move against each other by more than

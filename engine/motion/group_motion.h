@@ -55,8 +55,8 @@ class GroupMotion {
   }
   void SetGravity(const Vector3& gravity_W) { settings_.gravity = gravity_W; }
 
-  // observer may be empty. report: counts, certificates and times are added to. Returns false, and has done nothing, where bodies of a
-  // crowd race or leave their rooms, and races are refused.
+  // observer may be empty. report: counts, certificates and times are added to. Returns false, and has moved nobody, where bodies of a
+  // crowd race or leave their rooms, and races are refused; who gave up is remembered.
   bool Step(double dt, Races races, std::span<Body> bodies, std::span<const Shape> shapes, const ContactFilter& filter,
             const MixMaterial& mix, const ProblemObserver& observer, GroupMemory* memory, StepReport* report);
 
@@ -76,6 +76,10 @@ class GroupMotion {
   struct Worker {
     Stepper stepper;
   };
+  void Begin(Races races, std::span<const Body> bodies, GroupMemory* memory);
+  void FindGroups(double dt, std::span<const Body> bodies, std::span<const Shape> shapes, const ContactFilter& filter,
+                  const GroupMemory& memory);
+  void CommitAll(double dt, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsCrowd(std::span<const int> members) const;
   bool HasRace(double dt, std::span<const Body> bodies, std::span<const Shape> shapes) const;
   std::ptrdiff_t CountCrowd() const;

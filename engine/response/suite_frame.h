@@ -1,4 +1,4 @@
-// What the stages of one ContactSuite::Resolve share. Filled from the top down; no stage changes what an earlier one wrote.
+// What the stages of one ContactSuite::Resolve share. Filled from the top down. What settles without a blow changes before_gravity.
 #pragma once
 
 #include <algorithm>

@@ -222,8 +222,7 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
   if (grouped) TellSlice({"groups", moving, moved});
   report->seconds.move += moved - moving - report->seconds.static_qp - report->seconds.collision_qp;
   if (!grouped || group_motion.any_crowd()) {
-    const bool apart = grouped;
-    if (apart) {
+    if (grouped) {
       stale = stale || CrowdChanged();
       WakeNewcomers();
       crowd.assign(group_motion.crowd().begin(), group_motion.crowd().end());
@@ -232,7 +231,7 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
     const double begin = Seconds();
     StepCrowd(dt, report);
     TellSlice({"crowd", begin, Seconds()});
-    if (apart) SetApart(false);
+    if (grouped) SetApart(false);
   } else {
     CarryKinematic(dt);
     crowd_motion.Rest();

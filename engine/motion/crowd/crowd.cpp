@@ -125,8 +125,8 @@ double Crowd::FreshOverlap() const {
   return worst;
 }
 
-// One piece of the step, from time t on. Where it misses its end and may be shortened it has done nothing; where something frozen was hit the
-// step begins anew.
+// One piece of the step, from time t on. Where it misses its end and may be shortened bodies and contacts are as before; who gives way still
+// does, and what was solved is counted. Where something frozen was hit the step begins anew.
 Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& find, CrowdMemory* memory,
                             StepReport* report) {
   start_ = *near_;
@@ -273,7 +273,7 @@ void Crowd::DropLevelEdges() {
   near_->resize(kept);
 }
 
-// The step, piece by piece. Returns false where something frozen was hit, and is frozen no more.
+// The step, piece by piece. Returns false where something frozen was hit: it is to wake.
 bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, StepReport* report) {
   impulses_.clear();
   for (size_t c = 0; c < start_.size(); ++c) {  // what holds frozen bodies

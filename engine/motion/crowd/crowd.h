@@ -215,7 +215,7 @@ class Crowd {
   bool GiveBack(int island, Worker* worker);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
-  void Strike(int island, Worker* worker);
+  void HoldThenStrike(int island, Worker* worker);
   bool Soften(int island, Worker* worker);
   Vector3 PullOn(const Contact& contact) const;
   double ClosingWay(const Contact& contact) const;

@@ -188,7 +188,7 @@ bool Crowd::GiveBack(int island, Worker* worker) {
     worker->taken.push_back(static_cast<int>(c));
     ApplyImpulse(WhereTaken(c), -impulse_W_[c], posed_);
   }
-  Strike(island, worker);
+  HoldThenStrike(island, worker);
   if (!MarkGains(island, worker)) {
     for (const int c : worker->taken) given_back_[c] = 1;
     return true;
@@ -200,8 +200,7 @@ bool Crowd::GiveBack(int island, Worker* worker) {
   return false;
 }
 
-// [N s] by how much friction of all that acted at a contact in the piece is beyond its cone. Where a slide turned, and pressed less at the end, a
-// part of what it carried was taken back along another direction than it acted in.
+// [N s] by how much friction of all that acted at a contact in the piece is beyond its cone (Stepper::BeyondCone).
 Vector3 Crowd::BeyondCone(int c) const {
   const int e = closed_[c];
   const Contact& contact = problem_[c];
@@ -232,7 +231,7 @@ void Crowd::KeepToCone(int island, Worker* worker) {
     collisions_[c].setZero();
     ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
   }
-  Strike(island, worker);
+  HoldThenStrike(island, worker);
   if (!MarkGains(island, worker)) return;
   held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
   outcomes_[island] = held, struck_[island] = struck;
@@ -267,7 +266,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
   };
   for (int attempt = 1;; ++attempt) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
-    Strike(island, worker);
+    HoldThenStrike(island, worker);
     outcomes_[island].restitution_lowered = attempt > 1;
     if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
     if (!rebounds) {
@@ -309,7 +308,7 @@ double Crowd::SpeedOfMoment(const Contact& contact, double start, double end) co
 }
 
 // What does not hit is held, then blows follow. Who asks again adds to the time that it took, and restitution stays lowered.
-void Crowd::Strike(int island, Worker* worker) {
+void Crowd::HoldThenStrike(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const ContactFrames all{problem_, frames_};
   worker->contacts.clear();
