@@ -133,7 +133,7 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   RecallForces(
       memory->contacts, memory->forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   Load(h);
-  AllowPushes(*memory);
+  gained_.assign(bodies_.size(), 0);
   Select();
   disturbed_.assign(bodies_.size(), 1);
   int pass = 1;
@@ -211,7 +211,6 @@ bool Crowd::HitsFrozen() {
 // What held as the piece ended, also between bodies that stood still all the while.
 void Crowd::Remember(double h, CrowdMemory* memory) {
   memory->contacts = *near_;
-  memory->lost = lost_;
   memory->forces_W.assign(near_->size(), Vector3::Zero());
   blow_W_.assign(near_->size(), Vector3::Zero());
   for (size_t c = 0; c < problem_.size(); ++c) {

@@ -44,9 +44,8 @@ using FindContacts = std::function<void(std::span<const Vector3> travel_W)>;
 
 // What one step of a crowd leaves for the next.
 struct CrowdMemory {
-  std::vector<Contact> contacts;  // near ones
-  std::vector<Vector3> forces_W;  // [N] on body_b, that held there
-  std::vector<double> lost;       // [J] per body: by all that it pressed, together; infinite: it pressed nobody
+  std::vector<Contact> contacts;                    // near ones
+  std::vector<Vector3> forces_W;                    // [N] on body_b, that held there
   std::vector<CertifiedFreezing::Stillness> still;  // per body
   std::vector<int> freeze_counters;                 // kPaper, per body
 };
@@ -145,7 +144,6 @@ class Crowd {
   void ForEachIsland(const F& f);
 
   // crowd_carry.cpp: what carries, and its impulses.
-  void AllowPushes(const CrowdMemory& memory);
   void Select();
   void Carry(bool first, StepReport* report);
   void GiveWay();
@@ -257,7 +255,6 @@ class Crowd {
   std::vector<State> begin_;            // per body
   std::vector<Free> free_;
   std::vector<std::uint8_t> cut_;     // per body: contacts do not move it
-  std::vector<std::uint8_t> pushes_;  // per body: its overlaps are pushed out
   std::vector<std::uint8_t> gained_;  // per body: by a pass of this piece
   // Of a pass.
   std::vector<Pose> middle_;                   // per body, halfway on the chord
@@ -281,9 +278,9 @@ class Crowd {
   std::vector<double> bore_;                // [N s] and along the normals there
   std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
-  std::vector<double> gain_, at_hand_, lost_;  // [J] per body
+  std::vector<double> gain_, at_hand_;      // [J] per body
   // Of its end.
-  std::vector<int> problem_at_;  // per near contact: its place in the problem, or -1
+  std::vector<int> problem_at_;              // per near contact: its place in the problem, or -1
   std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it
   std::vector<int> closed_;                  // places in near_ of the contacts of the problem
   std::vector<int> acted_as_;                // per held contact: place in impulses_, or -1

@@ -118,10 +118,7 @@ void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
   held.faces_b = FacesAxis(shapes_[b], {bodies_[b].position_W, bodies_[b].rotation_WB}, contact);
   const auto face = [&] { Face(held, middle_[a].position_W, middle_[b].position_W, &contact); };
   const Contact* const start = AtStart(contact);
-  if (shapes_[a].kind() == ShapeKind::kSphere && shapes_[b].kind() == ShapeKind::kSphere) {
-    contact.normal_W = (middle_[b].position_W - middle_[a].position_W).normalized();
-    contact.point_W = middle_[a].position_W + shapes_[a].radius() * contact.normal_W;
-  } else if (start && start->gap <= kReach * size) {
+  if (start && start->gap <= kReach * size) {
     Course course_a = CourseOf(a), course_b = CourseOf(b);
     course_a.axis_W = AxisOf(a, held.faces_a);
     course_b.axis_W = AxisOf(b, held.faces_b);
@@ -136,7 +133,7 @@ void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
     contact.point_W = Shared(contact, halfway(a, contact.point_W - half), halfway(b, contact.point_W + half));
     face();
   }
-  held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
+  held.push = before_[e] < -settings_.overlap_tolerance * size && !gained_[a] && !gained_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
                                                                                      : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);

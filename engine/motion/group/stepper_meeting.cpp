@@ -43,18 +43,22 @@ double Stepper::FindMeeting(double h) {
     // An overlap by what was not met gets no deeper, or bounces of fine steps sink. A deeper one is that of a pair that gave way.
     const double sunk_by = -GapBefore(static_cast<int>(p)) / Size(pair);
     const bool sunk = sunk_by > 0.5 * kTouching && sunk_by < kTouching;
-    const MeetingQuery query = WayOf(static_cast<int>(p), h, GapOfBlow(static_cast<int>(p)),
-                                     stays  ? kTouching
-                                     : sunk ? kExact
-                                            : 0.5 * kTouching);
+    MeetingQuery query = WayOf(static_cast<int>(p), h, GapOfBlow(static_cast<int>(p)),
+                               stays  ? kTouching
+                               : sunk ? kExact
+                                      : 0.5 * kTouching);
     if (query.Farthest() < std::max(0.5 * query.deep, Apart(pair, state_))) continue;
-    double t = First(query, first);
+    double t = First(query, first), deep = t;
     if (t >= first) continue;
-    const double deep = t;
-    if (!MetInABlow(query, static_cast<int>(p), &t)) {
+    bool hits = MetInABlow(query, static_cast<int>(p), &t);
+    if (!hits) {
       slow_.push_back({static_cast<int>(p), t, query});
-      continue;
+      if (!sunk) continue;
+      query.deep = kTouching * Size(pair);  // past that hair something may come
+      t = deep = First(query, first);
+      hits = t < first && MetInABlow(query, static_cast<int>(p), &t);
     }
+    if (!hits) continue;
     if (StaysLevel(query, pair, deep)) {
       met_ = true;
       continue;
