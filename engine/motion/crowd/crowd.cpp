@@ -139,6 +139,10 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   int pass = 1;
   for (;; ++pass) {
     Carry(pass == 1, report);
+    if (pass == 1) {
+      borne_W_.assign(start_.size(), Vector3::Zero());
+      for (size_t c = 0; c < held_.size(); ++c) borne_W_[started_as_[c]] = impulse_W_[c];
+    }
     Fly();
     const double looking = Seconds();
     find(travel_);

@@ -122,14 +122,15 @@ void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
     Course course_a = CourseOf(a), course_b = CourseOf(b);
     course_a.axis_W = AxisOf(a, held.faces_a);
     course_b.axis_W = AxisOf(b, held.faces_b);
-    const Vector3 end = contact.point_W;
-    contact.point_W = Shared(contact, OnArc(course_a, start->point_W, end), OnArc(course_b, start->point_W, end));
+    // At the surface of each: where it lands, not between the two, which may be deep in each other so far.
+    const Vector3 end = contact.point_W, before = 0.5 * start->gap * start->normal_W;
+    contact.point_W = Shared(contact, OnArc(course_a, start->point_W - before, end - half),
+                             OnArc(course_b, start->point_W + before, end + half));
     const double turn = (contact.normal_W - start->normal_W).norm();
     contact.normal_W = (start->normal_W + contact.normal_W).normalized();
     face();
     TurnLever((contact.gap - start->gap) / dt_, turn, course_a, course_b, size, &contact);
   } else {
-    // At the surface of each: where it lands, not between the two, which may be deep in each other so far.
     contact.point_W = Shared(contact, halfway(a, contact.point_W - half), halfway(b, contact.point_W + half));
     face();
   }

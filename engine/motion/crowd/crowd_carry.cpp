@@ -22,6 +22,7 @@ void Crowd::Select() {
       settings_.model == Model::kCoulomb ? kSamePoint : INFINITY;  // by the convex models what comes near parts
   held_.clear();
   held_of_.clear();
+  started_as_.clear();
   impulse_W_.clear();
   centre_.clear();
   off_ = OffAhead(dt_);
@@ -44,6 +45,7 @@ void Crowd::Select() {
     const double tolerance = settings_.overlap_tolerance * size;
     const double gap = contact.gap > tolerance ? contact.gap : contact.gap < -tolerance ? -PushOf(contact.gap) : 0;
     held_.push_back(contact);
+    started_as_.push_back(static_cast<int>(c));
     Held held;
     held.target = -gap / dt_ - YieldOf(contact);
     held.allowed = contact.gap - gap - dt_ * YieldOf(contact);

@@ -243,6 +243,7 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
     KeepAccounts(*h);
     missed = std::max(missed, Shifted());
     if (!gains_ || (missed <= kExact && !lifts_) || pass >= kPasses) return deep;
+    Fly(*h);  // as fast as before the blow, or what hit would carry
   }
 }
 
@@ -273,7 +274,7 @@ bool Stepper::Piece(Progress* p) {
   if (p->events == 0 || work_ < group_->most_work / 2) {  // a step is one without more of them, too
     // Impulses of a piece before that was that short are no forces.
     double end = std::min(SlipEnds(h), p->before < kBrief * dt_ ? h : SupportEnds(h));
-    if (end == h && h > kBrief * dt_ && WasThereInPart(h)) end = 0.5 * h;
+    if (end == h && h > kBrief * dt_ && (WasThereInPart(h) || SlipTurns(h))) end = 0.5 * h;
     if (end < h) {
       ++p->events;
       p->most = end;

@@ -204,6 +204,7 @@ class Stepper {
   double SlipEnds(double h) const;
   double SupportEnds(double h);
   bool WasThereInPart(double h) const;
+  bool SlipTurns(double h) const;
   bool GoesOn(size_t at_start) const;
   Pose GoingOn(int i, int pair, double until, double t) const;
   size_t ClosedAt(int pair, double until, double t);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "engine/geometry/round_contact.h"
 #include "engine/motion/ride.h"
 #include "engine/response/suite_frame.h"
 #include "qp/smallness.h"
@@ -39,6 +40,25 @@ double Stepper::SlipEnds(double h) const {
     found = true;
   }
   return found ? first * h : h;
+}
+
+// Whether the slip of a contact that slides all through the piece turns by more than what is taken back at its end is turned by.
+bool Stepper::SlipTurns(double h) const {
+  const auto turns = [](const Vector3& x, const Vector3& y) {
+    return x.cross(y).norm() > kLevel * x.norm() * y.norm() || x.dot(y) < 0;
+  };
+  for (size_t c = 0; c < held_.size(); ++c) {
+    const double rubs = MostFriction(c), mass = LighterMass(held_[c]);
+    if (!(rubs > kBrief * h * pull_ * held_[c].friction * mass)) continue;
+    const Contact acted = AsActed(c);
+    const Vector3 u =
+        MeanVelocity(acted.body_b, acted.point_W) - MeanVelocity(acted.body_a, acted.point_W) + SurfaceSlip(acted);
+    const Vector3 start = SlipAtStart(c), mean = u - acted.normal_W.dot(u) * acted.normal_W, end = 2 * mean - start;
+    const double least = std::min({start.norm(), mean.norm(), end.norm()});
+    if (start.isZero(0) || least * mass <= rubs) continue;  // it sticks, or comes to an end
+    if (turns(start, mean) || turns(mean, end)) return true;
+  }
+  return false;
 }
 
 // [s] when the first support ends, h: none does. What pressed as the piece began, and at its end is open or faces another way, was a support

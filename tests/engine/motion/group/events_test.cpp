@@ -331,5 +331,27 @@ TEST(Events, SlidesOnAFloorThatCoastsEndInTheFirstStep) {
   }
 }
 
+// A plate slides and is pushed across: its slip turns by up to a radian within a step. dv/dt = F / m - mu g v / |v|, by Euler's method in parts of a
+// 10,000th.
+TEST(Events, SlipsThatTurnWithinAStep) {
+  for (const double rate : {30.0, 60.0, 120.0})
+    for (const double push : {0.6, 1.0, 2.0, 5.0}) {
+      World world(testing::Awake());
+      world.Add(testing::Floor(0.5, 0));
+      world.Add({.shape = Shape::Box({0.5, 0.5, 0.05}),
+                 .mass = 1,
+                 .position_W = {0, 0, 0.05},
+                 .linear_velocity_W = {0.3, 0, 0},
+                 .friction = 0.5,
+                 .restitution = 0});
+      world.SetForce(1, {0, push * testing::kGravity, 0}, Vector3::Zero());
+      testing::Step(&world, 1 / rate);
+      Vector3 v(0.3, 0, 0);
+      for (int i = 0; i < 10000; ++i)
+        v += 1e-4 / rate * testing::kGravity * (Vector3(0, push, 0) - 0.5 * v.normalized());
+      EXPECT_LT((world.body(1).linear_velocity_W - v).norm(), 0.012 * v.norm()) << rate << " " << push;
+    }
+}
+
 }  // namespace
 }  // namespace islet
