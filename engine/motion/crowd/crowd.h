@@ -280,10 +280,10 @@ class Crowd {
   std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
   std::vector<int> started_as_;             // per held contact of the first pass: which of start_
-  std::vector<Vector3> borne_W_,
-      keeps_W_;                   // [N s] of start_: in the first pass; of near ones: of that before something landed
-  std::vector<double> lands_at_;  // [s] per body: when something lands on it
-  std::vector<double> gain_, at_hand_;  // [J] per body
+  std::vector<Vector3> borne_W_;            // [N s] of start_: in the first pass
+  std::vector<Vector3> keeps_W_;            // [N s] of near ones: of that before something landed
+  std::vector<double> lands_at_;            // [s] per body: when something lands on it
+  std::vector<double> gain_, at_hand_;      // [J] per body
   // Of its end.
   std::vector<int> problem_at_;              // per near contact: its place in the problem, or -1
   std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it

@@ -107,17 +107,20 @@ Contact Crowd::WhereTaken(size_t c) const {
   return contact;
 }
 
-// What lands within the piece on a body ends what bore it, or makes it less: until then that bore as it did in the first pass, which knew of no
-// landing. So much of it is not taken back.
+// What lands within the piece on a body may end what bore it: until then that bore as it did in the first pass, which knew of no landing.
 void Crowd::KeepBorne() {
   keeps_W_.assign(near_->size(), Vector3::Zero());
   lands_at_.assign(bodies_.size(), dt_);
+  const auto closed_at_start = [&](const Contact& contact) {
+    const Contact* const start = AtStart(contact);
+    return start && start->gap <= settings_.overlap_tolerance * Size(contact) ? start : nullptr;
+  };
   for (size_t e = 0; e < near_->size(); ++e) {
     const Contact& contact = (*near_)[e];
+    if (!Pressed(e) || closed_at_start(contact)) continue;
     const auto velocity = [&](int i) -> Vector3 {
       return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
     };
-    if (!Pressed(e)) continue;
     const double way = ClosingWay(contact),
                  approach = contact.normal_W.dot(velocity(contact.body_a) - velocity(contact.body_b));
     if (way <= settings_.overlap_tolerance * Size(contact) || approach <= 0) continue;
@@ -125,11 +128,11 @@ void Crowd::KeepBorne() {
       if (!cut_[i]) lands_at_[i] = std::min(lands_at_[i], way / approach);
   }
   for (size_t e = 0; e < near_->size(); ++e) {
+    if (Pressed(e)) continue;
     const Contact& contact = (*near_)[e];
-    const double before = std::min(lands_at_[contact.body_a], lands_at_[contact.body_b]);
-    const Contact* const start = before < dt_ ? AtStart(contact) : nullptr;
-    if (start && start->gap <= settings_.overlap_tolerance * Size(contact))
-      keeps_W_[e] = before / dt_ * borne_W_[start - start_.data()];
+    const double until = std::min(lands_at_[contact.body_a], lands_at_[contact.body_b]);
+    const Contact* const start = until < dt_ ? closed_at_start(contact) : nullptr;
+    if (start) keeps_W_[e] = until / dt_ * borne_W_[start - start_.data()];
   }
 }
 
