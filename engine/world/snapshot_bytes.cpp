@@ -19,7 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::array<char, 8> kMagic{'i', 's', 'l', 'e', 't', 's', 'n', 'p'};
-constexpr std::uint64_t kVersion = 7;
+constexpr std::uint64_t kVersion = 6;
 struct Header {
   std::array<char, 8> magic;
   std::uint64_t version, length, checksum;
@@ -208,7 +208,7 @@ void Visit(A& a, CertifiedFreezing::Stillness& s) {
 }
 template <typename A>
 void Visit(A& a, motion::CrowdMemory& m) {
-  Visit(a, m.contacts), Visit(a, m.forces_W), Visit(a, m.still), Visit(a, m.freeze_counters);
+  Visit(a, m.contacts), Visit(a, m.forces_W), Visit(a, m.lost), Visit(a, m.still), Visit(a, m.freeze_counters);
 }
 template <typename A>
 void Visit(A& a, WorldState& w) {
@@ -246,7 +246,7 @@ void CheckState(const WorldState& w) {
   const motion::GroupMemory& g = w.groups;
   require(g.still.size() <= n && g.anchor.size() == g.still.size() && g.load.size() == g.still.size() &&
               g.mark.size() == g.still.size() && g.crowded.size() == g.still.size() &&
-              w.crowd_memory.freeze_counters.size() <= n,
+              w.crowd_memory.lost.size() <= n && w.crowd_memory.freeze_counters.size() <= n,
           "memories");
 }
 

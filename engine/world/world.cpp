@@ -103,6 +103,7 @@ void World::Impl::Forget(int number) {
     groups.mark[number] = motion::GroupMemory::kAwake;
     groups.crowded[number] = 0;
   }
+  if (static_cast<size_t>(number) < crowd_memory.lost.size()) crowd_memory.lost[number] = INFINITY;
   if (static_cast<size_t>(number) < crowd_memory.freeze_counters.size()) crowd_memory.freeze_counters[number] = 0;
   if (static_cast<size_t>(number) < crowd.size()) crowd[number] = 0;
   size_t kept = 0;

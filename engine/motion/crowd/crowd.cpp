@@ -133,16 +133,12 @@ Crowd::Outcome Crowd::Piece(double t, double h, bool last, const FindContacts& f
   RecallForces(
       memory->contacts, memory->forces_W, start_, [this](const Contact& c) { return Size(c); }, &start_force_W_);
   Load(h);
-  gained_.assign(bodies_.size(), 0);
+  AllowPushes(*memory);
   Select();
   disturbed_.assign(bodies_.size(), 1);
   int pass = 1;
   for (;; ++pass) {
     Carry(pass == 1, report);
-    if (pass == 1) {
-      borne_W_.assign(start_.size(), Vector3::Zero());
-      for (size_t c = 0; c < held_.size(); ++c) borne_W_[started_as_[c]] = impulse_W_[c];
-    }
     Fly();
     const double looking = Seconds();
     find(travel_);
@@ -215,6 +211,7 @@ bool Crowd::HitsFrozen() {
 // What held as the piece ended, also between bodies that stood still all the while.
 void Crowd::Remember(double h, CrowdMemory* memory) {
   memory->contacts = *near_;
+  memory->lost = lost_;
   memory->forces_W.assign(near_->size(), Vector3::Zero());
   blow_W_.assign(near_->size(), Vector3::Zero());
   for (size_t c = 0; c < problem_.size(); ++c) {

@@ -44,8 +44,9 @@ using FindContacts = std::function<void(std::span<const Vector3> travel_W)>;
 
 // What one step of a crowd leaves for the next.
 struct CrowdMemory {
-  std::vector<Contact> contacts;                    // near ones
-  std::vector<Vector3> forces_W;                    // [N] on body_b, that held there
+  std::vector<Contact> contacts;  // near ones
+  std::vector<Vector3> forces_W;  // [N] on body_b, that held there
+  std::vector<double> lost;       // [J] per body: by all that it pressed, together; infinite: it pressed nobody
   std::vector<CertifiedFreezing::Stillness> still;  // per body
   std::vector<int> freeze_counters;                 // kPaper, per body
 };
@@ -144,6 +145,7 @@ class Crowd {
   void ForEachIsland(const F& f);
 
   // crowd_carry.cpp: what carries, and its impulses.
+  void AllowPushes(const CrowdMemory& memory);
   void Select();
   void Carry(bool first, StepReport* report);
   void GiveWay();
@@ -208,7 +210,6 @@ class Crowd {
   void KeepToCone(int island, Worker* worker);
   void Inherit();
   void TurnCarried();
-  void KeepBorne();
   void Settle(StepReport* report);
   Contact WhereTaken(size_t c) const;
   bool GiveBack(int island, Worker* worker);
@@ -256,6 +257,7 @@ class Crowd {
   std::vector<State> begin_;            // per body
   std::vector<Free> free_;
   std::vector<std::uint8_t> cut_;     // per body: contacts do not move it
+  std::vector<std::uint8_t> pushes_;  // per body: its overlaps are pushed out
   std::vector<std::uint8_t> gained_;  // per body: by a pass of this piece
   // Of a pass.
   std::vector<Pose> middle_;                   // per body, halfway on the chord
@@ -279,11 +281,7 @@ class Crowd {
   std::vector<double> bore_;                // [N s] and along the normals there
   std::vector<Vector3> turned_W_;           // [N s] per near contact: what it carried, as it lies at the end
   std::vector<Vector3> carried_W_;          // [N s] per near contact; at the end: what of that its cone allows there
-  std::vector<int> started_as_;             // per held contact of the first pass: which of start_
-  std::vector<Vector3> borne_W_;            // [N s] of start_: in the first pass
-  std::vector<Vector3> keeps_W_;            // [N s] of near ones: of that before something landed
-  std::vector<double> lands_at_;            // [s] per body: when something lands on it
-  std::vector<double> gain_, at_hand_;      // [J] per body
+  std::vector<double> gain_, at_hand_, lost_;  // [J] per body
   // Of its end.
   std::vector<int> problem_at_;              // per near contact: its place in the problem, or -1
   std::vector<std::uint8_t> given_back_;     // per held contact: its impulse, where its bodies took it

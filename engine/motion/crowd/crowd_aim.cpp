@@ -134,7 +134,7 @@ void Crowd::Aim(size_t e, std::vector<Carrier>* next) const {
     contact.point_W = Shared(contact, halfway(a, contact.point_W - half), halfway(b, contact.point_W + half));
     face();
   }
-  held.push = before_[e] < -settings_.overlap_tolerance * size && !gained_[a] && !gained_[b] ? PushOf(before_[e]) : 0;
+  held.push = before_[e] < -settings_.overlap_tolerance * size && pushes_[a] && pushes_[b] ? PushOf(before_[e]) : 0;
   held.allowed = start && std::abs(start->gap) <= settings_.overlap_tolerance * size ? std::max(before_[e], start->gap)
                                                                                      : before_[e] + held.push;
   held.allowed -= dt_ * YieldOf(contact);

@@ -16,13 +16,25 @@ namespace islet::motion {
 // [m] what a piece takes back of an overlap.
 double Crowd::PushOf(double gap) const { return std::min(-kPushOut * gap, kFastest * floor_ * dt_); }
 
+// Overlaps are pushed out by who lost as much energy in the piece before as that costs: what rests is not moved.
+void Crowd::AllowPushes(const CrowdMemory& memory) {
+  pushes_.assign(bodies_.size(), 1);
+  gained_.assign(bodies_.size(), 0);
+  for (size_t c = 0; c < start_.size(); ++c) {
+    const Contact& contact = start_[c];
+    const double cost = PushOf(contact.gap) * contact.normal_W.dot(start_force_W_[c]);
+    for (const int i : {contact.body_a, contact.body_b})
+      if (!cut_[i] && contact.gap < -settings_.overlap_tolerance * Size(contact) && cost > memory.lost[i])
+        pushes_[i] = 0;
+  }
+}
+
 // What may close within the step, on the course that the velocities of its start give.
 void Crowd::Select() {
   const double near =
       settings_.model == Model::kCoulomb ? kSamePoint : INFINITY;  // by the convex models what comes near parts
   held_.clear();
   held_of_.clear();
-  started_as_.clear();
   impulse_W_.clear();
   centre_.clear();
   off_ = OffAhead(dt_);
@@ -43,9 +55,9 @@ void Crowd::Select() {
       continue;
     // What is closed stays as far apart as it is; what is open may close; an overlap that shows is pushed out.
     const double tolerance = settings_.overlap_tolerance * size;
-    const double gap = contact.gap > tolerance ? contact.gap : contact.gap < -tolerance ? -PushOf(contact.gap) : 0;
+    const bool pushed = contact.gap < -tolerance && pushes_[contact.body_a] && pushes_[contact.body_b];
+    const double gap = contact.gap > tolerance ? contact.gap : pushed ? -PushOf(contact.gap) : 0;
     held_.push_back(contact);
-    started_as_.push_back(static_cast<int>(c));
     Held held;
     held.target = -gap / dt_ - YieldOf(contact);
     held.allowed = contact.gap - gap - dt_ * YieldOf(contact);

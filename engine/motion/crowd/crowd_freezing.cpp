@@ -55,6 +55,7 @@ void Crowd::Wake(double dt, CrowdMemory* memory) {
   was_frozen_.resize(bodies_.size());
   for (size_t i = 0; i < bodies_.size(); ++i) was_frozen_[i] = bodies_[i].frozen;
   memory->freeze_counters.resize(bodies_.size(), 0);
+  memory->lost.resize(bodies_.size(), INFINITY);
   LookAtStart(dt, *memory);
   if (settings_.freezing == Freezing::kCertified) freezing_.BeginFrame(frame_, settings_, &memory->still);
   if (settings_.freezing != Freezing::kPaper) return;

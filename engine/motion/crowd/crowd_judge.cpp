@@ -162,6 +162,7 @@ bool Crowd::Gains() {
     pressing_.push_back(static_cast<int>(c));
   }
   islands::BuildPartition({cut_, edges_}, &gaining_);
+  lost_.assign(bodies_.size(), INFINITY);
   gain_.resize(bodies_.size());
   at_hand_.resize(bodies_.size());
   pool_->ForEachOf(bodies_.size(), [&](size_t i) {
@@ -178,8 +179,9 @@ bool Crowd::Gains() {
       const int c = pressing_[k];
       gain -= WorkOfWalls(held_[c], acted_at_[c], impulse_W_[c], false);
     }
+    for (const int i : gaining_.bodies_of(island)) lost_[i] = -gain;
     if (gain <= kGain * at_hand) continue;
-    for (const int i : gaining_.bodies_of(island)) gained_[i] = 1;  // what a push costs is not there
+    for (const int i : gaining_.bodies_of(island)) pushes_[i] = 0, gained_[i] = 1;  // what it costs is not there
     for (const int k : gaining_.contacts_of(island)) {
       const int c = pressing_[k];
       const double push = std::exchange(held_of_[c].push, 0.0);

@@ -107,46 +107,16 @@ Contact Crowd::WhereTaken(size_t c) const {
   return contact;
 }
 
-// What lands within the piece on a body may end what bore it: until then that bore as it did in the first pass, which knew of no landing.
-void Crowd::KeepBorne() {
-  keeps_W_.assign(near_->size(), Vector3::Zero());
-  lands_at_.assign(bodies_.size(), dt_);
-  const auto closed_at_start = [&](const Contact& contact) {
-    const Contact* const start = AtStart(contact);
-    return start && start->gap <= settings_.overlap_tolerance * Size(contact) ? start : nullptr;
-  };
-  for (size_t e = 0; e < near_->size(); ++e) {
-    const Contact& contact = (*near_)[e];
-    if (!Pressed(e) || closed_at_start(contact)) continue;
-    const auto velocity = [&](int i) -> Vector3 {
-      return begin_[i].linear_W + begin_[i].angular_W.cross(contact.point_W - bodies_[i].position_W);
-    };
-    const double way = ClosingWay(contact),
-                 approach = contact.normal_W.dot(velocity(contact.body_a) - velocity(contact.body_b));
-    if (way <= settings_.overlap_tolerance * Size(contact) || approach <= 0) continue;
-    for (const int i : {contact.body_a, contact.body_b})
-      if (!cut_[i]) lands_at_[i] = std::min(lands_at_[i], way / approach);
-  }
-  for (size_t e = 0; e < near_->size(); ++e) {
-    if (Pressed(e)) continue;
-    const Contact& contact = (*near_)[e];
-    const double until = std::min(lands_at_[contact.body_a], lands_at_[contact.body_b]);
-    const Contact* const start = until < dt_ ? closed_at_start(contact) : nullptr;
-    if (start) keeps_W_[e] = until / dt_ * borne_W_[start - start_.data()];
-  }
-}
-
 // Velocities at the end pose: contacts that are closed hold what does not come as a blow; then blows.
 void Crowd::Settle(StepReport* report) {
   const std::vector<Contact>& end = *near_;
-  KeepBorne();
   problem_.clear();
   closed_.clear();
   for (size_t e = 0; e < end.size(); ++e) {
     if (cut_[end[e].body_a] && cut_[end[e].body_b]) continue;
     const Contact& contact = end[e];
     const double size = Size(contact), tolerance = settings_.overlap_tolerance * size;
-    const bool pressed = Pressed(e) || !keeps_W_[e].isZero(0);
+    const bool pressed = Pressed(e);
     if (!pressed && contact.gap > tolerance) continue;
     // Near, and not pressed, is closed only where the pair was near all the time, or what passes by would be caught.
     if (!pressed && contact.gap > kSamePoint * size && (IsRound(contact) || GapAtStart(contact) > tolerance)) continue;
@@ -165,7 +135,7 @@ void Crowd::Settle(StepReport* report) {
     Vector3& carried = carried_W_[closed_[c]];
     const Vector3 allowed = hits_[c] ? carried : WithinCone(contact, turned_W_[closed_[c]]);
     beyond_W_[c] = carried - allowed;
-    carried = hits_[c] ? allowed : Vector3(allowed - keeps_W_[closed_[c]]);
+    carried = allowed;
     local_[c] = frames_[c].transpose() * carried;
     if (!carried.isZero(0)) ApplyImpulse(contact, -carried, posed_);
   }

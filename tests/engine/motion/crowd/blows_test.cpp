@@ -1,7 +1,6 @@
 // Blows of crowds: what many bodies make of a blow is what few make of it, by hand.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <random>
 #include <vector>
 
@@ -318,43 +317,6 @@ TEST(CrowdBlows, FrictionOfALandingActsWhereItTouches) {
       EXPECT_LT((cubes.body(1).linear_velocity_W - Vector3(0, 0, 1.5)).norm(), 1e-4) << rate << " " << gap;
       EXPECT_LT(cubes.body(1).angular_velocity_W.norm(), 1e-3) << rate << " " << gap;
     }
-}
-
-// A prism of twelve sides that rolls down a slope of 0.02 without slip, on the limit cycle of its edges (rimless wheel): each landing leaves k of
-// its spin. In a crowd it bears on its edge until the next one lands.
-TEST(CrowdBlows, PrismsRollFromEdgeToEdge) {
-  constexpr int kSides = 12;
-  const double slope = 0.02, half = std::numbers::pi / kSides;
-  std::vector<Vector3> corners;
-  for (int k = 0; k < kSides; ++k)
-    for (const double y : {-0.5, 0.5})
-      corners.push_back({std::sin((2 * k + 1) * half), y, std::cos((2 * k + 1) * half)});
-  const Shape prism = Shape::ConvexHull(corners);
-  const double inertia = prism.MassFromMass(1).inertia_B(1, 1), kept = (inertia + std::cos(2 * half)) / (inertia + 1),
-               fastest =
-                   std::sqrt(4 * kGravity * std::sin(half) * std::sin(slope) / ((inertia + 1) * (1 - kept * kept)));
-  double time = 0;  // [s] from edge to edge
-  for (int k = 0; k < 1000; ++k) {
-    const double angle = (2 * (k + 0.5) / 1000 - 1) * half;
-    time += 2 * half / 1000 /
-            std::sqrt(kept * kept * fastest * fastest +
-                      2 * kGravity / (inertia + 1) * (std::cos(slope - half) - std::cos(angle + slope)));
-  }
-  for (const auto& [rate, share] : {std::pair{60.0, 0.94}, std::pair{240.0, 0.97}}) {
-    Settings settings = testing::AsCrowd(testing::Awake());
-    settings.gravity = kGravity * Vector3(std::sin(slope), 0, -std::cos(slope));
-    World world(settings);
-    world.Add(Floor(5, 0));
-    const double spin = kept * fastest;
-    world.Add({.shape = prism,
-               .position_W = {0, 0, std::cos(half)},
-               .linear_velocity_W = {spin * std::cos(half), 0, spin * std::sin(half)},
-               .angular_velocity_W = {0, spin, 0},
-               .friction = 5,
-               .restitution = 0});
-    for (int i = 0; i < 8 * rate; ++i) testing::Step(&world, 1 / rate);
-    EXPECT_GT(world.body(1).position_W.x(), share * 8 * 2 * std::sin(half) / time) << rate;
-  }
 }
 
 }  // namespace
