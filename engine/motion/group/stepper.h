@@ -205,6 +205,7 @@ class Stepper {
   double SupportEnds(double h);
   bool WasThereInPart(double h) const;
   bool SlipTurns(double h) const;
+  Vector3 MeanOf(size_t c) const;
   bool GoesOn(size_t at_start) const;
   Pose GoingOn(int i, int pair, double until, double t) const;
   size_t ClosedAt(int pair, double until, double t);

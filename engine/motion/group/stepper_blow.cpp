@@ -140,10 +140,10 @@ bool Stepper::Hits(size_t at_end) const {
   const Contact& c = end_[at_end];
   if (yields_[end_pair_[at_end]] > 0 || !CarriedBy(at_end).isZero(0)) return false;
   if (ClosedAtStart(at_end) && (cut_pair_ < 0 || (end_pair_[at_end] == cut_pair_ && IsCutForNew()))) return false;
-  const Vector3 now = end_state_[c.body_a].VelocityAt(c.point_W) - end_state_[c.body_b].VelocityAt(c.point_W);
+  const double now = ClosingAtEnd(c);
+  if (end_pair_[at_end] == cut_pair_) return now > CutSpeed(c);
   const auto mean = [&](int i) { return MeanVelocity(i, CarriedWith(i, c.point_W, Moment::kEnd, Moment::kMiddle)); };
-  const Vector3 on_the_way = end_pair_[at_end] == cut_pair_ ? now : Vector3(mean(c.body_a) - mean(c.body_b));
-  return std::min(c.normal_W.dot(now), c.normal_W.dot(on_the_way)) > CutSpeed(c);
+  return std::min(now, c.normal_W.dot(mean(c.body_a) - mean(c.body_b))) > CutSpeed(c);
 }
 
 // Whether something hit before the piece ends, on the way that a pass has changed.

@@ -23,7 +23,7 @@ double Stepper::SlipEnds(double h) const {
     const Vector3 slip = SlipAtStart(c);
     const double speed = slip.norm();
     if (speed <= threshold_) continue;
-    const Vector3 mean = MeanVelocity(b, acted_at_[c]) - MeanVelocity(a, acted_at_[c]) + SurfaceSlip(contact);
+    const Vector3 mean = MeanOf(c);
     const double end = 2 * mean.dot(slip) / speed - speed;
     if (end >= 0) continue;
     double rubs = 0, spare = 0;  // [N s] of the pair
@@ -50,10 +50,8 @@ bool Stepper::SlipTurns(double h) const {
   for (size_t c = 0; c < held_.size(); ++c) {
     const double rubs = MostFriction(c), mass = LighterMass(held_[c]);
     if (!(rubs > kBrief * h * pull_ * held_[c].friction * mass)) continue;
-    const Contact acted = AsActed(c);
-    const Vector3 u =
-        MeanVelocity(acted.body_b, acted.point_W) - MeanVelocity(acted.body_a, acted.point_W) + SurfaceSlip(acted);
-    const Vector3 start = SlipAtStart(c), mean = u - acted.normal_W.dot(u) * acted.normal_W, end = 2 * mean - start;
+    const Vector3 &n = held_[c].normal_W, u = MeanOf(c), start = SlipAtStart(c), mean = u - n.dot(u) * n,
+                  end = 2 * mean - start;
     const double least = std::min({start.norm(), mean.norm(), end.norm()});
     if (start.isZero(0) || least * mass <= rubs) continue;  // it sticks, or comes to an end
     if (turns(start, mean) || turns(mean, end)) return true;
@@ -157,6 +155,12 @@ size_t Stepper::ClosedAt(int pair, double until, double t) {
   ++work_;
   return static_cast<size_t>(
       std::count_if(probe_.begin(), probe_.end(), [&](const Contact& c) { return c.gap <= closed; }));
+}
+
+// [m/s] of a held contact, in the mean of the piece.
+Vector3 Stepper::MeanOf(size_t c) const {
+  return MeanVelocity(held_[c].body_b, acted_at_[c]) - MeanVelocity(held_[c].body_a, acted_at_[c]) +
+         SurfaceSlip(held_[c]);
 }
 
 // [N s] of a held contact.
