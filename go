@@ -53,9 +53,15 @@ if (($#)); then shift; fi
 case $command in
   demo)
     build islet_program "160 seconds on two cores"
-    say "islet view cubeglass --out build/cubeglass.html $*"
-    build/release/scenes/islet view cubeglass --out build/cubeglass.html "$@"
-    say "open it in a browser: file://$PWD/build/cubeglass.html"
+    page=
+    if [[ ${1:--} == -* ]]; then set -- cubeglass "$@"; fi
+    if [[ " $* " != *" --out"* && " $* " != *" --live"* ]]; then
+      page=build/$(basename "$1" .json).html
+      set -- "$@" --out "$page"
+    fi
+    say "islet view $*"
+    build/release/scenes/islet view "$@"
+    if [[ $page ]]; then say "open it in a browser: file://$PWD/$page"; fi
     ;;
   test)
     build

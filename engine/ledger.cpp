@@ -295,7 +295,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
     kicks.push_back({j.time + 0.5 * j.duration, SignOn(j, number) * (j.contact.point_W - centre).cross(j.impulse_W)});
     pushed += j.impulse_W.norm();
     turned += kicks.back().moment.norm();
-    account->allowed += 0.5 * j.impulse_W.norm() * step.accuracy;
+    account->allowed += 0.5 * j.impulse_W.norm() * j.accuracy;
     account->gain -=
         WorkOfBelts(step, j) / (IsOurs(step.before[j.contact.body_a]) && IsOurs(step.before[j.contact.body_b]) ? 2 : 1);
     for (const int wall : {j.contact.body_a, j.contact.body_b}) {
@@ -354,7 +354,7 @@ void LedgerKeeper::JudgeBody(const LedgerStep& step, int number, Account* accoun
                       std::max({before.mass * before.linear_velocity_W.norm(),
                                 before.mass * after.linear_velocity_W.norm(), pushed, fall, 1e-300});
   account->angular =
-      std::max(0.0, (momentum - momentum_after).norm() - rounding * pushed) /
+      Worse(0.0, (momentum - momentum_after).norm() - rounding * pushed) /
       std::max({momentum_before.norm(), momentum_after.norm(), turned, (pushed + fall) * before.radius, 1e-300});
   const Quaternion off = rotation.conjugate() * after.rotation_WB;
   const double angle = 2 * ArcTangent(off.vec().norm(), std::abs(off.w()));
@@ -396,8 +396,8 @@ void LedgerKeeper::JudgeIslands(const LedgerStep& step, Ledger* ledger) {
     if (parent_[i] != static_cast<int>(i) || !IsOurs(step.before[i])) continue;
     const Account& island = accounts_[i];
     const double scale = std::max(island.at_hand, 1e-300);
-    energy_gain_ += std::max(0.0, island.gain);
-    ledger->energy_created.Include(std::max(0.0, island.gain - island.allowed) / scale, static_cast<int>(i));
+    energy_gain_ += Worse(0.0, island.gain);
+    ledger->energy_created.Include(Worse(0.0, island.gain - island.allowed) / scale, static_cast<int>(i));
   }
 }
 
@@ -439,11 +439,10 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
   }
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
-    if (step.filter && !step.filter->Allows(step.before, static_cast<int>(way.body), static_cast<int>(other))) return;
+    const int body = static_cast<int>(way.body), through = static_cast<int>(other);
     if (!IsOurs(step.before[way.body]) || (!plane && kCore * step.shapes[other].size() > length)) return;
-    if (!(plane ? Sinks(step, way.body, other)
-                : GoesThrough(step, static_cast<int>(way.body), static_cast<int>(other))))
-      return;
+    if (!(plane ? Sinks(step, way.body, other) : GoesThrough(step, body, through))) return;
+    if (step.filter && !step.filter->Allows(step.before, body, through)) return;  // last: users may be asked
     ++ledger->sides_changed;
     ledger->side_changer = static_cast<int>(way.body);
   };

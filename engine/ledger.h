@@ -35,6 +35,7 @@ struct LedgerImpulse {
   double time = 0;      // [s] from the start of the step
   double duration = 0;  // [s]
   int corrects = -1;    // place of the spread impulse of the same contact that it takes something back of, -1: none
+  double accuracy = 0;  // [m/s] to which the solves of its group obey the law, as reported
 };
 
 struct LedgerStep {
@@ -46,7 +47,6 @@ struct LedgerStep {
   std::span<const Shape> shapes;
   std::span<const LedgerImpulse> impulses;
   const ContactFilter* filter = nullptr;  // pairs that may go through each other
-  double accuracy = 0;                    // [m/s] to which the impulses of the step obey the law, as reported
 };
 
 class LedgerKeeper {

@@ -6,15 +6,15 @@
 namespace islet {
 
 void Certificate::Include(const Certificate& other) {
-  momentum = std::max(momentum, other.momentum);
-  cone = std::max(cone, other.cone);
-  dual = std::max(dual, other.dual);
-  gap = std::max(gap, other.gap);
-  natural_map_max = std::max(natural_map_max, other.natural_map_max);
-  natural_map_rms = std::max(natural_map_rms, other.natural_map_rms);
-  coulomb_map_max = std::max(coulomb_map_max, other.coulomb_map_max);
-  coulomb_map_rms = std::max(coulomb_map_rms, other.coulomb_map_rms);
-  energy_gain = std::max(energy_gain, other.energy_gain);
+  momentum = Worse(momentum, other.momentum);
+  cone = Worse(cone, other.cone);
+  dual = Worse(dual, other.dual);
+  gap = Worse(gap, other.gap);
+  natural_map_max = Worse(natural_map_max, other.natural_map_max);
+  natural_map_rms = Worse(natural_map_rms, other.natural_map_rms);
+  coulomb_map_max = Worse(coulomb_map_max, other.coulomb_map_max);
+  coulomb_map_rms = Worse(coulomb_map_rms, other.coulomb_map_rms);
+  energy_gain = Worse(energy_gain, other.energy_gain);
 }
 
 void LadderReport::Add(qp::Rung rung, std::int64_t problems, std::int64_t contacts, double seconds) {
@@ -58,7 +58,7 @@ void QpSummary::Include(const QpSummary& other) {
   solved += other.solved;
   failed += other.failed;
   missed += other.missed;
-  worst_map = std::max(worst_map, other.worst_map);
+  worst_map = Worse(worst_map, other.worst_map);
   iterations += other.iterations;
   iterations_max = std::max(iterations_max, other.iterations_max);
   seconds += other.seconds;

@@ -20,6 +20,7 @@ struct Argument {  // without a name
   std::string name, type;
   std::vector<std::string> words;
   bool many = false;
+  bool takes_file() const { return type.starts_with("FILE"); }
 };
 
 struct Command {
@@ -108,7 +109,7 @@ std::string Bash(const Command& program, const std::vector<Command>& commands) {
     bool any_file = false;
     for (const Argument& argument : command.arguments) {
       words.insert(words.end(), argument.words.begin(), argument.words.end());
-      any_file = any_file || argument.type == "FILE";
+      any_file = any_file || argument.takes_file();
     }
     if (any_file) text += "      if [[ $current != -* ]]; then _islet_files \"$current\"; return; fi\n";
     text += fmt::format("      if [[ $current == -* ]]; then words='{}'; else words='{}'; fi ;;\n",
@@ -133,9 +134,9 @@ std::string ZshArguments(const Command& command) {
   for (const Choice& option : command.options)
     for (const std::string& name : option.names) text += " \\\n        " + ZshOption(option, name);
   for (const Argument& argument : command.arguments) {
-    const std::string action = !argument.words.empty()   ? fmt::format("({})", fmt::join(argument.words, " "))
-                               : argument.type == "FILE" ? "_files"
-                                                         : " ";
+    const std::string action = !argument.words.empty() ? fmt::format("({})", fmt::join(argument.words, " "))
+                               : argument.takes_file() ? "_files"
+                                                       : " ";
     text += " \\\n        " + Quoted((argument.many ? "*:" : ":") + argument.name + ":" + action, "'\\''");
   }
   return text;
@@ -174,7 +175,7 @@ std::string Fish(const Command& program, const std::vector<Command>& commands) {
     for (const Argument& argument : command.arguments) {
       if (!argument.words.empty())
         text += fmt::format("complete -c islet -n {} -a '{}'\n", seen, fmt::join(argument.words, " "));
-      if (argument.type == "FILE") text += fmt::format("complete -c islet -n {} -F\n", seen);
+      if (argument.takes_file()) text += fmt::format("complete -c islet -n {} -F\n", seen);
     }
   }
   return text;

@@ -34,6 +34,7 @@
 #include "scenes/file_commands.h"
 #include "scenes/interrupt.h"
 #include "scenes/manual.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
 #include "scenes/printable.h"
 #include "scenes/replay.h"
@@ -82,7 +83,8 @@ int Run(int argc, char** argv) {
       "Exit status: 0 done; 1 an output could not be written, a problem not be read, or a check failed that must "
       "hold;\n"
       "2 a bad argument; 3 with --strict: a step failed, or a problem is not solved; 130 interrupted.\n"
-      "The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and verify in order: what is done is written\n"
+      "The first Ctrl-C (or SIGTERM) ends run, view, replay --check, solve and verify in order: what is done is "
+      "written\n"
       "and reported. The second one ends them at once.");
 
   CLI::App* const scenes = app.add_subcommand("scenes", "List the scenes: name, size, what they are");
@@ -133,6 +135,8 @@ int Run(int argc, char** argv) {
   CLI::App* const manual = app.add_subcommand("man", "Print this program's manual page");
   manual->footer("Examples:\n  islet man > islet.1");
 
+  for (CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; }))
+    islet::ReadDecimals(command);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

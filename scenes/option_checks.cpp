@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <stdexcept>
 
 #include "scenes/seconds_option.h"
@@ -33,6 +34,18 @@ void RequireThreads(const std::optional<int>& threads) {
 
 void RequireTime(const char* option, const std::optional<double>& seconds) {
   if (seconds) Require(option, *seconds, *seconds > 0 && *seconds <= kLongestRun, "in (0, 1e6] s");
+}
+
+void ReadDecimals(CLI::App* command) {
+  const auto drop_zeros = [](std::string& text) {
+    const size_t sign = text.starts_with('-') ? 1 : 0, digit = std::min(text.find_first_not_of('0', sign), text.size());
+    if (text.size() > sign + 1 && text.find_first_not_of("0123456789", sign) == std::string::npos)
+      text.erase(sign, std::min(digit, text.size() - 1) - sign);
+    return std::string();
+  };
+  for (CLI::Option* const option : command->get_options())
+    if (const std::string type = option->get_type_name(); type == "N" || type == "K")
+      option->transform(CLI::Validator(drop_zeros, ""));
 }
 
 CLI::Option* AddTime(CLI::App* command, const char* name, std::optional<double>* target, const char* help) {

@@ -24,6 +24,9 @@ void RequireThreads(const std::optional<int>& threads);
 void RequireTime(const char* option,
                  const std::optional<double>& seconds);  // above zero, and no longer than the longest run
 
+// Whole numbers of a command's options are decimal: 010 is ten, as `seq -w` writes it.
+void ReadDecimals(CLI::App* command);
+
 // An option that takes seconds as seconds_option.h reads them.
 CLI::Option* AddTime(CLI::App* command, const char* name, std::optional<double>* target, const char* help);
 

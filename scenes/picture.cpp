@@ -154,11 +154,24 @@ double FixedDepth(const Body& body, bool upright, const Region& visible, const C
   return camera.Nearness(body.position_W);
 }
 
+// Of a half-space what may be seen: a square that reaches past the region.
+Face PlaneFace(const Body& body, const Region& visible) {
+  const Matrix3 R = body.rotation_WB.toRotationMatrix();
+  const Vector3 normal = R.col(2), middle = 0.5 * (visible.lower + visible.upper),
+                foot = middle - normal.dot(middle - body.position_W) * normal;
+  const double reach = (visible.upper - visible.lower).norm() + (middle - foot).norm();
+  Face face{{}, normal};
+  for (const auto& [x, y] : {std::pair(-1, -1), std::pair(1, -1), std::pair(1, 1), std::pair(-1, 1)})
+    face.corners_W.push_back(foot + reach * (x * R.col(0) + y * R.col(1)));
+  return face;
+}
+
 Item DrawFixed(const Shape& shape, const Body& body, const Region& visible, const Camera& camera) {
   const bool upright = body.rotation_WB.vec().norm() < 1e-9;
   const Colour colour = upright ? Colour(0.90, 0.89, 0.86) : Colour(0.62, 0.66, 0.70);
   Item item{FixedDepth(body, upright, visible, camera), {}};
-  for (const Face& face : Faces(shape, body)) {
+  const bool plane = shape.kind() == ShapeKind::kHalfSpace;
+  for (const Face& face : plane ? std::vector{PlaneFace(body, visible)} : Faces(shape, body)) {
     if (!FacesCamera(face, camera)) continue;
     const Polygon seen = Clip(face.corners_W, visible);
     if (seen.size() < 3) continue;

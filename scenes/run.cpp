@@ -33,7 +33,8 @@ constexpr double kRestSeconds = 0.5;  // [s]
 // Tells when nothing moves any more. What moves by a velocity of its own never comes to rest.
 class RestWatch {
  public:
-  explicit RestWatch(const Settings& settings) : freezing_(settings.freezing != Freezing::kOff) {}
+  explicit RestWatch(const Settings& settings)
+      : freezing_(settings.freezing != Freezing::kOff && !settings.stateless) {}
 
   bool AtRest(const World& world, const StepReport& report, double dt) {
     for (const Body& body : world.bodies()) {
@@ -133,7 +134,8 @@ RunEnd RunScene(const RunOptions& options, const RunWatch& watch) {
   const double start_energy = PotentialEnergy(world);
   if (!options.html.empty()) {
     page.emplace(options.html, RunHead(options, scene),
-                 PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame, frame_limit + 1});
+                 PageOptions{options.html_plays ? PageStart::kBeginning : PageStart::kWorstFrame,
+                             1 + std::min(frame_limit, std::numeric_limits<int>::max() - 1)});
     page->Add(FrameOf(world, {}, 0, 0, start_energy));
   }
 

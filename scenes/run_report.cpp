@@ -25,10 +25,19 @@ Vector3 Momentum(const World& world) {
   return sum;
 }
 
-double MechanicalEnergy(const World& world, const Vector3& gravity) {
+double KineticEnergy(const World& world) {
   double sum = 0;
   for (const Body& body : world.bodies()) {
-    if (body.kind == BodyKind::kDynamic) sum += body.KineticEnergy() - body.mass * gravity.dot(body.position_W);
+    if (body.kind == BodyKind::kDynamic) sum += body.KineticEnergy();
+  }
+  return sum;
+}
+
+// [kg m] sum of mass times place: gravity g makes it - g times that of potential energy.
+Vector3 MassMoment(const World& world) {
+  Vector3 sum = Vector3::Zero();
+  for (const Body& body : world.bodies()) {
+    if (body.kind == BodyKind::kDynamic) sum += body.mass * body.position_W;
   }
   return sum;
 }
@@ -115,7 +124,8 @@ RunReport::RunReport(std::string name, std::string expected, const SceneInfo& in
     if (body.kind == BodyKind::kDynamic) momentum_scale_ += body.mass * body.linear_velocity_W.norm();
   }
   momentum_start_ = Momentum(world);
-  mechanical_energy_ = MechanicalEnergy(world, settings_.gravity);
+  kinetic_energy_before_ = KineticEnergy(world);
+  mass_moment_ = MassMoment(world);
 }
 
 void RunReport::AddFrame(const StepReport& report, double step_seconds, const World& world) {
@@ -152,9 +162,13 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   frozen_imbalance_ = std::max(frozen_imbalance_, report.frozen_imbalance);
   restitution_lowered_ += report.restitution_lowered;
 
-  const double energy = MechanicalEnergy(world, settings_.gravity);
-  mechanical_energy_gain_ += std::max(0.0, energy - mechanical_energy_);
-  mechanical_energy_ = energy;
+  const Vector3 gravity_W = world.settings().gravity, moment = MassMoment(world);  // a drive may have changed it
+  const double kinetic = KineticEnergy(world),
+               gain = kinetic - kinetic_energy_before_ - gravity_W.dot(moment - mass_moment_);
+  mechanical_energy_gain_ += std::max(0.0, gain);
+  kinetic_energy_before_ = kinetic;
+  mass_moment_ = moment;
+  weightless_ = weightless_ && gravity_W.isZero(0);
   frozen_ = report.frozen;
   awake_ = report.awake;
   kinetic_energy_ = report.kinetic_energy;
@@ -176,7 +190,7 @@ void RunReport::Finish(const World& world, double wall_seconds, const char* stop
 std::string RunReport::Json() const {
   const double frames = std::max<double>(1, static_cast<double>(step_seconds_.size()));
   const auto mean_max = [&](const Series& s) { return islet::Json{{"mean", s.sum / frames}, {"max", s.max}}; };
-  const bool isolated = settings_.gravity.isZero(0) && fixed_bodies_ == 0 && momentum_scale_ > 0;
+  const bool isolated = weightless_ && fixed_bodies_ == 0 && momentum_scale_ > 0;
   double sum = 0;
   for (const double seconds : step_seconds_) sum += seconds;
 
@@ -248,7 +262,7 @@ std::string RunReport::Json() const {
   json["escaped"] = escaped_;
   json["passed"] = info_.passed_z ? islet::Json(passed_) : islet::Json(nullptr);
   json["state_hash"] = state_hash_;
-  return json.dump(2) + "\n";
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 std::string RunReport::Summary() const {

@@ -55,7 +55,9 @@ class RunReport {
   int fixed_bodies_ = 0;
   Vector3 momentum_start_ = Vector3::Zero();  // [N s]
   double momentum_scale_ = 0;                 // [N s]
-  double mechanical_energy_ = 0;              // [J] at the last frame
+  double kinetic_energy_before_ = 0;          // [J] at the last frame
+  Vector3 mass_moment_ = Vector3::Zero();     // [kg m] there
+  bool weightless_ = true;                    // gravity acted in no frame
 
   std::vector<double> step_seconds_;
   StageSeconds stages_;

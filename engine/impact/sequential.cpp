@@ -207,7 +207,7 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
   // Where neither is solved, no search finds its way. Without friction nothing is made: who makes some is past the least. (What sticks makes as
   // much at any larger share.)
   while (high - low > kSamePoint && std::min(at_left, at_right) < INFINITY) {
-    if (at_left > 0 || at_left <= at_right) {
+    if (at_left == INFINITY ? at_right > 0 : at_left > 0 || at_left <= at_right) {
       high = right, right = left, at_right = at_left;
       at_left = gain_at(left = high - golden * (high - low));
     } else {

@@ -30,29 +30,39 @@ std::uint64_t Mixed(std::uint64_t hash, const Vector3& v) { return Mixed(Mixed(M
 
 // Of a spin, how fast it is seen to move a point of the body, at most: [m/s], or [m/s^2] of what a torque gives.
 double Whirl(const Body& body, const Shape& shape, const Vector3& spin_W) {
-  return shape.kind() == ShapeKind::kSphere ? 0 : body.radius * VisibleSpin(shape, body.rotation_WB, spin_W).norm();
+  return TurnsInItself(shape) ? 0 : body.radius * VisibleSpin(shape, body.rotation_WB, spin_W).norm();
 }
 
-// [m/s] fastest that a point of the smaller of two bodies moves, as the larger one sees it. What turns in itself is not seen to turn.
+// [m/s] fastest that a point of a body moves, as another one sees it. What turns in itself is not seen to turn.
+double SpeedSeen(const Body& body, const Shape& shape, const Body& from, const Shape& of_from) {
+  const Vector3 turn = TurnsInItself(of_from) ? Vector3(Vector3::Zero()) : from.angular_velocity_W;
+  return (body.linear_velocity_W - from.linear_velocity_W - turn.cross(body.position_W - from.position_W)).norm() +
+         Whirl(body, shape, body.angular_velocity_W - turn);
+}
+
+// [m/s] of the smaller of two bodies, as the larger one sees it; of two alike the faster.
 double SpeedBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y) {
-  const bool x_is_small = x.radius < y.radius;
-  const Body &small = x_is_small ? x : y, &large = x_is_small ? y : x;
-  const Vector3 turn =
-      (x_is_small ? of_y : of_x).kind() == ShapeKind::kSphere ? Vector3(Vector3::Zero()) : large.angular_velocity_W;
-  return (small.linear_velocity_W - large.linear_velocity_W - turn.cross(small.position_W - large.position_W)).norm() +
-         Whirl(small, x_is_small ? of_x : of_y, small.angular_velocity_W - turn);
+  return std::max(x.radius <= y.radius ? SpeedSeen(x, of_x, y, of_y) : 0.0,
+                  y.radius <= x.radius ? SpeedSeen(y, of_y, x, of_x) : 0.0);
 }
 
 // [m/s^2] by how much the user's forces and torques bend the way of a point of one body, as the other one sees it, more than weight alone
 // bends it in front of a wall.
 double PullBetween(const Body& x, const Shape& of_x, const Body& y, const Shape& of_y, const Vector3& gravity_W) {
   const auto pull = [&](const Body& b) -> Vector3 {
-    return b.Moves() ? Vector3(gravity_W + b.force_W / b.mass) : Vector3::Zero();
+    return CanMove(b) ? Vector3(gravity_W + b.force_W / b.mass) : Vector3::Zero();
   };
   const auto twist = [](const Body& b, const Shape& shape) {
-    return b.Moves() && !b.torque_W.isZero(0) ? Whirl(b, shape, SpinOf(b, b.rotation_WB, b.torque_W)) : 0.0;
+    return CanMove(b) && !b.torque_W.isZero(0) ? Whirl(b, shape, SpinOf(b, b.rotation_WB, b.torque_W)) : 0.0;
   };
   return std::max(0.0, (pull(x) - pull(y)).norm() - gravity_W.norm()) + twist(x, of_x) + twist(y, of_y);
+}
+
+// [m/s] of a wall, at most, where another body is.
+double SpeedAt(const Body& wall, const Body& other) {
+  const Vector3 arm = other.position_W - wall.position_W;
+  return (wall.linear_velocity_W + wall.angular_velocity_W.cross(arm)).norm() +
+         wall.angular_velocity_W.norm() * other.radius;
 }
 
 // [m] farthest that a point of the body has moved from there, at most.
@@ -71,11 +81,6 @@ void GroupMemory::Resize(size_t bodies) {
   mark.resize(bodies, kAwake);
 }
 
-void GroupMemory::Disturb() {
-  for (std::uint64_t& m : mark)
-    if (m == kFresh) m = kAwake;
-}
-
 GroupMotion::GroupMotion(const Settings& settings, parallel::WorkerPool* pool)
     : settings_(settings), pool_(pool), groups_(pool) {
   workers_.resize(pool->num_workers());
@@ -89,14 +94,22 @@ bool GroupMotion::IsCrowd(std::span<const int> members) const {
 
 std::ptrdiff_t GroupMotion::CountCrowd() const { return std::count(crowd_.begin(), crowd_.end(), 1); }
 
-// A body of a crowd may become as fast as the fastest of it.
+// A body of a crowd may become as fast as the fastest of it, or a wall that pushes.
 void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
     if (!IsCrowd(members)) continue;
     double fastest = 0;
     for (const int i : members)
-      if (bodies[i].Moves()) fastest = std::max(fastest, bodies[i].linear_velocity_W.norm());
+      if (CanMove(bodies[i]))
+        fastest =
+            std::max(fastest, bodies[i].linear_velocity_W.norm() + dt * bodies[i].force_W.norm() / bodies[i].mass);
+    for (int k = 0; k < groups_.num_pairs(g); ++k) {
+      const auto [a, b] = groups_.pair(g, k);
+      for (const auto& [wall, other] : {std::pair(a, b), std::pair(b, a)})
+        if (bodies[wall].kind == BodyKind::kKinematic)
+          fastest = std::max(fastest, SpeedAt(bodies[wall], bodies[other]));
+    }
     for (const int i : members) rooms_[i] = std::max(rooms_[i], dt * fastest);
   }
 }
@@ -155,6 +168,8 @@ std::uint64_t GroupMotion::MarkOf(const Group& group) const {
     hash = Mixed(Mixed(Mixed(hash, b.force_W), b.torque_W), b.arc_W);
     hash = Mixed(Mixed(Mixed(Mixed(hash, b.mass), b.friction), b.restitution), b.surface_velocity_B);
   }
+  for (const GroupPair& pair : group.pairs)
+    hash = Mixed(hash, static_cast<std::uint64_t>(pair.a) << 32 | static_cast<std::uint64_t>(pair.b));
   return hash | 1;
 }
 
@@ -163,10 +178,9 @@ void GroupMotion::FillJob(double dt, int g, std::span<const Body> bodies, std::s
                           const GroupMemory& memory, Job* job) const {
   FillGroup(g, bodies, shapes, memory, job);
   job->mark = MarkOf(job->group);
-  job->rests =
-      settings_.freezing == Freezing::kCertified && std::all_of(job->members.begin(), job->members.end(), [&](int i) {
-        return bodies[i].frozen && (memory.mark[i] == job->mark || memory.mark[i] == GroupMemory::kFresh);
-      });
+  job->rests = settings_.freezing == Freezing::kCertified &&
+               std::all_of(job->members.begin(), job->members.end(),
+                           [&](int i) { return bodies[i].frozen && memory.mark[i] == job->mark; });
   job->done = job->rests;
   int spent = 0;
   for (const int i : job->members) spent = std::max(spent, spent_[i]);
@@ -453,13 +467,7 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
     if (body.kind != BodyKind::kDynamic || body.removed) continue;
     body = group.bodies[k];
   }
-  const int first = static_cast<int>(impulses_.size());
-  for (LedgerImpulse j : outcome.impulses) {
-    j.contact = world(j.contact);
-    if (j.corrects >= 0) j.corrects += first;
-    impulses_.push_back(j);
-  }
-  Rest(dt, *job, bodies, memory);
+  Rest(dt, job, bodies, memory);
   for (const int i : job->members) {
     (bodies[i].frozen ? report->frozen : report->awake) += 1;
     report->kinetic_energy += bodies[i].KineticEnergy();
@@ -490,11 +498,22 @@ void GroupMotion::Commit(double dt, Job* job, std::span<Body> bodies, GroupMemor
   }
   report->certificate.Include(island.certificate);
   if (!outcome.touching.empty()) report->Add(island);
+  const int first = static_cast<int>(impulses_.size());
+  for (LedgerImpulse j : outcome.impulses) {
+    j.contact = world(j.contact);
+    if (j.corrects >= 0) j.corrects += first;
+    j.accuracy = island.certificate.coulomb_map_max;
+    impulses_.push_back(j);
+  }
 }
 
-// What is remembered of the contacts holds every body, while it rests, and what it still moves by the ledger does not miss.
+// What is remembered of the contacts holds every body, while it rests, and what it still moves by the ledger does not miss. No wall that
+// is near one of them moves.
 bool GroupMotion::IsBalanced(double dt, const Job& job) const {
   const GroupOutcome& outcome = job.outcome;
+  const auto stands = [&](int i) { return job.group.bodies[i].Moves() || StandsStill(job.group.bodies[i]); };
+  for (const Contact& c : outcome.touching)
+    if (!stands(c.body_a) || !stands(c.body_b)) return false;
   for (size_t i = 0; i < job.group.bodies.size(); ++i) {
     const Body& b = job.group.bodies[i];
     if (!b.Moves()) continue;
@@ -516,11 +535,13 @@ bool GroupMotion::IsBalanced(double dt, const Job& job) const {
   return true;
 }
 
-// A group whose bodies all stand still, and whose step gave them no velocity, would do the same again.
-void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const {
+// A group whose bodies all stand still, and whose step gave them no velocity, would do the same again. Who is near is known from the second
+// such step on: rooms of what moves are wider.
+void GroupMotion::Rest(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory) const {
   bool rests =
-      settings_.freezing == Freezing::kCertified && !job.outcome.touching.empty() && job.outcome.unstepped == 0;
-  for (const int i : job.members) {
+      settings_.freezing == Freezing::kCertified && !job->outcome.touching.empty() && job->outcome.unstepped == 0;
+  bool rested = true;
+  for (const int i : job->members) {
     Body& body = bodies[i];
     memory->mark[i] = GroupMemory::kAwake;
     const std::uint64_t load = Mixed(Mixed(Mixed(std::uint64_t{1}, settings_.gravity), body.force_W), body.torque_W);
@@ -533,14 +554,17 @@ void GroupMotion::Rest(double dt, const Job& job, std::span<Body> bodies, GroupM
     }
     // What was at rest, and is left so under what has changed, need not wait.
     rests = rests && (memory->still[i] >= settings_.freeze_seconds || was_frozen_[i]);
+    rested = rested && was_frozen_[i];
   }
-  for (const Body& b : job.group.bodies) rests = rests && (b.kind == BodyKind::kDynamic || StandsStill(b));
-  if (!rests || !IsBalanced(dt, job)) return;
-  for (const int i : job.members) {
+  if (!rests || !IsBalanced(dt, *job)) return;
+  for (const int i : job->members) {
     SetTwist({}, &bodies[i]);
     bodies[i].frozen = true;
-    memory->mark[i] = GroupMemory::kFresh;
   }
+  if (!rested) return;
+  for (size_t k = 0; k < job->group.bodies.size(); ++k) job->group.bodies[k] = bodies[job->group.numbers[k]];
+  const std::uint64_t mark = MarkOf(job->group);
+  for (const int i : job->members) memory->mark[i] = mark;
 }
 
 }  // namespace islet::motion

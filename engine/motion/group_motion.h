@@ -32,13 +32,12 @@ struct GroupMemory {
   std::vector<Pose> anchor;         // where
   std::vector<std::uint64_t> load;  // under which force
   std::vector<std::uint64_t>
-      mark;                     // what its group looks like while it rests; kAwake: it does not, kFresh: not known yet
-  std::vector<double> crowded;  // steps for which its group goes with the crowd, since it had needed too much work
+      mark;  // what its group looks like while it rests; kAwake: it does not, or that is not known yet
+  std::vector<double> crowded;    // steps for which its group goes with the crowd, since it had needed too much work
   std::vector<Contact> contacts;  // near ones of small groups, by pair
   std::vector<Vector3> forces_W;  // [N] on body_b, that held there
   void Resize(size_t bodies);
-  void Disturb();  // something was changed from outside
-  static constexpr std::uint64_t kAwake = 0, kFresh = 2;
+  static constexpr std::uint64_t kAwake = 0;
 };
 
 // What is done where bodies of a crowd move against each other by more than they are thick, and may pass each other. Refused: nothing; a
@@ -100,7 +99,7 @@ class GroupMotion {
   std::uint64_t MarkOf(const Group& group) const;
   void Commit(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory, StepReport* report);
   bool IsBalanced(double dt, const Job& job) const;
-  void Rest(double dt, const Job& job, std::span<Body> bodies, GroupMemory* memory) const;
+  void Rest(double dt, Job* job, std::span<Body> bodies, GroupMemory* memory) const;
 
   Settings settings_;
   parallel::WorkerPool* pool_;

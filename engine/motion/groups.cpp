@@ -57,11 +57,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
     const Box now = BoxAround(shapes[i], body.position_W, body.rotation_WB);
     double room = kMargin * shapes[i].size() + (CanMove(body) ? rooms[i] : 0);
     Vector3 way = Vector3::Zero();
+    if (CanMove(body)) room += dt * dt * body.force_W.norm() / body.mass;  // of what is frozen, too: it may wake
     if (!StandsStill(body)) {
       way = dt * body.linear_velocity_W;
       room += (gravity_W.norm() + 0.125 * body.arc_W.norm()) * dt * dt;
-      if (body.kind == BodyKind::kDynamic) room += dt * dt * body.force_W.norm() / body.mass;
-      if (shapes[i].kind() != ShapeKind::kSphere) {
+      if (!TurnsInItself(shapes[i])) {
         double spin = VisibleSpin(shapes[i], body.rotation_WB, body.angular_velocity_W).norm();
         if (!body.torque_W.isZero(0)) spin += dt * SpinOf(body, body.rotation_WB, body.torque_W).norm();
         room += std::min(1.0, 1.2 * dt * spin) * shapes[i].radius();
@@ -80,10 +80,11 @@ void Groups::Find(double dt, const Vector3& gravity_W, std::span<const Body> bod
   };
   for (const int p : planes_) {
     const Vector3 up = bodies[p].rotation_WB * Vector3::UnitZ();
-    const double moves = dt * bodies[p].linear_velocity_W.norm();
+    const double moves = dt * bodies[p].linear_velocity_W.norm() + 0.125 * dt * dt * bodies[p].arc_W.norm();
     for (const int i : order_) {
       const Vector3 middle = 0.5 * (rooms_[i].lower + rooms_[i].upper), half = rooms_[i].upper - middle;
-      const double turns = dt * bodies[p].angular_velocity_W.norm() * (middle - bodies[p].position_W).norm();
+      const double turns =
+          dt * bodies[p].angular_velocity_W.norm() * ((middle - bodies[p].position_W).norm() + half.norm());
       if (up.dot(middle - bodies[p].position_W) - up.cwiseAbs().dot(half) <= moves + turns) add(p, i, &pairs_);
     }
   }

@@ -303,8 +303,8 @@ Vector3 OnArc(const Course& body, const Vector3& start_W, const Vector3& end_W) 
 }
 
 bool TurnLever(double opening, double turn, const Course& a, const Course& b, double size, Contact* contact) {
-  if (a.sphere || b.sphere) {
-    RollLever(a.sphere ? a : b, a, b, opening, turn, contact);
+  if (a.turns_in_itself || b.turns_in_itself) {
+    RollLever(a.turns_in_itself ? a : b, a, b, opening, turn, contact);
     return true;
   }
   if (!a.axis_W.isZero(0) && !b.axis_W.isZero(0) && !LieBeside(a.axis_W, b.axis_W)) {

@@ -22,9 +22,8 @@ namespace islet::motion {
 struct Course {
   Pose begin, middle, end;      // middle: halfway on the chord
   Vector3 mean_W, mean_spin_W;  // [m/s], [rad/s]
-  bool turns_in_itself;         // sphere, half-space
-  bool sphere;
-  Vector3 axis_W;  // of symmetry, where the impulse acts, of a body that the contact faces; else zero
+  bool turns_in_itself;         // a sphere
+  Vector3 axis_W;               // of symmetry, where the impulse acts, of a body that the contact faces; else zero
   Vector3 MeanVelocity(const Vector3& point_W) const { return mean_W + mean_spin_W.cross(point_W - middle.position_W); }
 };
 

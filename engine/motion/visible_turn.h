@@ -1,5 +1,5 @@
 // What of a turn a shape shows. A capsule or cylinder that turns about its axis, as one that rolls does, is where it was: its surface
-// goes with the axis alone. Spheres and half-spaces show no turn at all.
+// goes with the axis alone. Spheres show no turn at all.
 //
 //   frames: W    units: SI    threads: pure functions
 #pragma once
@@ -15,8 +15,11 @@
 namespace islet::motion {
 
 // Whether no turn of it shows.
-inline bool TurnsInItself(const Shape& shape) {
-  return shape.kind() == ShapeKind::kSphere || shape.kind() == ShapeKind::kHalfSpace;
+inline bool TurnsInItself(const Shape& shape) { return shape.kind() == ShapeKind::kSphere; }
+
+// [m] farthest point that a turn of it moves. That of a half-space is told by who is near (MeetingQuery).
+inline double TurnRadius(const Shape& shape) {
+  return TurnsInItself(shape) || shape.kind() == ShapeKind::kHalfSpace ? 0 : shape.radius();
 }
 
 // [rad/s] without its part about the axis.
@@ -35,8 +38,7 @@ inline Quaternion VisibleRotation(const Shape& shape, const Quaternion& from_WB,
 // The way of a wall, and of a body that nothing turns. An axis circles the angular momentum at a constant rate, so it is exact for what has
 // one, however fast. What has none goes on as it does as it begins.
 inline Path FreePath(const Body& body, const Shape& shape, const State& from, const Vector3& half_acceleration_W) {
-  const double radius = TurnsInItself(shape) ? 0 : shape.radius();
-  Path path{from.pose, from.linear_W, half_acceleration_W, from.angular_W, Vector3::Zero(), radius};
+  Path path{from.pose, from.linear_W, half_acceleration_W, from.angular_W, Vector3::Zero(), TurnRadius(shape)};
   if (!shape.HasAxis()) return path;
   const Quaternion& rotation = from.pose.rotation_WB;
   const Vector3 visible = VisibleSpin(shape, rotation, from.angular_W);

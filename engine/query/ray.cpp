@@ -1,22 +1,26 @@
 #include "engine/query/ray.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "qp/smallness.h"
 
 namespace islet {
 namespace {
 
-// Along the line of the ray the shape is where every face has it inside: from the last face entered to the first one left.
+// Along the line of the ray the shape is where every face has it inside: from the last face entered to the first one left. A ray that begins
+// on a face and does not go in is outside.
 struct Interval {
+  double touch;  // [m] above which a ray is on a face
   double enter = 0, leave = 1;
   Vector3 normal = Vector3::Zero();  // of the face that was entered last; zero: the ray begins inside
 
   void Cut(const Vector3& face, double height, double slope) {  // height: [m] of the origin above the face
-    if (slope == 0) {
-      if (height > 0) leave = -1;
-    } else if (slope < 0) {
-      if (-height / slope > enter) enter = -height / slope, normal = face;
-    } else {
-      leave = std::min(leave, -height / slope);
+    const bool outside = height >= -touch;
+    if (slope >= 0) {
+      leave = outside ? -1 : slope > 0 ? std::min(leave, -height / slope) : leave;
+    } else if (-height / slope > enter || (outside && normal.isZero(0) && enter == 0)) {
+      enter = std::max(0.0, -height / slope), normal = face;
     }
   }
 };
@@ -25,29 +29,34 @@ struct Interval {
 void CutBall(const Vector3& centre, double radius, const Vector3& origin, const Vector3& way, Interval* inside) {
   const Vector3 from = origin - centre;
   const double a = way.squaredNorm(), b = from.dot(way), c = (from.norm() - radius) * (from.norm() + radius);
-  const double discriminant = b * b - a * c;
-  if (discriminant < 0 || (a == 0 && c > 0)) {
+  const bool outside = c >= -2 * radius * inside->touch;
+  const double passes =
+      a > 0 ? (from - b / a * way).norm() : from.norm();  // [m] of the centre; exact from far away, too
+  if (passes > radius || (outside && b >= 0)) {
     inside->leave = -1;
     return;
   }
   if (a == 0) return;
-  const double root = std::sqrt(discriminant), near = b < 0 ? c / (-b + root) : (-b - root) / a;
-  const double far = b < 0 ? (-b + root) / a : -c / (b + root);
-  if (near > inside->enter) inside->enter = near, inside->normal = (from + near * way).normalized();
+  const double root = std::sqrt(a * (radius - passes) * (radius + passes));
+  const double near = b < 0 ? c / (-b + root) : (-b - root) / a, far = b < 0 ? (-b + root) / a : -c / (b + root);
+  if (near > inside->enter || (outside && inside->normal.isZero(0) && inside->enter == 0)) {
+    inside->enter = std::max(0.0, near);
+    inside->normal = (from + inside->enter * way).normalized();
+  }
   inside->leave = std::min(inside->leave, far);
 }
 
 // The shape is its middle, a cylinder between two flat ends, and of a capsule two balls at them: the ray is in where it is in one of them.
 void EnterRound(const Shape& shape, const Vector3& origin, const Vector3& way, Interval* inside) {
   const Vector3 across(1, 1, 0), end = shape.half_length() * Vector3::UnitZ();
-  Interval middle;
+  Interval middle{inside->touch};
   CutBall(Vector3::Zero(), shape.girth(), origin.cwiseProduct(across), way.cwiseProduct(across), &middle);
   middle.Cut(Vector3::UnitZ(), origin.z() - end.z(), way.z());
   middle.Cut(-Vector3::UnitZ(), -origin.z() - end.z(), -way.z());
   Interval first = middle;
   if (shape.kind() == ShapeKind::kCapsule) {
     for (const Vector3& centre : {Vector3(-end), end}) {
-      Interval ball;
+      Interval ball{inside->touch};
       CutBall(centre, shape.girth(), origin, way, &ball);
       if (ball.enter > ball.leave || ball.leave < 0) continue;
       if (first.enter > first.leave || ball.enter < first.enter) first = ball;
@@ -64,7 +73,7 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
   const Vector3 origin = rotation.transpose() * (origin_W - pose.position_W), way = rotation.transpose() * way_W;
   const Vector3 against = way.isZero(0) ? Vector3::UnitZ() : Vector3(-way.normalized());
   if (shape.kind() == ShapeKind::kCustom) return {};
-  Interval inside;
+  Interval inside{std::isfinite(shape.size()) ? kExact * shape.size() : 0};
   if (shape.kind() == ShapeKind::kSphere) {
     CutBall(Vector3::Zero(), shape.radius(), origin, way, &inside);
   } else if (shape.kind() == ShapeKind::kHalfSpace) {

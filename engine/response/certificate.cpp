@@ -108,7 +108,8 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
   if (problem.contacts.empty()) return out;
   const Momentum momentum = MomentumBalance(problem, solution);
   out.momentum = std::sqrt(momentum.residual_squared / momentum.mass) / v_ref;
-  out.energy_gain = std::max(0.0, momentum.energy_after - momentum.energy_before);
+  out.energy_gain = Worse(0.0, momentum.energy_after - momentum.energy_before);
+  const bool exact = model == qp::Model::kCoulomb && cone == qp::Cone::kCircular;
   const bool kinetic = model == qp::Model::kKinetic && !solution.multipliers.empty();
   struct Part {
     Certificate worst;
@@ -126,19 +127,20 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
       w = qp::ContactVelocity(contact, solution.multipliers.data());
       const double gamma = solution.bounce_multipliers[c], excess = u[0] - contact.target;
       part->gap += std::abs(gamma * excess);
-      part->worst.dual = std::max(part->worst.dual, -excess / v_ref);
+      part->worst.dual = Worse(part->worst.dual, -excess / v_ref);
     } else {
-      w[0] += solution.slips[c] - contact.target;
+      w[0] += (exact ? mu * u.tail<2>().norm() : solution.slips[c]) - contact.target;
     }
     Vector3 u_hat = u;
     u_hat[0] += mu * u.tail<2>().norm() - contact.target;
     part->gap += std::abs(j.dot(w));
-    part->worst.cone = std::max(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
-    part->worst.dual = std::max(part->worst.dual, -DualSlack(w, mu, cone) / v_ref);
-    const double model_map = (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
-    const double coulomb_map = (j - ProjectOnCone(j - rho * u_hat, mu, qp::Cone::kCircular)).norm() / rho;
-    part->worst.natural_map_max = std::max(part->worst.natural_map_max, model_map);
-    part->worst.coulomb_map_max = std::max(part->worst.coulomb_map_max, coulomb_map);
+    part->worst.cone = Worse(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
+    part->worst.dual = Worse(part->worst.dual, -DualSlack(w, mu, cone) / v_ref);
+    const double nothing = u.allFinite() && j.allFinite() ? 0 : NAN;  // a projection would hide it
+    const double model_map = nothing + (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
+    const double coulomb_map = nothing + (j - ProjectOnCone(j - rho * u_hat, mu, qp::Cone::kCircular)).norm() / rho;
+    part->worst.natural_map_max = Worse(part->worst.natural_map_max, model_map);
+    part->worst.coulomb_map_max = Worse(part->worst.coulomb_map_max, coulomb_map);
     part->model_sum += model_map * model_map;
     part->coulomb_sum += coulomb_map * coulomb_map;
   };

@@ -77,7 +77,7 @@ void ResponseOutcome::AddTo(QpSummary* summary, LadderReport* ladder) const {
   ++summary->solved;
   summary->failed += status == QpStatus::kInfeasible || status == QpStatus::kFailed;
   summary->missed += status == QpStatus::kInaccurate;
-  summary->worst_map = std::max(summary->worst_map, map);
+  summary->worst_map = Worse(summary->worst_map, map);
   summary->iterations += iterations;
   summary->iterations_max = std::max(summary->iterations_max, iterations);
 }
@@ -256,7 +256,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   double fastest = 0;
   for (size_t c = 0; c < island.contacts.size(); ++c) {
     const Contact& contact = contacts.contacts[island.contacts[c]];
-    if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
+    if (!contact.touches) problem_.contacts[c].target = -ClosingSpeed(contact, dt);
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)

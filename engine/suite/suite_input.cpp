@@ -69,7 +69,7 @@ void CheckSuiteContacts(std::span<const Contact> contacts, size_t num_bodies) {
     const double length = contact.normal_W.norm();
     Require(std::abs(length - 1) < kSamePoint, "contact", c, "length of normal", length);
     Require(std::isfinite(contact.gap), "contact", c, "gap", contact.gap);
-    Require(contact.friction >= 0 && std::isfinite(contact.friction), "contact", c, "friction", contact.friction);
+    Require(contact.friction >= 0 && contact.friction <= kMostFriction, "contact", c, "friction", contact.friction);
     RequireFinite("contact", c, "surface velocity", contact.surface_W);
     Require(contact.restitution >= 0 && contact.restitution <= 1, "contact", c, "restitution", contact.restitution);
     if (c > 0 && Earlier(contact, contacts[c - 1]))

@@ -38,20 +38,23 @@ void World::Impl::RepeatEvents() {
 // [m/s] at which the bodies of an impulse closed as the step began, at the point where it acted.
 double World::Impl::ApproachOf(const LedgerImpulse& j) const {
   const auto velocity = [&](int i) -> Vector3 {
-    return before[i].linear_velocity_W + before[i].angular_velocity_W.cross(j.contact.point_W - ledger.CentreAt(j, i));
+    const Body& b = before[i];  // a wall on an arc as fast as it is halfway
+    return b.linear_velocity_W - 0.5 * dt_hint * b.arc_W +
+           b.angular_velocity_W.cross(j.contact.point_W - ledger.CentreAt(j, i));
   };
   return j.contact.normal_W.dot(velocity(j.contact.body_a) - velocity(j.contact.body_b));
 }
 
-// What approached faster than gravity makes anything in the step, or got a blow of more than the lighter body's weight in it: slower and
+// What approached faster than gravity and the user's forces make it in the step, or got a blow of more than the lighter body's weight in it: slower and
 // weaker ones come with all that rests.
 void World::Impl::AddHits(double dt) {
   const size_t begin = hits.size();
-  const double fall = settings.gravity.norm() * dt;
+  const auto pull = [&](const Body& b) { return b.kind == BodyKind::kDynamic ? b.force_W.norm() / b.mass : 0.0; };
   const auto mass = [](const Body& b) { return b.kind == BodyKind::kDynamic ? b.mass : INFINITY; };
   for (const LedgerImpulse& j : ledger_impulses) {
     if (j.corrects >= 0) continue;
     const int a = j.contact.body_a, b = j.contact.body_b;
+    const double fall = dt * (settings.gravity.norm() + std::max(pull(bodies[a]), pull(bodies[b])));
     const double approach = ApproachOf(j), pressed = j.contact.normal_W.dot(j.impulse_W);
     const bool blow = j.duration == 0 && pressed > std::min(mass(bodies[a]), mass(bodies[b])) * fall;
     if (blow || (approach > fall && pressed > 0))

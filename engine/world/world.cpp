@@ -104,6 +104,7 @@ void World::Impl::Forget(int number) {
     groups.crowded[number] = 0;
   }
   if (static_cast<size_t>(number) < crowd_memory.lost.size()) crowd_memory.lost[number] = INFINITY;
+  if (static_cast<size_t>(number) < crowd_memory.still.size()) crowd_memory.still[number] = {};
   if (static_cast<size_t>(number) < crowd_memory.freeze_counters.size()) crowd_memory.freeze_counters[number] = 0;
   if (static_cast<size_t>(number) < crowd.size()) crowd[number] = 0;
   size_t kept = 0;
@@ -184,7 +185,6 @@ void World::SetForce(int body, const Vector3& force_W, const Vector3& torque_W) 
   b.force_W = force_W;
   b.torque_W = torque_W;
   impl_->rest.reset();
-  impl_->groups.Disturb();
 }
 
 void World::SetKind(int body, BodyKind kind) {
@@ -274,7 +274,6 @@ void World::SetGravity(const Vector3& gravity_W) {
   impl_->crowd_motion.SetGravity(gravity_W);
   impl_->group_motion.SetGravity(gravity_W);
   impl_->rest.reset();
-  impl_->groups.Disturb();
 }
 
 void World::SetProblemObserver(ProblemObserver observer) {
@@ -317,12 +316,12 @@ void World::Impl::CheckNewcomers() {
                                 " overlap by " + std::to_string(-c.gap) + " m at the start");
   }
   std::fill(unchecked.begin(), unchecked.end(), 0);
+  stale = stale || MovesGroups();  // a crowd looks without the others
 }
 
 void World::Impl::Changed() {
   stale = true;
   rest.reset();
-  groups.Disturb();
 }
 
 WorldSnapshot World::Save() const {
@@ -333,7 +332,7 @@ WorldSnapshot World::Save() const {
 
 void World::Restore(const WorldSnapshot& snapshot) {
   impl_->Idle("Restore");
-  SetGravity(snapshot.data_->gravity);  // first: it disturbs what rests, and what is restored was not
+  SetGravity(snapshot.data_->gravity);
   static_cast<WorldState&>(*impl_) = snapshot.data_->world;
   impl_->lost = false;
   impl_->rest.reset();
@@ -379,8 +378,10 @@ void World::RestoreMotion(std::span<const std::byte> bytes) {
     RequireUnit(name, b.rotation_WB);
     RequireFinite(name, "linear velocity", b.linear_velocity_W);
     RequireFinite(name, "angular velocity", b.angular_velocity_W);
+    if (b.kind == BodyKind::kFixed && !(b.linear_velocity_W.isZero(0) && b.angular_velocity_W.isZero(0)))
+      Reject(name, "velocity", "of a fixed body must be zero");
   }
-  bodies.swap(next);
+  std::copy(next.begin(), next.end(), bodies.begin());  // where they are: somebody may look at them
   impl_->Changed();
 }
 

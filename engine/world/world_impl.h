@@ -87,6 +87,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<Contact> held;       // where the step before ended, by small groups and crowds
   std::vector<Vector3> held_by_W;  // [N] the forces there
   double began = 0;                // [s] the step
+  double crowd_map_max = 0;        // [m/s] of the crowd's answers in this part of it
   std::vector<int> group_places;   // in impulses, of those of small groups
   LadderReport spared;             // what detection was spared in this step
   // Of a step in which all stood still before and after: the next one does the same again, unless somebody changes something.
@@ -129,6 +130,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void DetectMoving(std::span<const Vector3> expected);
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach() const;
+  double TurnsBy(size_t body) const;
   void MixMaterials(std::vector<Contact> * contacts) const;
   void SelectTouching();
   bool Touches(const Contact& c) const;

@@ -6,6 +6,7 @@
 #include "engine/geometry/narrow_phase.h"
 #include "engine/motion/groups.h"
 #include "engine/motion/meeting.h"
+#include "engine/motion/visible_turn.h"
 #include "engine/query/ray.h"
 #include "engine/rotation.h"
 #include "engine/world/world_impl.h"
@@ -127,21 +128,26 @@ bool World::Impl::IsSensed(int sensor, int i) const {
 
 bool World::Impl::PassesThrough(int sensor, int i) {
   const auto way = [&](int k) -> Vector3 { return bodies[k].position_W - before[k].position_W; };
-  const double moved = (way(i) - way(sensor)).norm(), size = std::min(shapes[sensor].size(), shapes[i].size());
+  const auto turn = [&](int k) -> Vector3 {  // what the user turns may turn by more than half a circle
+    if (bodies[k].kind == BodyKind::kKinematic) return dt_hint * before[k].angular_velocity_W;
+    return Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate());
+  };
+  const Vector3 relative = way(i) - way(sensor), turn_s = turn(sensor), turn_i = turn(i);
+  const auto swept = [&](int k, const Vector3& by) { return by.norm() * motion::TurnRadius(shapes[k]); };
+  const double size = std::min(shapes[sensor].size(), shapes[i].size()),
+               moved = relative.norm() + swept(sensor, turn_s) + swept(i, turn_i);
   if (!(moved > 0.5 * size)) return false;
-  const Vector3 apart = before[i].position_W - before[sensor].position_W, relative = way(i) - way(sensor);
-  const double nearest = std::clamp(-apart.dot(relative) / (moved * moved), 0.0, 1.0);
+  const Vector3 apart = before[i].position_W - before[sensor].position_W;
+  const double nearest = std::clamp(-apart.dot(relative) / std::max(relative.squaredNorm(), 1e-300), 0.0, 1.0);
   if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
   const int looks = static_cast<int>(std::min<double>(motion::kMostLooks, std::ceil(2 * moved / size)));
-  const auto at = [&](int k, double u) -> Placement {
-    return {before[k].position_W + u * way(k),
-            (Exp(u * Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate())) * before[k].rotation_WB)
-                .toRotationMatrix()};
+  const auto at = [&](int k, const Vector3& by, double u) -> Placement {
+    return {before[k].position_W + u * way(k), (Exp(u * by) * before[k].rotation_WB).toRotationMatrix()};
   };
   for (int k = 1; k < looks; ++k) {
     const double u = static_cast<double>(k) / looks;
     sensor_overlaps.clear();
-    CollideShapes(shapes[sensor], at(sensor, u), shapes[i], at(i, u), 0, &sensor_overlaps);
+    CollideShapes(shapes[sensor], at(sensor, turn_s, u), shapes[i], at(i, turn_i, u), 0, &sensor_overlaps);
     if (std::any_of(sensor_overlaps.begin(), sensor_overlaps.end(),
                     [&](const Contact& c) { return c.gap < -kExact * size; }))
       return true;

@@ -18,6 +18,16 @@ namespace islet {
 
 using motion::Races;
 
+// [m] by which a body's turn moves a point of it in a step, at most; of a half-space, as far out as anybody is.
+double World::Impl::TurnsBy(size_t body) const {
+  const double turn = dt_hint * bodies[body].angular_velocity_W.norm();
+  if (turn == 0 || std::isfinite(bodies[body].radius)) return turn > 0 ? turn * bodies[body].radius : 0;
+  double farthest = 0;
+  for (const Body& b : bodies)
+    if (CanMove(b)) farthest = std::max(farthest, (b.position_W - bodies[body].position_W).norm() + b.radius);
+  return turn * farthest;
+}
+
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
 void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
   travel.assign(expected.begin(), expected.end());
@@ -27,9 +37,8 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
     const bool moves = body.Moves() || body.kind == BodyKind::kKinematic;
     const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
     margins[i] = 2 * settings.touch_gap * size;
-    if (!moves || !std::isfinite(body.radius)) continue;
-    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius +
-                  settings.gravity.norm() * dt_hint * dt_hint;
+    if (!moves) continue;
+    margins[i] += 0.01 * size + TurnsBy(i) + settings.gravity.norm() * dt_hint * dt_hint;
   }
 }
 
@@ -73,10 +82,10 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
 // Every body ends near the path that the last detection swept for it.
 bool World::Impl::StaysInReach() const {
   for (size_t i = 0; i < bodies.size(); ++i) {
-    if (!bodies[i].Moves()) continue;
+    if (StandsStill(bodies[i])) continue;
     const double length = travel[i].squaredNorm();
     const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
-    const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
+    const double turn = TurnsBy(i);
     if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
   }
   return true;
@@ -179,10 +188,13 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
   }
   const double detected_at = Seconds();
   CountStage("detect", lap, detected_at, &report->seconds.detect);
-  const double others = report->seconds.Total();
+  const double others = report->seconds.Total(),
+               map_of_others = std::exchange(report->certificate.coulomb_map_max, 0.0);
   crowd_motion.Step(
       dt, [this](std::span<const Vector3> travel_W) { DetectMoving(travel_W); }, observer, bodies, shapes,
       &near_contacts, &crowd_memory, report);
+  crowd_map_max = report->certificate.coulomb_map_max;
+  report->certificate.coulomb_map_max = std::max(crowd_map_max, map_of_others);
   resolved.clear();
   impulses.clear();
   AddImpulses(crowd_motion.impulses());
@@ -196,10 +208,10 @@ void World::Impl::KeepLedger(double dt, StepReport* report) {
   const int own = static_cast<int>(ledger_impulses.size());
   for (LedgerImpulse j : crowd_motion.impulses()) {
     if (j.corrects >= 0) j.corrects += own;
+    j.accuracy = crowd_map_max;
     ledger_impulses.push_back(j);
   }
-  report->ledger = ledger.Judge({dt, whole_dt, settings.gravity, before, bodies, shapes, ledger_impulses, &filter,
-                                 report->certificate.coulomb_map_max});
+  report->ledger = ledger.Judge({dt, whole_dt, settings.gravity, before, bodies, shapes, ledger_impulses, &filter});
   report->energy_gain = ledger.energy_gain();
 }
 
@@ -235,6 +247,8 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
   } else {
     CarryKinematic(dt);
     crowd_motion.Rest();
+    crowd_memory.contacts.clear();
+    crowd_memory.forces_W.clear();
     crowd.assign(bodies.size(), 0);
     resolved.clear();
     impulses.clear();
@@ -328,13 +342,13 @@ void World::Impl::BeginRide(double dt, double dt_before) {
 
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
+  const double start_seconds = Seconds();
+  CheckNewcomers();  // first: it may throw, and leaves all as it was
   const double dt_before = std::exchange(whole_dt, dt);
   dt_hint = dt;
   began = time;
   crowd_motion.SetWholeStep(dt);
   group_motion.SetWholeStep(dt);
-  const double start_seconds = Seconds();
-  CheckNewcomers();
   hits.clear();
   passed.clear();
   if (settings.stateless) ForgetAll();

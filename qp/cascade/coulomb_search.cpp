@@ -64,7 +64,8 @@ bool HasFewLoops(const Problem& problem) {
 }
 
 int NewtonSteps(const Task& task) {
-  return std::clamp(kNewtonBodies * task.settings.effort.sweeps / task.problem.num_bodies(), 1, kNewtonSteps);
+  const std::int64_t steps = std::int64_t{kNewtonBodies} * task.settings.effort.sweeps / task.problem.num_bodies();
+  return static_cast<int>(std::clamp<std::int64_t>(steps, 1, kNewtonSteps));
 }
 
 }  // namespace

@@ -30,6 +30,8 @@ std::vector<Vector3> ImpulsesOf(const World& world) {
 Probes::Probes(const SceneDescription& description, const MadeScene& made) {
   text_ = "frame,time";
   std::set<std::pair<int, ProbeWhat>> known;
+  std::set<std::string> names;
+  size_t numbers = 0;
   for (const ProbeEntry& probe : description.probes) {
     const std::vector<int> bodies = ChosenBodies(made, probe.bodies);
     for (size_t i = 0; i < bodies.size(); ++i) {
@@ -37,9 +39,12 @@ Probes::Probes(const SceneDescription& description, const MadeScene& made) {
         const std::string name = NameOf(probe.bodies, i, bodies.size()) + "." + kProbeNames[static_cast<int>(what)];
         if (!known.emplace(bodies[i], what).second)
           probe.bodies.place.Refuse("its probes write " + name + " twice: one column has been asked for already");
+        if (!names.insert(name).second)
+          probe.bodies.place.Refuse("its probes write " + name + " of two bodies: choose one of them by another name");
         columns_.push_back({bodies[i], what});
         with_forces_ = with_forces_ || what == ProbeWhat::kForce;
-        if (columns_.size() > kMostColumns / 4)
+        numbers += what == ProbeWhat::kRotation ? 4 : 3;
+        if (numbers > kMostColumns)
           probe.bodies.place.Refuse("too many columns: all probes together have at most " +
                                     std::to_string(kMostColumns));
         for (const char* axis : {".w", ".x", ".y", ".z"})

@@ -370,6 +370,7 @@ TEST(ContactSuite, BadInputIsNamed) {
       {"normal", [](std::vector<Contact>* c) { (*c)[1].normal_W *= 2; }},
       {"normal", [](std::vector<Contact>* c) { (*c)[1].normal_W.x() = kNan; }},
       {"friction = -", [](std::vector<Contact>* c) { (*c)[1].friction = -1; }},
+      {"friction = 1", [](std::vector<Contact>* c) { (*c)[1].friction = 1e5; }},
       {"friction = nan", [](std::vector<Contact>* c) { (*c)[1].friction = kNan; }},
       {"restitution = 1.5", [](std::vector<Contact>* c) { (*c)[1].restitution = 1.5; }},
       {"restitution = nan", [](std::vector<Contact>* c) { (*c)[1].restitution = kNan; }},
@@ -595,6 +596,16 @@ TEST(ContactSuite, MemoryIsKeptAsACopy) {
   s.suite.SetMemory(*memory);
   s.Resolve();
   for (int i = 1; i < 3; ++i) EXPECT_EQ(s.bodies[i].linear_velocity_W, first[i].linear_velocity_W) << i;
+}
+
+// What is too deep already need not part: the suite moves nobody.
+TEST(ContactSuite, AnOpenContactWithAnOverlapIsHeldNotPushed) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
+  AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
+  for (Contact& c : s.contacts) c.touches = false, c.gap = -1e-3;
+  s.Resolve();
+  EXPECT_NEAR(s.bodies[1].linear_velocity_W.norm(), 0, 1e-9);
 }
 
 }  // namespace

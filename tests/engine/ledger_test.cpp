@@ -266,6 +266,32 @@ TEST_F(LedgerTest, CountsTheWorkOfMovingWalls) {
   EXPECT_LT(ledger.momentum_unexplained.value, 1e-14);
 }
 
+// What solves may create is told by the solves of the body's own group. Two boxes are struck by the plate far from each other; the first one
+// leaves faster than it came.
+TEST_F(LedgerTest, RoughSolvesElsewhereExcuseNothing) {
+  shapes.push_back(shapes[1]);
+  before[1].linear_velocity_W = {0, 0, -2};
+  before.push_back(before[1]);
+  before[2].position_W.x() = 50;
+  after = before;
+  for (const int i : {1, 2}) {
+    LedgerImpulse blow;
+    blow.contact.body_a = 0, blow.contact.body_b = i;
+    blow.contact.point_W = before[i].position_W;
+    blow.impulse_W = {0, 0, i == 1 ? 4.1 : 2};
+    impulses.push_back(blow);
+    const Vector3 struck = before[i].linear_velocity_W + blow.impulse_W;
+    after[i].linear_velocity_W = struck + kDt * kGravity;
+    after[i].position_W += kDt * struck + 0.5 * kDt * kDt * kGravity;
+  }
+  EXPECT_GT(Judge().energy_created.value, 1e-2);
+  EXPECT_EQ(Judge().energy_created.body, 1);
+  impulses[1].accuracy = 1;
+  EXPECT_GT(Judge().energy_created.value, 1e-2);
+  impulses[0].accuracy = 1;
+  EXPECT_LT(Judge().energy_created.value, 1e-12);
+}
+
 // A bat that turns passes over a ball at rest in a crowd, which looks where bodies are when a step ends. Its own centre rests as well: the
 // ball's goes through it as the bat sees it.
 TEST(Ledger, TellsOfABatThatTurnsThroughABall) {
@@ -294,6 +320,19 @@ TEST(Ledger, TellsOfABatThatTurnsThroughABall) {
   }
   EXPECT_GT(hit, 0);
   EXPECT_GT(told, 0);
+}
+
+// What is no number is not clean, wherever it stands.
+TEST_F(LedgerTest, NoNumberIsNotClean) {
+  const std::vector<Body> good = after;
+  EXPECT_TRUE(Judge().Clean());
+  for (int what = 0; what < 4; ++what) {
+    after = good;
+    double* const at[] = {after[1].position_W.data(), after[1].rotation_WB.coeffs().data(),
+                          after[1].linear_velocity_W.data(), after[1].angular_velocity_W.data()};
+    *at[what] = NAN;
+    EXPECT_FALSE(Judge().Clean()) << what;
+  }
 }
 
 }  // namespace

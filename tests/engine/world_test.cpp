@@ -1,8 +1,10 @@
 #include "engine/world.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -500,6 +502,103 @@ TEST(World, CardsOfADeckKeepTheirOrder) {
                .restitution = 0});
   for (int frame = 0; frame < 30; ++frame) EXPECT_FALSE(world.Step(1.0 / 30).Failed()) << frame;
   for (int i = 0; i < 18; ++i) EXPECT_NEAR(world.body(i + 1).position_W.z(), kHalf * (1 + 2 * i), 1e-3 * kHalf);
+}
+
+// Thirty cubes that touch, which are a crowd, and far away a smooth box that slides.
+TEST(World, ANumberUsedAgainLeavesNoContactBehind) {
+  World world(testing::Awake());
+  world.Add(Floor(0, 0));
+  for (int k = 0; k < 30; ++k) world.Add(Cube({1.0 * (k % 6), 1.0 * (k / 6), 0.5}));
+  BodyDefinition slides = Cube({0, 50, 0.5}, 0);
+  slides.linear_velocity_W = {1, 0, 0};
+  const int box = world.Add(slides);
+  const int leaves = world.Add(Cube({0, 80, 0.5}));
+  StepTimes(&world, 2);
+  world.Remove(leaves);
+  StepTimes(&world, 1);
+  EXPECT_EQ(world.Add(Cube({0, 90, 0.5})), leaves);
+  for (int i = 0; i < 10; ++i) {
+    testing::Step(&world, 1.0 / 60);
+    const std::span<const Contact> contacts = world.contacts();
+    EXPECT_EQ(std::count_if(contacts.begin(), contacts.end(),
+                            [&](const Contact& c) { return c.body_a == box || c.body_b == box; }),
+              4);
+  }
+}
+
+// A step that throws for a newcomer has changed nothing: the next one without it is that of a world that never had it.
+TEST(World, AStepThatThrowsForAnOverlapLeavesAllAsItWas) {
+  const auto run = [](bool with) {
+    World world(testing::Awake());
+    BodyDefinition plate = Cube({2, 0, -0.5}, 0.5);
+    plate.kind = BodyKind::kKinematic;
+    plate.mass.reset();
+    const int turned = world.Add(plate), rides = world.Add(Cube({2, 0, 0.5}));
+    world.SetVelocity(turned, {0, 6, 0}, {0, 0, 3});
+    if (with) {
+      const int inside = world.Add(Cube({2.1, 0, 0.5}));
+      EXPECT_THROW(world.Step(1.0 / 30), std::invalid_argument);
+      world.Remove(inside);
+    }
+    for (int i = 0; i < 3; ++i) world.Step(1.0 / 60);
+    return world.body(rides).position_W;
+  };
+  EXPECT_EQ(run(true), run(false));
+}
+
+// What a force presses all the time hits nothing, as what weight presses.
+TEST(World, PressedByAForceIsNoHit) {
+  Settings settings = testing::Awake();
+  settings.gravity.setZero();
+  World world(settings);
+  BodyDefinition slab = Cube({0, 0, -0.5}, 0.5);
+  slab.kind = BodyKind::kFixed;
+  slab.mass.reset();
+  world.Add(slab);
+  const int box = world.Add(Cube({0, 0, 0.5}, 0.5));
+  world.SetForce(box, {0, 0, -9.81}, Vector3::Zero());
+  for (int i = 0; i < 60; ++i) {
+    testing::Step(&world, 1.0 / 60);
+    EXPECT_TRUE(world.hits().empty()) << i;
+  }
+}
+
+// A wall that goes evenly wakes what is frozen in the step in which it gets there, also if that is longer than those before.
+TEST(World, ALongerStepLooksAsFarAsItsWallsGo) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.5, 0));
+  for (int k = 0; k < 25; ++k) world.Add(Cube({1.0 * (k % 5), 1.0 * (k / 5), 0.5}));
+  const double speed = 1.2, far = 5;
+  const int comes = world.Add({.shape = Shape::Box({0.5, 0.5, 0.4}),
+                               .kind = BodyKind::kKinematic,
+                               .position_W = {-1 - far, 0, 0.5},
+                               .linear_velocity_W = {speed, 0, 0}});
+  const auto gap = [&] { return world.body(1).position_W.x() - world.body(comes).position_W.x() - 1; };
+  while (gap() > 0.025) testing::Step(&world, 1.0 / 240);
+  ASSERT_TRUE(world.body(1).frozen);
+  testing::Step(&world, 1.0 / 30);
+  EXPECT_FALSE(world.body(1).frozen);
+  EXPECT_GT(gap(), -1e-3);
+}
+
+// A cube that takes the number and the place of a frozen one has not stood there.
+TEST(World, WhoTakesTheNumberOfWhatWasFrozenIsNot) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.5, 0));
+  int last = 0;
+  for (int k = 0; k < 25; ++k) last = world.Add(Cube({1.0 * (k % 5), 1.0 * (k / 5), 0.5}));
+  for (int i = 0; i < 100 && !world.body(last).frozen; ++i) testing::Step(&world, 1.0 / 60);
+  ASSERT_TRUE(world.body(last).frozen);
+  const Vector3 place = world.body(last).position_W;
+  world.Remove(last);
+  testing::Step(&world, 1.0 / 60);
+  ASSERT_EQ(world.Add(Cube(place)), last);
+  testing::Step(&world, 1.0 / 60);
+  EXPECT_FALSE(world.body(last).frozen);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-# Compiles and runs every listing of the guide and of README.md: guide_test.py <repository> <scratch> <compiler> <flags and libraries...>
+# Compiles and runs every listing of the guide, and the program in README.md: guide_test.py <repository> <scratch> <compiler> <flags and libraries...>
 # C++ listings become functions of one program. Python ones run where PYTHONPATH has the module.
 import os
 import pathlib
@@ -12,6 +12,9 @@ functions, scripts = [], []
 for page in pages:
     for kind, text in re.findall(r"^```(cpp|python)\n(.*?)^```", page.read_text(), re.M | re.S):
         (functions if kind == "cpp" else scripts).append((page.name, text))
+readme = re.findall(r"^```cpp\n#include <islet/world.h>\n(.*?)^```", pathlib.Path(root, "README.md").read_text(), re.M | re.S)
+assert len(readme) == 1, f"{len(readme)} programs in README.md"
+functions.append(("README.md", readme[0]))
 assert len(functions) >= 12, f"only {len(functions)} listings found"
 includes = ["islet/contact_suite.h", "islet/parallel/worker_pool.h", "islet/world.h", "cstdio", "cstdlib", "stdexcept", "thread", "vector"]
 source = "".join(f"#include <{name}>\n" for name in includes)
@@ -23,7 +26,7 @@ folder.mkdir(parents=True, exist_ok=True)
 (folder / "guide.cpp").write_text(source)
 subprocess.run([compiler, "-std=c++20", "-Wall", "-Wextra", "-Werror", str(folder / "guide.cpp"), "-o", str(folder / "guide"), *flags], check=True)
 out = subprocess.run([folder / "guide"], check=True, capture_output=True, text=True, timeout=60).stdout
-for expected in ["the cube lies at 0.5", "it is gone", "9.81 N carry the cube", "0 and 1 touch now", "body 0 at 0.4 of the way", "friction = -1 must"]:
+for expected in ["the cube lies at 0.5", "0.5 m, exact to ", "it is gone", "9.81 N carry the cube", "0 and 1 touch now", "body 0 at 0.4 of the way", "friction = -1 must"]:
     assert expected in out, f"'{expected}' is not in:\n{out}"
 if os.environ.get("PYTHONPATH"):
     for page, text in scripts:

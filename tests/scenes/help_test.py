@@ -15,7 +15,7 @@ class Help(unittest.TestCase):
     def test_examples_run(self):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.dirname(ISLET) + os.pathsep + os.environ["PATH"]
-            for command in "scenes", "run", "view", "solve", "verify", "completion", "man":
+            for command in "scenes", "run", "view", "replay", "export", "check", "solve", "verify", "completion", "man":
                 text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
                 examples = [line.strip() for line in text.split("Examples:\n")[1].splitlines() if line.strip()]
                 self.assertGreaterEqual(len(examples), 1)
@@ -28,7 +28,7 @@ class Help(unittest.TestCase):
                         done = subprocess.run(example, shell=True, cwd=folder, env=dict(os.environ, PATH=path), text=True,
                                               capture_output=True, timeout=120)
                         self.assertEqual(done.returncode, 0, done.stderr)
-                        self.assertTrue(done.stdout or " > " in example)
+                        self.assertTrue(done.stdout or " > " in example or " --out " in example)
 
     def interrupt(self, example, folder):
         """Runs what goes on until Ctrl-C."""
@@ -73,10 +73,11 @@ printf '%s\n' "${COMPREPLY[@]}"
             for name in "a.hdf5", "a b.json":
                 open(os.path.join(folder, name), "w").close()
             self.assertEqual(self.complete("solve", "a.", folder=folder), ["a.hdf5"])
+            self.assertEqual(self.complete("check", "a.", folder=folder), ["a.hdf5"])
             self.assertEqual(self.complete("run", "stack", "--report", "a.", folder=folder), ["a.hdf5"])
 
     def test_bash_knows_every_option(self):
-        for command in "scenes", "run", "view", "solve", "verify":
+        for command in "scenes", "run", "view", "replay", "export", "check", "solve", "verify":
             text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
             told = set(re.findall(r"(?m)^  (?:-h,)?(--[a-z-]+)", text))
             self.assertEqual({name for name in self.complete(command, "-") if name.startswith("--")}, told)
@@ -114,7 +115,7 @@ class ManualPage(unittest.TestCase):
             self.assertRegex(text, f"(?m)^{heading}$")
 
     def test_tells_every_command_and_option(self):
-        for command in "scenes", "run", "view", "solve", "verify", "completion", "man":
+        for command in "scenes", "run", "view", "replay", "export", "check", "solve", "verify", "completion", "man":
             self.assertIn(f"\n.SS {command}\n", self.page)
             text = subprocess.run([ISLET, command, "--help"], capture_output=True, text=True, check=True).stdout
             for option in re.findall(r"(?m)^  (?:-h,)?(--[a-z-]+)", text):

@@ -218,5 +218,64 @@ class Interrupts(unittest.TestCase):
         self.assertLess(len({row["id"] for row in json.loads(read(self.path("v.json")))}), 5)
 
 
+class Reports(unittest.TestCase):
+    """What the report of a run says."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+
+    def run_file(self, scene, *arguments, name="scene.json"):
+        path = os.path.join(os.fsencode(self.folder.name), name if isinstance(name, bytes) else name.encode())
+        with open(path, "w") as file:
+            json.dump({"version": 1, **scene}, file)
+        return subprocess.run([ISLET, "run", path, *arguments], capture_output=True, timeout=60)
+
+    BALL = {"shape": {"type": "sphere", "radius": 0.5}, "mass": 1, "velocity": [1, 0, 0]}
+
+    def test_whole_numbers_are_decimal(self):
+        program = start(["run", "stack", "--count", "03", "--frames", "010", "--seed", "08", "--report", "-"])
+        out, err = program.communicate(timeout=60)
+        report = json.loads(out)
+        self.assertEqual((report["bodies"], report["frames"], report["seed"]), (3, 10, 8), err)
+
+    def test_a_name_that_is_no_text_costs_no_output(self):
+        page = os.path.join(self.folder.name, "p.html")
+        done = self.run_file({"bodies": [self.BALL]}, "--frames", "3", "--report", "-", "--html", page, name=b"caf\xe9.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(json.loads(done.stdout)["frames"], 3)
+        self.assertTrue(os.path.getsize(page))
+
+    def test_a_gravity_that_changes_is_counted(self):
+        scene = {"gravity": [0, 0, 0], "bodies": [self.BALL], "drives": [{"gravity": [0, 0, -9.81]}]}
+        report = json.loads(self.run_file(scene, "--seconds", "1", "--report", "-").stdout)
+        self.assertIsNone(report["momentum_drift"])
+        self.assertLess(report["mechanical_energy_gain"], 1e-9)
+        self.assertGreater(report["kinetic_energy_end"], 40)
+
+    def test_what_freezes_nobody_comes_to_rest_too(self):
+        floor = {"shape": {"type": "half_space"}, "kind": "fixed"}
+        cube = {"shape": {"type": "box", "half_extents": [0.5, 0.5, 0.5]}, "mass": 1, "position": [0, 0, 0.5]}
+        report = json.loads(self.run_file({"settings": {"stateless": True}, "bodies": [floor, cube]}, "--report", "-").stdout)
+        self.assertEqual(report["stopped_by"], "rest")
+
+    def test_probes_name_each_column_once(self):
+        floor = {"shape": {"type": "half_space"}, "kind": "fixed"}
+        ball = {**self.BALL, "name": "body", "position": [0, 0, 9]}
+        probes = [{"body": "body", "write": ["position"]}, {"body": 0, "write": ["position"]}]
+        scene = {"bodies": [floor, ball, {**ball, "position": [5, 0, 9]}], "probes": probes}
+        done = self.run_file(scene, "--frames", "1", "--probes", os.path.join(self.folder.name, "p.csv"))
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn(b"body[0].position of two bodies", done.stderr)
+
+    def test_pictures_show_half_spaces(self):
+        picture = os.path.join(self.folder.name, "p.svg")
+        marks = []
+        for bodies in [self.BALL], [self.BALL, {"shape": {"type": "half_space"}, "kind": "fixed", "position": [0, 0, -0.5]}]:
+            self.assertEqual(self.run_file({"bodies": bodies}, "--frames", "1", "--picture", picture).returncode, 0)
+            marks.append(read(picture).count("<p"))
+        self.assertEqual(marks[1], marks[0] + 1)
+
+
 if __name__ == "__main__":
     unittest.main(warnings="ignore")

@@ -192,10 +192,11 @@ class PythonTest(unittest.TestCase):
         self.assertAlmostEqual(9 - 10 * share - 0.25, top + 0.5, places=6)
         np.testing.assert_allclose(normal, (0, 0, 1), atol=1e-9)
         self.assertIsNone(world.cast_shape(islet.Shape.sphere(0.25), (0, 0, 9), (0, 0, 0, 1), (0, 0, 10)))
-        motion = world.save_motion()
+        motion, seen = world.save_motion(), world.positions
         hashes = [(world.step(1 / 60), world.positions.tobytes())[1] for _ in range(5)]
         world.restore_motion(motion)
         self.assertEqual([(world.step(1 / 60), world.positions.tobytes())[1] for _ in range(5)], hashes)
+        np.testing.assert_array_equal(seen, world.positions)
         with self.assertRaisesRegex(ValueError, "bytes"):
             world.restore_motion(motion[:-1])
         world.set_mass(1, 5.0, np.diag([1.0, 2.0, 2.5]))

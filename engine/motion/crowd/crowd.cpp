@@ -63,12 +63,10 @@ void Crowd::Load(double dt) {
   travel_.resize(n);
   posed_.assign(bodies_.begin(), bodies_.end());
   cut_.resize(n);
-  pull_ = 0;
   driven_ = false;
   for (size_t i = 0; i < n; ++i) {
     cut_[i] = !bodies_[i].Moves();
     driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
-    if (!cut_[i]) pull_ = std::max(pull_, (settings_.gravity + bodies_[i].force_W / bodies_[i].mass).norm());
   }
   const double mean = std::max(MeanPull(), MeanHold());
   floor_ = std::max({mean * dt, 1e-3 * FastestPoint(bodies_), 1e-12});

@@ -249,7 +249,6 @@ class Crowd {
   double least_energy_ =
       0;  // [J/kg] that what rests has at hand, as its weight gives it: a piece's share of the step's
   double floor_ = 0, threshold_ = 0;    // [m/s] least v_ref; approaches below it are none
-  double pull_ = 0;                     // [m/s^2] fastest that gravity and forces make a body
   bool driven_ = false;                 // walls move
   std::vector<Contact> start_;          // near ones
   std::vector<Vector3> start_force_W_;  // [N] that held there

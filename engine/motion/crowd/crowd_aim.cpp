@@ -161,8 +161,9 @@ bool Crowd::Guard(size_t e, size_t e_end, Worker* worker, std::vector<Carrier>* 
   }
   if (!astray) return false;
   const Path path_a = PathOf(a), path_b = PathOf(b);
-  const double t = worker->meeting.First(
-      {&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size});
+  MeetingQuery way{&shapes_[a], &shapes_[b], path_a, path_b, dt_, before_[e], 0.5 * settings_.overlap_tolerance * size};
+  way.ReachOut();
+  const double t = worker->meeting.First(way);
   if (t >= dt_) return false;
   const Pose at_a = path_a.At(t), at_b = path_b.At(t);
   // What closing walls squeeze may have no way out: it is sent back no faster than it came.

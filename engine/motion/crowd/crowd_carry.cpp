@@ -158,8 +158,10 @@ void Crowd::Carry(bool first, StepReport* report) {
   pool_->ForEachOf(bodies_.size(), [&](size_t i) {
     Body& p = posed_[i];
     p.position_W = first ? Vector3(begin_[i].pose.position_W + 0.5 * dt_ * begin_[i].linear_W) : middle_[i].position_W;
-    p.linear_velocity_W = mean_W_[i];
-    if (cut_[i]) return;
+    if (cut_[i]) {
+      p.linear_velocity_W = mean_W_[i];
+      return;
+    }
     p.rotation_WB = free_[i].half.rotation_WB;
     p.linear_velocity_W = free_[i].linear_W;
     p.angular_velocity_W = free_[i].half.spin_W;

@@ -96,18 +96,13 @@ Path Crowd::PathOf(int i) const {
   const State& s = begin_[i];
   return PathThrough(s.pose, s.linear_W, (1 / dt_) * (mean_W_[i] - s.linear_W),
                      VisibleSpin(shapes_[i], s.pose.rotation_WB, s.angular_W), SeenAs(i, bodies_[i].rotation_WB), dt_,
-                     TurnsInItself(i) ? 0 : shapes_[i].radius());
+                     TurnRadius(shapes_[i]));
 }
 
 // Of a body, in the pass as it is now.
 Course Crowd::CourseOf(int i) const {
-  return {begin_[i].pose,
-          middle_[i],
-          {bodies_[i].position_W, SeenAs(i, bodies_[i].rotation_WB)},
-          mean_W_[i],
-          mean_spin_W_[i],
-          TurnsInItself(i),
-          shapes_[i].kind() == ShapeKind::kSphere,
+  return {begin_[i].pose, middle_[i],      {bodies_[i].position_W, SeenAs(i, bodies_[i].rotation_WB)},
+          mean_W_[i],     mean_spin_W_[i], TurnsInItself(i),
           Vector3::Zero()};
 }
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 #include "engine/rotation.h"
 #include "qp/smallness.h"
@@ -34,11 +33,6 @@ double Stepper::Size(const GroupPair& pair) const {
   return std::min(group_->shapes[pair.a]->size(), group_->shapes[pair.b]->size());
 }
 
-double Stepper::BodyRadius(int i) const {
-  const Shape& shape = *group_->shapes[i];
-  return TurnsInItself(shape) ? 0 : shape.radius();
-}
-
 void Stepper::LoadState() {
   const size_t n = group_->bodies.size();
   state_.resize(n);
@@ -61,9 +55,7 @@ Vector3 Stepper::VisibleSpinOf(int i) const {
 
 // [rad/s] at which what shows of a pair turns against each other.
 double Stepper::TurnAgainst(const GroupPair& pair) const {
-  const auto spin = [&](int i) -> Vector3 {
-    return TurnsInItself(*group_->shapes[i]) ? Vector3(Vector3::Zero()) : VisibleSpinOf(i);
-  };
+  const auto spin = [&](int i) -> Vector3 { return TurnsInItself(i) ? Vector3(Vector3::Zero()) : VisibleSpinOf(i); };
   return (spin(pair.b) - spin(pair.a)).norm();
 }
 
@@ -86,7 +78,7 @@ double Stepper::ChooseLength(double rest) {
     const double near_at = apart > 0 ? 2 * apart / (speed + std::sqrt(speed * speed + 8 * pull_ * apart)) : 0;  // [s]
     for (const int i : {pair.a, pair.b}) {
       if (near_at >= most) break;
-      if (BodyRadius(i) == 0) continue;
+      if (TurnsInItself(i)) continue;
       const double turn = VisibleSpinOf(i).norm();
       if (turn * most > kLargestTurn) most = std::max(near_at, kLargestTurn / turn);
     }
@@ -237,7 +229,6 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
         fresh > kTouching || (fresh > kExact && DeepestSinceStart() > kTouching) || (redone && WayIsBarred(*h));
     if (may_halve && deep) return true;
     Settle();
-    struck_ = false;
     strike_W_.assign(end_.size(), Vector3::Zero());
     if (*cut) Strike();
     KeepAccounts(*h);

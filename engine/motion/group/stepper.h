@@ -25,6 +25,7 @@
 #include "engine/motion/group/group.h"
 #include "engine/motion/lever.h"
 #include "engine/motion/meeting.h"
+#include "engine/motion/visible_turn.h"
 #include "engine/response/response.h"
 #include "engine/settings.h"
 #include "engine/step_report.h"
@@ -92,7 +93,7 @@ class Stepper {
   double RoundTurn(int i) const;
   double TurnAgainst(const GroupPair& pair) const;
   double Size(const GroupPair& pair) const;
-  double BodyRadius(int i) const;
+  bool TurnsInItself(int i) const { return motion::TurnsInItself(*group_->shapes[i]); }
 
   // stepper_contacts.cpp: what is found, where the piece begins and where it ends.
   double Apart(const GroupPair& pair, std::span<const State> at) const;
@@ -247,7 +248,6 @@ class Stepper {
   // Of the piece.
   double time_of_piece_ = 0;                 // [s] at which it begins
   int cut_pair_ = -1;                        // whose blow ends it
-  bool struck_ = false;                      // a blow ended it
   std::vector<State> state_, end_state_;     // per body: where it begins and ends
   std::vector<Pose> middle_;                 // halfway on the chord
   std::vector<FreeTurn> turned_;             // for half of its time

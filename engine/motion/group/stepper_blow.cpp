@@ -130,7 +130,7 @@ void Stepper::ApplyAtEnd(std::span<const Vector3> impulses_W) {
 // Near enough to a blow to take part in it. A ball has one point on each wall: before the seam of two floors it is near the edge of the next.
 bool Stepper::IsThere(size_t at_end) const {
   const GroupPair& pair = group_->pairs[end_pair_[at_end]];
-  const bool ball = (BodyRadius(pair.a) == 0 && cut_[pair.b]) || (BodyRadius(pair.b) == 0 && cut_[pair.a]);
+  const bool ball = (TurnsInItself(pair.a) && cut_[pair.b]) || (TurnsInItself(pair.b) && cut_[pair.a]);
   return end_[at_end].gap <= (ball ? kMet : kTogether) * Size(pair);
 }
 
@@ -195,7 +195,6 @@ void Stepper::Strike() {
     Record(Stage::kCollision, out_->struck.back().status);
     out_->restitution_lowered |= out_->struck.back().restitution_lowered;
   }
-  struck_ = true;
   for (size_t c = 0; c < problem_.size(); ++c) {
     strike_W_[problem_of_[c]] = frames_[c] * (bounces_[c] + local_impulses_[c]);
     const double approach = -NormalVelocity(problem_[c], posed_[problem_[c].body_a], posed_[problem_[c].body_b]);

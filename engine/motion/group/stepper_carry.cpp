@@ -5,7 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/motion/visible_turn.h"
 #include "engine/response/suite_frame.h"
 #include "qp/smallness.h"
 
@@ -211,7 +210,7 @@ bool Stepper::LeversMove(double h) const {
     const int a = held_[c].body_a, b = held_[c].body_b;
     for (const int i : {a, b}) {
       const bool moves = group_->bodies[i].Moves();
-      if (moves && BodyRadius(i) == 0) continue;
+      if (moves && TurnsInItself(i)) continue;
       const Vector3& spin = moves ? spun_after_[i] : group_->bodies[i].angular_velocity_W;
       if (h * VisibleSpin(*group_->shapes[i], state_[i].pose.rotation_WB, spin).norm() > kNegligible) return true;
     }

@@ -133,8 +133,7 @@ Pose Stepper::GoingOn(int i, int pair, double until, double t) const {
     if (now_pair_[c] != pair) without += pressed, turn += moment;
   }
   const auto turns = [&](const Vector3& of) -> Vector3 {
-    const bool shows = group_->shapes[i]->kind() != ShapeKind::kSphere;
-    return shows ? Vector3(0.5 * SpinOf(b, path.start.rotation_WB, of)) : Vector3(Vector3::Zero());
+    return TurnsInItself(i) ? Vector3(Vector3::Zero()) : Vector3(0.5 * SpinOf(b, path.start.rotation_WB, of));
   };
   path.half_acceleration_W = 0.5 / b.mass * force;
   path.half_change_W = turns(torque);

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <tuple>
 
-#include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -125,7 +124,7 @@ Path Stepper::PathOf(int i, double h) const {
   if (shape.HasAxis() && SymmetricAbout(b.inertia_B, 2) && spin_gain_[i].isZero(0))
     return FreePath(b, shape, s, half_acceleration_W);
   return PathThrough(s.pose, s.linear_W, half_acceleration_W, VisibleSpinOf(i),
-                     VisibleRotation(shape, s.pose.rotation_WB, e.pose.rotation_WB), h, BodyRadius(i));
+                     VisibleRotation(shape, s.pose.rotation_WB, e.pose.rotation_WB), h, TurnRadius(shape));
 }
 
 // Ends the piece earlier, under the same forces.
@@ -146,7 +145,7 @@ Vector3 Stepper::CarriedWith(int i, const Vector3& point, Moment from, Moment to
     return moment == Moment::kStart ? state_[i].pose : moment == Moment::kEnd ? end_state_[i].pose : middle_[i];
   };
   const Pose &x = at(from), &y = at(to);
-  if (group_->shapes[i]->kind() == ShapeKind::kSphere) return point + y.position_W - x.position_W;
+  if (TurnsInItself(i)) return point + y.position_W - x.position_W;
   return y.position_W + SeenAs(i, y) * (SeenAs(i, x).conjugate() * (point - x.position_W));
 }
 
@@ -157,18 +156,13 @@ Vector3 Stepper::Carried(const Contact& contact, Moment from, Moment to) const {
 
 bool Stepper::TurnInThemselves(int pair) const {
   const auto [a, b] = group_->pairs[pair];
-  return BodyRadius(a) == 0 && BodyRadius(b) == 0 && group_->bodies[a].Moves() && group_->bodies[b].Moves();
+  return TurnsInItself(a) && TurnsInItself(b) && group_->bodies[a].Moves() && group_->bodies[b].Moves();
 }
 
 // Of a body, in the piece as it is now.
 Course Stepper::CourseOf(int i) const {
-  return {state_[i].pose,
-          middle_[i],
-          {end_state_[i].pose.position_W, SeenAs(i, end_state_[i].pose)},
-          mean_W_[i],
-          MeanSpin(i),
-          BodyRadius(i) == 0,
-          group_->shapes[i]->kind() == ShapeKind::kSphere,
+  return {state_[i].pose, middle_[i],  {end_state_[i].pose.position_W, SeenAs(i, end_state_[i].pose)},
+          mean_W_[i],     MeanSpin(i), TurnsInItself(i),
           Vector3::Zero()};
 }
 
@@ -197,7 +191,7 @@ Vector3 Stepper::CentreAhead(int i, double h) const { return state_[i].pose.posi
 // [m] the same of a place on it.
 Vector3 Stepper::PointAhead(int i, const Contact& contact, double h) const {
   const Vector3 arm = contact.point_W - state_[i].pose.position_W;
-  if (group_->shapes[i]->kind() == ShapeKind::kSphere) return CentreAhead(i, h) + arm;
+  if (TurnsInItself(i)) return CentreAhead(i, h) + arm;
   const Vector3 outward = (i == contact.body_a ? 1 : -1) * contact.normal_W;
   return CentreAhead(i, h) + arm +
          ArmChange(*group_->shapes[i], state_[i].pose.rotation_WB, 0.5 * h * VisibleSpinOf(i), arm, outward);

@@ -6,7 +6,6 @@
 
 #include "engine/geometry/edge_contact.h"
 #include "engine/geometry/support.h"
-#include "engine/motion/visible_turn.h"
 #include "qp/smallness.h"
 
 namespace islet::motion {
@@ -171,7 +170,10 @@ void Stepper::FindPaths(double h) {
 // The query of a pair's way in the piece, by the paths that were found last.
 MeetingQuery Stepper::WayOf(int number, double h, double gap, double deep) const {
   const GroupPair& pair = group_->pairs[number];
-  return {group_->shapes[pair.a], group_->shapes[pair.b], paths_[pair.a], paths_[pair.b], h, gap, deep * Size(pair)};
+  MeetingQuery query{group_->shapes[pair.a], group_->shapes[pair.b], paths_[pair.a], paths_[pair.b], h, gap,
+                     deep * Size(pair)};
+  query.ReachOut();
+  return query;
 }
 
 // Whether some pair is so deep in each other on its way that it may come out on another side. What hits slowly is stopped over the

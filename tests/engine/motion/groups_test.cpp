@@ -1,7 +1,9 @@
 // Who shares the pieces of a step: whoever comes near whom, by the ways that they go.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "engine/world.h"
 #include "tests/support/worlds.h"
@@ -11,6 +13,7 @@ namespace {
 
 using testing::Awake;
 using testing::Ball;
+using testing::Cube;
 using testing::Floor;
 
 // A domino rocks back onto its other edge within the step; another stands 18 cm beside it. Together with their floor they move at this speed.
@@ -188,6 +191,189 @@ TEST(Groups, WhoIsTurnedPastAnotherHitsIt) {
         }
         EXPECT_TRUE(hit) << torque << ' ' << above << ' ' << (kind == BodyKind::kFixed);
       }
+}
+
+// [m] by which the box of a half extent of 0.1 m that the user moves at 3 m/s is in a cube that froze in the step before it came near.
+double OverlapWithWhatJustFroze(double dt) {
+  const auto run = [&](int steps, double start, Body* cube) -> double {
+    Settings settings;
+    settings.threads = 1;
+    World world(settings);
+    world.Add(Floor(0.5, 0));
+    const int rests = world.Add(Cube({0, 0, 0.5}));
+    const int comes = world.Add({.shape = Shape::Box({0.1, 0.4, 0.2}),
+                                 .kind = BodyKind::kKinematic,
+                                 .position_W = {start, 0, 0.5},
+                                 .linear_velocity_W = {3, 0, 0}});
+    for (int i = 0; i < steps; ++i) testing::Step(&world, dt);
+    *cube = world.body(rests);
+    return world.body(comes).position_W.x() + 0.1 - (world.body(rests).position_W.x() - 0.5);
+  };
+  Body cube;
+  int freezes = 0;
+  do run(++freezes, -100, &cube);
+  while (!cube.frozen && freezes < 100);
+  const double overlap = run(freezes + 1, -0.62 - 3 * freezes * dt, &cube);
+  EXPECT_FALSE(cube.frozen);
+  return overlap;
+}
+
+TEST(Groups, WhatJustFrozeIsMetByAWallThatComes) {
+  for (const double dt : {1.0 / 60, 1.0 / 120}) EXPECT_LT(OverlapWithWhatJustFroze(dt), 1e-4) << dt;
+}
+
+// After one step in which the user turns a plane up under a body at rest, without gravity. Its face passes through the origin, about which it turns.
+Body OnTurningPlane(bool slab, BodyDefinition body, double dt) {
+  constexpr double kThin = 0.01;  // half of the slab: its middle goes around the origin
+  Settings settings = Awake();
+  settings.gravity.setZero();
+  World world(settings);
+  BodyDefinition plane{.shape = Shape::HalfSpace(), .kind = BodyKind::kKinematic, .friction = 0, .restitution = 0};
+  plane.angular_velocity_W = {0, -1, 0};
+  if (slab) {
+    plane.shape = Shape::Box({20, 20, kThin});
+    plane.position_W = {0, 0, -kThin};
+    plane.linear_velocity_W = {kThin, 0, 0};
+  }
+  world.Add(plane);
+  body.friction = 0, body.restitution = 0;
+  const int number = world.Add(body);
+  const StepReport report = world.Step(dt);
+  EXPECT_FALSE(report.Failed());
+  EXPECT_EQ(report.gave_up, 0);
+  EXPECT_EQ(report.overlapping, 0);
+  return world.body(number);
+}
+
+// A half-space has no size, but its turn moves what is far out as that of a slab does.
+TEST(Groups, AHalfSpaceThatTurnsHitsAsASlabDoes) {
+  const BodyDefinition ball{.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {2, 0, 0.12}},
+      beam{.shape = Shape::Box({5, 0.1, 0.1}), .mass = 1, .position_W = {0, 0, 0.2}};
+  for (const double dt : {1.0 / 30, 1.0 / 60})
+    for (const BodyDefinition& body : {ball, beam}) {
+      const Body plane = OnTurningPlane(false, body, dt), slab = OnTurningPlane(true, body, dt);
+      EXPECT_NEAR((plane.linear_velocity_W - slab.linear_velocity_W).norm(), 0, 0.02) << dt;
+      EXPECT_NEAR((plane.angular_velocity_W - slab.angular_velocity_W).norm(), 0, 0.02) << dt;
+    }
+  EXPECT_NEAR(OnTurningPlane(false, ball, 1.0 / 60).linear_velocity_W.z(), 2, 0.02);
+}
+
+// The same where a crowd rests on it: the plane turns up to it in one step.
+TEST(Groups, AHalfSpaceThatTurnsMeetsAFrozenCrowd) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  const int plane =
+      world.Add({.shape = Shape::HalfSpace(), .kind = BodyKind::kKinematic, .position_W = {-10, 0, -0.2}});
+  BodyDefinition table = Cube({0, 0, -0.25});
+  table.shape = Shape::Box({1, 1, 0.25});
+  table.kind = BodyKind::kFixed;
+  table.mass.reset();
+  world.Add(table);
+  std::vector<int> cubes;
+  BodyDefinition cube = Cube(Vector3::Zero());
+  cube.shape = Shape::Box({0.1, 0.1, 0.1});
+  for (int k = 0; k < 25; ++k) {
+    cube.position_W = {0.205 * (k % 5 - 2), 0.205 * (k / 5 - 2), 0.1};
+    cubes.push_back(world.Add(cube));
+  }
+  const auto rests = [&](int i) { return world.body(i).frozen; };
+  for (int i = 0; i < 100 && !std::all_of(cubes.begin(), cubes.end(), rests); ++i) testing::Step(&world, 1.0 / 60);
+  ASSERT_TRUE(std::all_of(cubes.begin(), cubes.end(), rests));
+  world.SetVelocity(plane, Vector3::Zero(), {0, -2, 0});  // up by 0.33 m where they are
+  world.Step(1.0 / 60);
+  for (const int i : cubes) EXPECT_GT(world.body(i).linear_velocity_W.z(), 1) << i;
+}
+
+// A row of cubes that is a crowd, and one more 0.5 m cube before its end, at that distance. Returns its velocity after one step, in which the
+// last of the row is pulled towards it, or the first is pushed by a wall.
+double BeyondARow(double distance, double acceleration, double push, bool freeze) {
+  Settings settings = freeze ? Settings{} : Awake();
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.2, 0));
+  BodyDefinition cube = Cube(Vector3::Zero(), 0.2);
+  cube.shape = Shape::Box({0.25, 0.25, 0.25});
+  const int count = 24;
+  int last = 0;
+  for (int k = 0; k < count; ++k) {
+    cube.position_W = {0.5 * k, 0, 0.25};
+    last = world.Add(cube);
+  }
+  cube.position_W.x() += 0.5 + distance;
+  const int beyond = world.Add(cube);
+  for (int i = 0; freeze && i < 100 && !world.body(last).frozen; ++i) testing::Step(&world, 1.0 / 60);
+  EXPECT_EQ(world.body(last).frozen, freeze);
+  if (acceleration > 0) world.SetForce(last, {acceleration, 0, 0}, Vector3::Zero());
+  if (push > 0)
+    world.Add({.shape = Shape::Box({0.25, 0.25, 0.25}),
+               .kind = BodyKind::kKinematic,
+               .position_W = {-0.51, 0, 0.25},
+               .linear_velocity_W = {push, 0, 0},
+               .friction = 0});
+  const StepReport report = world.Step(1.0 / 60);
+  EXPECT_FALSE(report.Failed());
+  EXPECT_LT(world.body(last).position_W.x() + 0.5, world.body(beyond).position_W.x() + 1e-3);
+  return world.body(beyond).linear_velocity_W.x();
+}
+
+// Whom a crowd may reach in a step belongs to it: by the user's forces, on what is frozen, too, and by walls that push.
+TEST(Groups, ACrowdReachesAsFarAsItIsPulledAndPushed) {
+  EXPECT_GT(BeyondARow(0.1, 1080, 0, true), 1);
+  EXPECT_GT(BeyondARow(0.1, 1080, 0, false), 1);
+  EXPECT_GT(BeyondARow(0.02, 0, 6, false), 1);
+}
+
+// Which of two bodies alike has the lower number does not decide whether they race.
+TEST(Groups, WhoRacesGoesByNoNumber) {
+  const auto pieces = [](bool first) {
+    World world(Awake());
+    world.Add(Floor(0.5, 0));
+    BodyDefinition spins = Cube({-1.7, 0, 0.5});
+    spins.angular_velocity_W = {0, 0, 30};
+    if (first) world.Add(spins);
+    for (int k = 0; k < 22; ++k) world.Add(Cube({1.0 * k, 0, 0.5}));
+    if (!first) world.Add(spins);
+    return world.Step(1.0 / 60).pieces;
+  };
+  EXPECT_EQ(pieces(true), pieces(false));
+}
+
+// What rests costs nothing, whatever is set far away from it before each step.
+TEST(Groups, WhatIsSetFarAwayWakesNobody) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.5, 0));
+  const int cube = world.Add(Cube({0, 0, 0.5}));
+  const int far = world.Add({.shape = Shape::Sphere(0.1), .kind = BodyKind::kKinematic, .position_W = {100, 0, 5}});
+  for (int i = 0; i < 120; ++i) {
+    world.MoveTo(far, {100 + std::sin(0.1 * i), 0, 5}, Quaternion::Identity(), 1.0 / 60);
+    world.SetForce(far, {0, 0, 1.0 * i}, Vector3::Zero());
+    const StepReport report = world.Step(1.0 / 60);
+    if (i < 60) continue;
+    EXPECT_TRUE(world.body(cube).frozen) << i;
+    EXPECT_EQ(report.pieces, 0) << i;
+  }
+}
+
+// What rests beside a blade that turns and never touches it is frozen, and stays so.
+TEST(Groups, WhatTurnsNearbyWakesNobody) {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.5, 0));
+  const int cube = world.Add(Cube({0, 0, 0.5}));
+  world.Add({.shape = Shape::Box({1, 0.05, 0.05}),
+             .kind = BodyKind::kKinematic,
+             .position_W = {0, 1.8, 0.5},
+             .angular_velocity_W = {0, 0, 30}});
+  for (int i = 0; i < 120; ++i) {
+    const StepReport report = testing::Step(&world, 1.0 / 60);
+    if (i < 60) continue;
+    EXPECT_TRUE(world.body(cube).frozen) << i;
+    EXPECT_EQ(report.woken + report.newly_frozen, 0) << i;
+  }
 }
 
 }  // namespace

@@ -86,8 +86,9 @@ TEST(Certify, DualIsTheApproachThatIsLeft) {
     s.velocities[0] = -approach;
     EXPECT_NEAR(CertifySliding(s).dual, approach, 1e-12);
     s = SlidingAnswer();
-    s.slips[0] -= approach;  // K*: u_n + s >= mu |u_t|
-    EXPECT_NEAR(CertifySliding(s).dual, approach, 1e-12);
+    s.slips[0] = 1.25 * std::cos(std::numbers::pi / 8) - approach;  // K*: u_n + s >= mu u_t along each edge
+    EXPECT_NEAR(CertifySliding(s, Cone::kOctagon).dual, approach, 1e-12);
+    EXPECT_NEAR(CertifySliding(s).dual, 0, 1e-12) << "the exact law asks for no slip of the solver's";
   }
 }
 
@@ -285,6 +286,29 @@ TEST(Certify, EveryRandomDisturbanceOfASolvedIslandShows) {
     }
     EXPECT_GT(Certify(problem, bad, Model::kConvex, Cone::kCircular, 1).momentum, 1e-3) << trial;
   }
+}
+
+// Of exact Coulomb friction the map of the model is the one of the law, also where an approach is left. (What the solver returns as slip is
+// mu times the sliding speed.)
+TEST(Certify, AnApproachThatIsLeftIsToldByBothMaps) {
+  qp::Solution s = SlidingAnswer();
+  s.velocities = {-0.1, 3, 0, 0, 0, 0};
+  s.impulses = {Vector3::Zero()};
+  s.slips = {1.5};
+  const Certificate c = CertifySliding(s);
+  EXPECT_NEAR(c.coulomb_map_max, c.natural_map_max, 1e-15);
+}
+
+// What is no number stays to be seen.
+TEST(Certify, NoNumberIsNoExactness) {
+  qp::Solution s = SlidingAnswer();
+  s.velocities[0] = NAN;
+  const Certificate bad = CertifySliding(s);
+  Certificate all = CertifySliding(SlidingAnswer());
+  all.Include(bad);
+  all.Include(CertifySliding(SlidingAnswer()));
+  for (const double residual : {all.natural_map_max, all.natural_map_rms, all.coulomb_map_max, all.coulomb_map_rms})
+    EXPECT_TRUE(std::isnan(residual));
 }
 
 }  // namespace

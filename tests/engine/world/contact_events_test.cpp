@@ -221,5 +221,49 @@ TEST(ContactEvents, AHalfSpaceSenses) {
   EXPECT_EQ(begins, 1);
 }
 
+// What turns through a sensor is told as well, whichever of the two turns, also by more than half a circle.
+TEST(ContactEvents, NothingTurnsThroughASensorUnseen) {
+  for (const double turn : {1.0, 4.0})
+    for (const bool sensor_turns : {false, true}) {
+      World world;
+      world.SetGravity({0, 0, 0});
+      const auto add = [&](const Shape& shape, const Vector3& at, double spin, bool sensor) {
+        world.Add({.shape = shape,
+                   .kind = BodyKind::kKinematic,
+                   .position_W = at,
+                   .angular_velocity_W = {0, 0, spin},
+                   .sensor = sensor});
+      };
+      add(Shape::Box({2, 0.05, 0.05}), Vector3::Zero(), turn / 0.01, sensor_turns);
+      add(Shape::Sphere(0.05), 1.5 * Vector3(std::cos(0.5 * turn), std::sin(0.5 * turn), 0), 0, !sensor_turns);
+      world.Step(0.01);
+      ASSERT_EQ(world.events().size(), 1u) << turn << sensor_turns;
+      EXPECT_EQ(world.events()[0].kind, ContactEventKind::kBegin);
+    }
+}
+
+// What rides on a wall that goes in a circle is pressed to it, and hits nothing.
+TEST(ContactEvents, WhatRidesInACircleHitsNothing) {
+  constexpr double kRate = 6, kRadius = 1.6;
+  World world(testing::Awake());
+  const int wall = world.Add(
+      {.shape = Shape::Box({0.1, 1, 1}), .kind = BodyKind::kKinematic, .position_W = {kRadius, 0, 0}, .friction = 1});
+  world.Add({.shape = Shape::Box({0.25, 0.25, 0.25}),
+             .position_W = {kRadius - 0.35, 0, 0},
+             .linear_velocity_W = {0, kRate * (kRadius - 0.35), 0},
+             .angular_velocity_W = {0, 0, kRate},
+             .friction = 1,
+             .restitution = 0});
+  for (int i = 1; i <= 120; ++i) {
+    const double angle = kRate * i * kDt;
+    world.MoveTo(wall, {kRadius * std::cos(angle), kRadius * std::sin(angle), 0},
+                 testing::Turn(angle, Vector3::UnitZ()), kDt);
+    testing::Step(&world, kDt);
+    if (i > 2) {
+      EXPECT_TRUE(world.hits().empty()) << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace islet

@@ -126,5 +126,47 @@ TEST(Query, BadQuestionsAreRefused) {
   EXPECT_THROW(world.Overlapping(Shape::Sphere(1), {0, 0, 0}, Quaternion(2, 0, 0, 0)), std::invalid_argument);
 }
 
+// A ray that begins on a surface and leaves it has not hit it; one that goes in has, from there.
+TEST(Query, RaysThatBeginOnASurface) {
+  World world(testing::Awake());
+  const Quaternion turned = testing::Turn(0.7, {1, 2, 3});
+  world.Add({.shape = Shape::Box({0.5, 0.25, 1}), .position_W = {1, 2, 3}, .rotation_WB = turned});
+  world.Add({.shape = Shape::Sphere(0.3), .position_W = {10, 0, 0}});
+  world.Add({.shape = Shape::Cylinder(0.3, 1), .position_W = {20, 0, 0}});
+  world.Add({.shape = Shape::Sphere(1), .position_W = {1, 2, 30}});
+  const Vector3 up = turned * Vector3::UnitZ(), top = Vector3(1, 2, 3) + up, aslant = turned * Vector3(1, 0, -3);
+  EXPECT_FALSE(world.CastRay(top, 5 * up));
+  EXPECT_FALSE(world.CastRay(top, 5 * (turned * Vector3(1, 0, 1))));
+  const auto in = world.CastRay(top, aslant);
+  ASSERT_TRUE(in);
+  EXPECT_LT(in->share, 1e-12);
+  EXPECT_LT((in->normal_W - up).norm(), 1e-12);
+  EXPECT_FALSE(world.CastRay({10.3, 0, 0}, {1, 0, 0}));
+  EXPECT_FALSE(world.CastRay({10.3, 0, 0}, {0, 1, 0})) << "along it";
+  EXPECT_TRUE(world.CastRay({10.3, 0, 0}, {-1, 1, 0}));
+  EXPECT_FALSE(world.CastRay({20.3, 0, 0}, {1, 0, 0.5}));
+  EXPECT_FALSE(world.CastRay({20, 0, 1}, {1, 0, 0.5}));
+  EXPECT_TRUE(world.CastRay({20, 0, 1}, {1, 0, -0.5}));
+  World floor(testing::Awake());
+  floor.Add(testing::Floor());
+  floor.Add({.shape = Shape::Sphere(1), .position_W = {0, 0, 5}});
+  const auto above = floor.CastRay({0, 0, 0}, {0, 0, 10});
+  ASSERT_TRUE(above);
+  EXPECT_EQ(above->body, 1);
+  EXPECT_NEAR(above->share, 0.4, 1e-15);
+}
+
+// Half and one and a half radii beside its middle, from 100 km.
+TEST(Query, RaysFromFarAwayMeetWhatIsSmall) {
+  World world(testing::Awake());
+  world.Add({.shape = Shape::Sphere(1e-3)});
+  const Vector3 way = Vector3(1, 0.3, 0.2).normalized(), beside = way.cross(Vector3::UnitZ()).normalized();
+  for (int k = 0; k < 100; ++k) {
+    const Vector3 from = -(1e5 + 7 * k) * way;
+    EXPECT_TRUE(world.CastRay(from + 0.5e-3 * beside, 2e5 * way + Vector3(0, 0, 0))) << k;
+    EXPECT_FALSE(world.CastRay(from + 1.5e-3 * beside, 2e5 * way)) << k;
+  }
+}
+
 }  // namespace
 }  // namespace islet

@@ -735,5 +735,31 @@ TEST(IslandSolver, CollisionsOnTheBrinkOfAJamHaveAUsableAnswer) {
   }
 }
 
+// An effort without end is no less than a small one.
+TEST(IslandSolver, AnEndlessEffortIsNoSmallerThanAnother) {
+  for (const NamedProblem& island : RandomIslands(321, 20, 10, false)) {
+    if (island.problem.contacts.empty()) continue;
+    qp::Settings settings = MakeSettings(island.problem, Model::kCoulomb);
+    settings.effort = {.sweeps = 1000};
+    const double some = ExactMap(island.problem, Solve(island.problem, settings));
+    settings.effort = {.sweeps = 1'000'000'000};
+    EXPECT_LE(ExactMap(island.problem, Solve(island.problem, settings)),
+              std::max(some, settings.tolerance * settings.velocity_scale))
+        << island.name;
+  }
+}
+
+// Its exact law has an answer or not: a contact that no normal velocity can part breaks nothing else.
+TEST(IslandSolver, AContactWithoutANormalBreaksNothing) {
+  Problem problem = SlidingCube();
+  problem.contacts.push_back(problem.contacts[0]);
+  problem.contacts.back().jacobian_b.row(0).setZero();
+  for (const Model model : {Model::kConvex, Model::kCoulomb}) {
+    const qp::Solution solution = Solve(problem, MakeSettings(problem, model));
+    EXPECT_EQ(solution.impulses.size(), problem.contacts.size());
+    EXPECT_EQ(solution.velocities.size(), FreeVelocities(problem).size());
+  }
+}
+
 }  // namespace
 }  // namespace islet::testing

@@ -241,7 +241,7 @@ TEST(Crowd, HeapOfCubesComesToRest) {
 // are all but parallel detection finds now this point and now that one: groups that remembered these did not balance for 50 to 150 frames,
 // and a crowd whose impulses were not exact to 1e-10 of its weight never froze.
 TEST(Crowd, HeapsFreezeAsSoonAsTheyStand) {
-  for (const unsigned seed : {1U, 2U, 4U, 9U, 14U}) {
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 23U}) {
     World world(ByLaw());
     world.Add(Floor(0.5, 0.2));
     for (int side = 0; side < 4; ++side) {
