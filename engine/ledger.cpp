@@ -437,14 +437,17 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
     largest = std::max(largest, step.before[i].radius);
     turns = std::max(turns, way.turn);
   }
+  // Whether its centre went through the other one.
   const auto judge = [&](const Way& way, size_t other, double length) {
     const bool plane = step.shapes[other].kind() == ShapeKind::kHalfSpace;
     const int body = static_cast<int>(way.body), through = static_cast<int>(other);
-    if (!IsOurs(step.before[way.body]) || (!plane && kCore * step.shapes[other].size() > length)) return;
-    if (!(plane ? Sinks(step, way.body, other) : GoesThrough(step, body, through))) return;
-    if (step.filter && !step.filter->Allows(step.before, body, through)) return;  // last: users may be asked
+    if (!IsOurs(step.before[way.body]) && (plane || !IsOurs(step.before[other]))) return false;
+    if (!plane && kCore * step.shapes[other].size() > length) return false;
+    if (!(plane ? Sinks(step, way.body, other) : GoesThrough(step, body, through))) return false;
+    if (step.filter && !step.filter->Allows(step.before, body, through)) return false;  // last: users may be asked
     ++ledger->sides_changed;
-    ledger->side_changer = static_cast<int>(way.body);
+    ledger->side_changer = IsOurs(step.before[way.body]) ? body : through;
+    return true;
   };
   for (const Way& way : ways)
     for (const size_t plane : planes) judge(way, plane, 0);
@@ -459,8 +462,7 @@ void LedgerKeeper::JudgeSides(const LedgerStep& step, Ledger* ledger) const {
       const Way& b = ways[order[k]];
       if ((a.low.array() > b.high.array()).any() || (b.low.array() > a.high.array()).any()) continue;
       const double length = a.length + b.length, radii = step.before[a.body].radius + step.before[b.body].radius;
-      judge(a, b.body, length + b.turn * radii);
-      judge(b, a.body, length + a.turn * radii);
+      if (!judge(a, b.body, length + b.turn * radii)) judge(b, a.body, length + a.turn * radii);
     }
   }
 }

@@ -9,11 +9,11 @@
 
 namespace islet {
 
-// How exact an answer is, computed from the answer by certificate.h, never by the solver. Velocities are relative to
-// v_ref = max(|g| dt, fastest approach) of the island unless a unit is given. What each proves: engine/README.md.
 // The greater of two; NaN if one of them is.
 inline double Worse(double x, double y) { return x != x || x > y ? x : y; }
 
+// How exact an answer is, computed from the answer by certificate.h, never by the solver. Velocities are relative to
+// v_ref = max(|g| dt, fastest approach) of the island unless a unit is given. What each proves: engine/README.md.
 struct Certificate {
   double momentum = 0;                     // |M (v - v0) - J^T j| in the mass metric, over sqrt(total mass) v_ref
   double cone = 0;                         // farthest impulse outside its friction cone, over total mass times v_ref

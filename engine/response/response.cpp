@@ -256,7 +256,7 @@ ResponseOutcome IslandResponder::ResolveStatic(const IslandView& island, const C
   double fastest = 0;
   for (size_t c = 0; c < island.contacts.size(); ++c) {
     const Contact& contact = contacts.contacts[island.contacts[c]];
-    if (!contact.touches) problem_.contacts[c].target = -ClosingSpeed(contact, dt);
+    if (!contact.touches) problem_.contacts[c].target = -contact.gap / dt;
     fastest = std::max(fastest, problem_.contacts[c].target - free_[c]);
   }
   // Nothing approaches: no impulse is the exact Coulomb answer. (With friction the convex models would still rub.)

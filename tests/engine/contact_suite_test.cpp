@@ -598,15 +598,5 @@ TEST(ContactSuite, MemoryIsKeptAsACopy) {
   for (int i = 1; i < 3; ++i) EXPECT_EQ(s.bodies[i].linear_velocity_W, first[i].linear_velocity_W) << i;
 }
 
-// What is too deep already need not part: the suite moves nobody.
-TEST(ContactSuite, AnOpenContactWithAnOverlapIsHeldNotPushed) {
-  Suite s;
-  s.bodies = {Wall(), UnitCube({0, 0, 0.5})};
-  AddFace(0, 1, {0, 0, 0}, 0.5, 0, &s.contacts);
-  for (Contact& c : s.contacts) c.touches = false, c.gap = -1e-3;
-  s.Resolve();
-  EXPECT_NEAR(s.bodies[1].linear_velocity_W.norm(), 0, 1e-9);
-}
-
 }  // namespace
 }  // namespace islet

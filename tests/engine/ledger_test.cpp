@@ -292,6 +292,29 @@ TEST_F(LedgerTest, RoughSolvesElsewhereExcuseNothing) {
   EXPECT_LT(Judge().energy_created.value, 1e-12);
 }
 
+// A plate falls through a ball beside its own centre: whichever of the two cannot move.
+TEST_F(LedgerTest, WhatFallsThroughAWallBesideItsCentreIsTold) {
+  shapes = {Shape::Sphere(0.1), Shape::Box({1, 1, 0.05})};
+  for (const int wall : {0, 1}) {
+    for (const int i : {0, 1}) {
+      Body& b = before[i];
+      b = Body();
+      b.kind = i == wall ? BodyKind::kFixed : BodyKind::kDynamic;
+      b.radius = shapes[i].radius();
+      b.inertia_B = shapes[i].MassFromMass(1).inertia_B;
+      b.position_W = i == 0 ? Vector3(0.7, 0, 0) : Vector3::Zero();
+      if (i == wall) continue;
+      b.position_W.z() += i == 0 ? -2 : 2;
+      b.linear_velocity_W = {0, 0, i == 0 ? 40.0 : -40.0};
+    }
+    after = before;
+    const Vector3 start = before[1 - wall].linear_velocity_W;
+    after[1 - wall].linear_velocity_W += kDt * kGravity;
+    after[1 - wall].position_W += kDt * start + 0.5 * kDt * kDt * kGravity;
+    EXPECT_GE(Judge().sides_changed, 1) << wall;
+  }
+}
+
 // A bat that turns passes over a ball at rest in a crowd, which looks where bodies are when a step ends. Its own centre rests as well: the
 // ball's goes through it as the bat sees it.
 TEST(Ledger, TellsOfABatThatTurnsThroughABall) {
