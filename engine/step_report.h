@@ -110,7 +110,7 @@ struct IslandReport {
   QpStatus static_status = QpStatus::kNone;     // of step 3
   int collision_iterations = 0;                 // factorisations of step 2
   int static_iterations = 0;                    // of step 3
-  double map = 0;             // natural map of the model, rms, over v_ref: the worse of the two problems
+  double map = 0;             // natural map of the law, rms, over v_ref: the worse of the two problems
   Certificate certificate{};  // the worse of the two problems, number by number
 };
 

@@ -109,7 +109,6 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
   const Momentum momentum = MomentumBalance(problem, solution);
   out.momentum = std::sqrt(momentum.residual_squared / momentum.mass) / v_ref;
   out.energy_gain = Worse(0.0, momentum.energy_after - momentum.energy_before);
-  const bool exact = model == qp::Model::kCoulomb && cone == qp::Cone::kCircular;
   const bool kinetic = model == qp::Model::kKinetic && !solution.multipliers.empty();
   struct Part {
     Certificate worst;
@@ -137,9 +136,8 @@ Certificate Certify(const qp::Problem& problem, const qp::Solution& solution, qp
     part->worst.cone = Worse(part->worst.cone, (j - ProjectOnCone(j, mu, cone)).norm() / (momentum.mass * v_ref));
     part->worst.dual = Worse(part->worst.dual, -DualSlack(w, mu, cone) / v_ref);
     const double nothing = u.allFinite() && j.allFinite() ? 0 : NAN;  // a projection would hide it
+    const double model_map = nothing + (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
     const double coulomb_map = nothing + (j - ProjectOnCone(j - rho * u_hat, mu, qp::Cone::kCircular)).norm() / rho;
-    // A slip that the solver returns may make way for an approach: the exact law asks for none.
-    const double model_map = exact ? coulomb_map : nothing + (j - ProjectOnCone(j - rho * w, mu, cone)).norm() / rho;
     part->worst.natural_map_max = Worse(part->worst.natural_map_max, model_map);
     part->worst.coulomb_map_max = Worse(part->worst.coulomb_map_max, coulomb_map);
     part->model_sum += model_map * model_map;

@@ -201,7 +201,9 @@ void IslandResponder::Finish(const IslandView& island, const Settings& settings,
     return;
   }
   outcome->certificate = Certify(problem_, solution_, settings.model, settings.cone, v_ref);
-  outcome->map = outcome->certificate.natural_map_rms / v_ref;
+  // The slips of an answer may make way for an approach: of the exact law its own map tells.
+  const bool exact = settings.model == Model::kCoulomb && settings.cone == Cone::kCircular;
+  outcome->map = (exact ? outcome->certificate.coulomb_map_rms : outcome->certificate.natural_map_rms) / v_ref;
   IslandGatherer::ScatterVelocities(solution_, island.bodies, bodies);
   for (size_t c = 0; c < island.contacts.size(); ++c) impulses[island.contacts[c]] = solution_.impulses[c];
 }

@@ -37,7 +37,7 @@ struct ResponseOutcome {
   qp::Rung rung = qp::Rung::kNothing;  // that the answer came from
   int contacts = 0;                    // of the problem
   Certificate certificate;
-  double map = 0;  // natural map of the model, rms, over v_ref
+  double map = 0;  // natural map of the law, rms, over v_ref
   void AddTo(QpSummary* summary, LadderReport* ladder) const;
   void AddTo(Stage stage, IslandReport* island) const;
 };

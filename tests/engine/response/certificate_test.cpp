@@ -287,19 +287,6 @@ TEST(Certify, EveryRandomDisturbanceOfASolvedIslandShows) {
   }
 }
 
-// Of exact Coulomb friction the map of the model is the one of the law, also where an approach is left that the slip of the answer makes way
-// for.
-TEST(Certify, AnApproachThatIsLeftIsToldByBothMaps) {
-  qp::Solution s = SlidingAnswer();
-  s.velocities = {-0.1, 3, 0, 0, 0, 0};
-  s.impulses = {Vector3::Zero()};
-  s.slips = {1.5 + 0.1};
-  const Certificate c = CertifySliding(s);
-  EXPECT_NEAR(c.dual, 0, 1e-15);
-  EXPECT_NEAR(c.coulomb_map_max, 0.1 / std::sqrt(1.25), 1e-15);  // the projection slides along the cone
-  EXPECT_NEAR(c.coulomb_map_max, c.natural_map_max, 1e-15);
-}
-
 // What is no number stays to be seen.
 TEST(Certify, NoNumberIsNoExactness) {
   qp::Solution s = SlidingAnswer();

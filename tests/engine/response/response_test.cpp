@@ -384,5 +384,21 @@ TEST(ResolveStatic, RandomClustersNeverGainEnergyAndCertify) {
   }
 }
 
+// What an answer has left to approach counts in the map that is told, though the slip that the solver returns makes way for it.
+TEST(ResolveStatic, TheMapThatIsToldHidesNoApproach) {
+  int left = 0;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Island island = RandomCluster(2000 + seed, 60, 0, 0);
+    if (island.contacts.empty()) continue;
+    island.settings.effort = {1, false};
+    const ResponseOutcome outcome = island.Rest();
+    if (outcome.status != QpStatus::kInaccurate) continue;
+    ++left;
+    EXPECT_GT(outcome.map, 0.99 * island.settings.tolerance) << seed;
+    EXPECT_GE(outcome.certificate.coulomb_map_rms, outcome.certificate.natural_map_rms * (1 - 1e-12)) << seed;
+  }
+  EXPECT_GT(left, 0);
+}
+
 }  // namespace
 }  // namespace islet
