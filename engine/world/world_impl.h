@@ -130,7 +130,6 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void DetectMoving(std::span<const Vector3> expected);
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach() const;
-  double TurnsBy(size_t body) const;
   void MixMaterials(std::vector<Contact> * contacts) const;
   void SelectTouching();
   bool Touches(const Contact& c) const;

@@ -18,16 +18,6 @@ namespace islet {
 
 using motion::Races;
 
-// [m] by which a body's turn moves a point of it in a step, at most; of a half-space, as far out as anybody is.
-double World::Impl::TurnsBy(size_t body) const {
-  const double turn = dt_hint * bodies[body].angular_velocity_W.norm();
-  if (turn == 0 || std::isfinite(bodies[body].radius)) return turn > 0 ? turn * bodies[body].radius : 0;
-  double farthest = 0;
-  for (const Body& b : bodies)
-    if (CanMove(b)) farthest = std::max(farthest, (b.position_W - bodies[body].position_W).norm() + b.radius);
-  return turn * farthest;
-}
-
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
 void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
   travel.assign(expected.begin(), expected.end());
@@ -37,8 +27,9 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
     const bool moves = body.Moves() || body.kind == BodyKind::kKinematic;
     const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
     margins[i] = 2 * settings.touch_gap * size;
-    if (!moves) continue;
-    margins[i] += 0.01 * size + TurnsBy(i) + settings.gravity.norm() * dt_hint * dt_hint;
+    if (!moves || !std::isfinite(body.radius)) continue;
+    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius +
+                  settings.gravity.norm() * dt_hint * dt_hint;
   }
 }
 
@@ -82,10 +73,10 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
 // Every body ends near the path that the last detection swept for it.
 bool World::Impl::StaysInReach() const {
   for (size_t i = 0; i < bodies.size(); ++i) {
-    if (StandsStill(bodies[i])) continue;
+    if (!bodies[i].Moves()) continue;
     const double length = travel[i].squaredNorm();
     const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
-    const double turn = TurnsBy(i);
+    const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;
     if ((planned[i] - along * travel[i]).norm() + turn > margins[i]) return false;
   }
   return true;

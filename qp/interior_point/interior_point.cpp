@@ -138,7 +138,6 @@ Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   Residuals best{INFINITY, INFINITY, INFINITY};
   bool solved = false;
   int stalled = 0;
-  best_z_ = z_, best_y_ = y_;  // what there is, if there is no finite residual
   // Where all contacts clearly stick, slide or part, answers are near long before a gap of the aim, and their natural map says so:
   // kRefined of v_ref (rms) is enough. It falls at most as fast as the gap, which tells when to look again.
   double look_below = HasNaturalMap() ? kRefined : 0;  // merit

@@ -526,26 +526,6 @@ TEST(World, ANumberUsedAgainLeavesNoContactBehind) {
   }
 }
 
-// A step that throws for a newcomer has changed nothing: the next one without it is that of a world that never had it.
-TEST(World, AStepThatThrowsForAnOverlapLeavesAllAsItWas) {
-  const auto run = [](bool with) {
-    World world(testing::Awake());
-    BodyDefinition plate = Cube({2, 0, -0.5}, 0.5);
-    plate.kind = BodyKind::kKinematic;
-    plate.mass.reset();
-    const int turned = world.Add(plate), rides = world.Add(Cube({2, 0, 0.5}));
-    world.SetVelocity(turned, {0, 6, 0}, {0, 0, 3});
-    if (with) {
-      const int inside = world.Add(Cube({2.1, 0, 0.5}));
-      EXPECT_THROW(world.Step(1.0 / 30), std::invalid_argument);
-      world.Remove(inside);
-    }
-    for (int i = 0; i < 3; ++i) world.Step(1.0 / 60);
-    return world.body(rides).position_W;
-  };
-  EXPECT_EQ(run(true), run(false));
-}
-
 // What a force presses all the time hits nothing, as what weight presses.
 TEST(World, PressedByAForceIsNoHit) {
   Settings settings = testing::Awake();
@@ -561,26 +541,6 @@ TEST(World, PressedByAForceIsNoHit) {
     testing::Step(&world, 1.0 / 60);
     EXPECT_TRUE(world.hits().empty()) << i;
   }
-}
-
-// A wall that goes evenly wakes what is frozen in the step in which it gets there, also if that is longer than those before.
-TEST(World, ALongerStepLooksAsFarAsItsWallsGo) {
-  Settings settings;
-  settings.threads = 1;
-  World world(settings);
-  world.Add(Floor(0.5, 0));
-  for (int k = 0; k < 25; ++k) world.Add(Cube({1.0 * (k % 5), 1.0 * (k / 5), 0.5}));
-  const double speed = 1.2, far = 5;
-  const int comes = world.Add({.shape = Shape::Box({0.5, 0.5, 0.4}),
-                               .kind = BodyKind::kKinematic,
-                               .position_W = {-1 - far, 0, 0.5},
-                               .linear_velocity_W = {speed, 0, 0}});
-  const auto gap = [&] { return world.body(1).position_W.x() - world.body(comes).position_W.x() - 1; };
-  while (gap() > 0.025) testing::Step(&world, 1.0 / 240);
-  ASSERT_TRUE(world.body(1).frozen);
-  testing::Step(&world, 1.0 / 30);
-  EXPECT_FALSE(world.body(1).frozen);
-  EXPECT_GT(gap(), -1e-3);
 }
 
 // A cube that takes the number and the place of a frozen one has not stood there.

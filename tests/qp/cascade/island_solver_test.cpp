@@ -749,17 +749,5 @@ TEST(IslandSolver, AnEndlessEffortIsNoSmallerThanAnother) {
   }
 }
 
-// Its exact law has an answer or not: a contact that no normal velocity can part breaks nothing else.
-TEST(IslandSolver, AContactWithoutANormalBreaksNothing) {
-  Problem problem = SlidingCube();
-  problem.contacts.push_back(problem.contacts[0]);
-  problem.contacts.back().jacobian_b.row(0).setZero();
-  for (const Model model : {Model::kConvex, Model::kCoulomb}) {
-    const qp::Solution solution = Solve(problem, MakeSettings(problem, model));
-    EXPECT_EQ(solution.impulses.size(), problem.contacts.size());
-    EXPECT_EQ(solution.velocities.size(), FreeVelocities(problem).size());
-  }
-}
-
 }  // namespace
 }  // namespace islet::testing
