@@ -32,7 +32,7 @@ void CutBall(const Vector3& centre, double radius, const Vector3& origin, const 
   const bool outside = c >= -2 * radius * inside->touch;
   const double passes =
       a > 0 ? (from - b / a * way).norm() : from.norm();  // [m] of the centre; exact from far away, too
-  if (passes > radius || (outside && b >= 0)) {
+  if (passes >= radius || (outside && b >= 0)) {
     inside->leave = -1;
     return;
   }

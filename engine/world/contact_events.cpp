@@ -45,8 +45,8 @@ double World::Impl::ApproachOf(const LedgerImpulse& j) const {
   return j.contact.normal_W.dot(velocity(j.contact.body_a) - velocity(j.contact.body_b));
 }
 
-// What approached faster than gravity and the user's forces make it in the step, or got a blow of more than the lighter body's weight in it: slower and
-// weaker ones come with all that rests.
+// What approached faster than gravity and the user's forces make it in the step, or got a blow of more than they give the lighter body in it:
+// slower and weaker ones come with all that rests.
 void World::Impl::AddHits(double dt) {
   const size_t begin = hits.size();
   const auto pull = [&](const Body& b) { return b.kind == BodyKind::kDynamic ? b.force_W.norm() / b.mass : 0.0; };
