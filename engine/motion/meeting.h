@@ -27,20 +27,19 @@ struct MeetingQuery {
   double duration;  // [s] of both paths
   double gap;       // [m] <= 0: overlap that there is, and may stay
   double deep;      // [m] by which it has to grow before the bodies have met
+  // [m] that the centres move by no more than against each other.
+  double Way() const {
+    return duration * ((path_b.velocity_W - path_a.velocity_W).norm() +
+                       duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm());
+  }
   // A half-space turns what is as far out as the other body gets.
   void ReachOut() {
-    const double way = duration * ((path_b.velocity_W - path_a.velocity_W).norm() +
-                                   duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm());
-    const double centres = (path_b.start.position_W - path_a.start.position_W).norm() + way;
+    const double centres = (path_b.start.position_W - path_a.start.position_W).norm() + Way();
     if (a->kind() == ShapeKind::kHalfSpace) path_a.radius = centres + b->radius();
     if (b->kind() == ShapeKind::kHalfSpace) path_b.radius = centres + a->radius();
   }
   // [m] that no two points of the bodies move by more than against each other.
-  double Farthest() const {
-    return duration * ((path_b.velocity_W - path_a.velocity_W).norm() +
-                       duration * (path_b.half_acceleration_W - path_a.half_acceleration_W).norm() +
-                       path_a.TurnSpeed(0, duration) + path_b.TurnSpeed(0, duration));
-  }
+  double Farthest() const { return Way() + duration * (path_a.TurnSpeed(0, duration) + path_b.TurnSpeed(0, duration)); }
 };
 
 class Meeting {

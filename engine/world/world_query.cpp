@@ -128,18 +128,18 @@ bool World::Impl::IsSensed(int sensor, int i) const {
 
 bool World::Impl::PassesThrough(int sensor, int i) {
   const auto way = [&](int k) -> Vector3 { return bodies[k].position_W - before[k].position_W; };
+  const Vector3 relative = way(i) - way(sensor), apart = before[i].position_W - before[sensor].position_W;
+  const double nearest = std::clamp(-apart.dot(relative) / std::max(relative.squaredNorm(), 1e-300), 0.0, 1.0);
+  if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
   const auto turn = [&](int k) -> Vector3 {  // what the user turns may turn by more than half a circle
     if (bodies[k].kind == BodyKind::kKinematic) return dt_hint * before[k].angular_velocity_W;
     return Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate());
   };
-  const Vector3 relative = way(i) - way(sensor), turn_s = turn(sensor), turn_i = turn(i);
+  const Vector3 turn_s = turn(sensor), turn_i = turn(i);
   const auto swept = [&](int k, const Vector3& by) { return by.norm() * motion::TurnRadius(shapes[k]); };
   const double size = std::min(shapes[sensor].size(), shapes[i].size()),
                moved = relative.norm() + swept(sensor, turn_s) + swept(i, turn_i);
   if (!(moved > 0.5 * size)) return false;
-  const Vector3 apart = before[i].position_W - before[sensor].position_W;
-  const double nearest = std::clamp(-apart.dot(relative) / std::max(relative.squaredNorm(), 1e-300), 0.0, 1.0);
-  if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
   const int looks = static_cast<int>(std::min<double>(motion::kMostLooks, std::ceil(2 * moved / size)));
   const auto at = [&](int k, const Vector3& by, double u) -> Placement {
     return {before[k].position_W + u * way(k), (Exp(u * by) * before[k].rotation_WB).toRotationMatrix()};

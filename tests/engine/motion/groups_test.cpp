@@ -193,21 +193,27 @@ TEST(Groups, WhoIsTurnedPastAnotherHitsIt) {
       }
 }
 
+// Body 1 is a cube that lies on the floor, and may freeze.
+World OneCube() {
+  Settings settings;
+  settings.threads = 1;
+  World world(settings);
+  world.Add(Floor(0.5, 0));
+  world.Add(Cube({0, 0, 0.5}));
+  return world;
+}
+
 // [m] by which the box of a half extent of 0.1 m that the user moves at 3 m/s is in a cube that froze in the step before it came near.
 double OverlapWithWhatJustFroze(double dt) {
   const auto run = [&](int steps, double start, Body* cube) -> double {
-    Settings settings;
-    settings.threads = 1;
-    World world(settings);
-    world.Add(Floor(0.5, 0));
-    const int rests = world.Add(Cube({0, 0, 0.5}));
+    World world = OneCube();
     const int comes = world.Add({.shape = Shape::Box({0.1, 0.4, 0.2}),
                                  .kind = BodyKind::kKinematic,
                                  .position_W = {start, 0, 0.5},
                                  .linear_velocity_W = {3, 0, 0}});
     for (int i = 0; i < steps; ++i) testing::Step(&world, dt);
-    *cube = world.body(rests);
-    return world.body(comes).position_W.x() + 0.1 - (world.body(rests).position_W.x() - 0.5);
+    *cube = world.body(1);
+    return world.body(comes).position_W.x() + 0.1 - (cube->position_W.x() - 0.5);
   };
   Body cube;
   int freezes = 0;
@@ -224,16 +230,16 @@ TEST(Groups, WhatJustFrozeIsMetByAWallThatComes) {
 
 // After one step in which the user turns a plane up under a body at rest, without gravity. Its face passes through the origin, about which it turns.
 Body OnTurningPlane(bool slab, BodyDefinition body, double dt) {
-  constexpr double kThin = 0.01;  // half of the slab: its middle goes around the origin
+  const double thin = 0.01;  // half of the slab: its middle goes around the origin
   Settings settings = Awake();
   settings.gravity.setZero();
   World world(settings);
   BodyDefinition plane{.shape = Shape::HalfSpace(), .kind = BodyKind::kKinematic, .friction = 0, .restitution = 0};
   plane.angular_velocity_W = {0, -1, 0};
   if (slab) {
-    plane.shape = Shape::Box({20, 20, kThin});
-    plane.position_W = {0, 0, -kThin};
-    plane.linear_velocity_W = {kThin, 0, 0};
+    plane.shape = Shape::Box({20, 20, thin});
+    plane.position_W = {0, 0, -thin};
+    plane.linear_velocity_W = {thin, 0, 0};
   }
   world.Add(plane);
   body.friction = 0, body.restitution = 0;
@@ -314,29 +320,21 @@ TEST(Groups, WhoRacesGoesByNoNumber) {
 
 // What rests costs nothing, whatever is set far away from it before each step.
 TEST(Groups, WhatIsSetFarAwayWakesNobody) {
-  Settings settings;
-  settings.threads = 1;
-  World world(settings);
-  world.Add(Floor(0.5, 0));
-  const int cube = world.Add(Cube({0, 0, 0.5}));
+  World world = OneCube();
   const int far = world.Add({.shape = Shape::Sphere(0.1), .kind = BodyKind::kKinematic, .position_W = {100, 0, 5}});
   for (int i = 0; i < 120; ++i) {
     world.MoveTo(far, {100 + std::sin(0.1 * i), 0, 5}, Quaternion::Identity(), 1.0 / 60);
     world.SetForce(far, {0, 0, 1.0 * i}, Vector3::Zero());
     const StepReport report = world.Step(1.0 / 60);
     if (i < 60) continue;
-    EXPECT_TRUE(world.body(cube).frozen) << i;
+    EXPECT_TRUE(world.body(1).frozen) << i;
     EXPECT_EQ(report.pieces, 0) << i;
   }
 }
 
 // What rests beside a blade that turns and never touches it is frozen, and stays so.
 TEST(Groups, WhatTurnsNearbyWakesNobody) {
-  Settings settings;
-  settings.threads = 1;
-  World world(settings);
-  world.Add(Floor(0.5, 0));
-  const int cube = world.Add(Cube({0, 0, 0.5}));
+  World world = OneCube();
   world.Add({.shape = Shape::Box({1, 0.05, 0.05}),
              .kind = BodyKind::kKinematic,
              .position_W = {0, 1.8, 0.5},
@@ -344,7 +342,7 @@ TEST(Groups, WhatTurnsNearbyWakesNobody) {
   for (int i = 0; i < 120; ++i) {
     const StepReport report = testing::Step(&world, 1.0 / 60);
     if (i < 60) continue;
-    EXPECT_TRUE(world.body(cube).frozen) << i;
+    EXPECT_TRUE(world.body(1).frozen) << i;
     EXPECT_EQ(report.woken + report.newly_frozen, 0) << i;
   }
 }

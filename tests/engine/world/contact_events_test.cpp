@@ -244,20 +244,20 @@ TEST(ContactEvents, NothingTurnsThroughASensorUnseen) {
 
 // What rides on a wall that goes in a circle is pressed to it, and hits nothing.
 TEST(ContactEvents, WhatRidesInACircleHitsNothing) {
-  constexpr double kRate = 6, kRadius = 1.6;
+  const double rate = 6, radius = 1.6;
   World world(testing::Awake());
   const int wall = world.Add(
-      {.shape = Shape::Box({0.1, 1, 1}), .kind = BodyKind::kKinematic, .position_W = {kRadius, 0, 0}, .friction = 1});
+      {.shape = Shape::Box({0.1, 1, 1}), .kind = BodyKind::kKinematic, .position_W = {radius, 0, 0}, .friction = 1});
   world.Add({.shape = Shape::Box({0.25, 0.25, 0.25}),
-             .position_W = {kRadius - 0.35, 0, 0},
-             .linear_velocity_W = {0, kRate * (kRadius - 0.35), 0},
-             .angular_velocity_W = {0, 0, kRate},
+             .position_W = {radius - 0.35, 0, 0},
+             .linear_velocity_W = {0, rate * (radius - 0.35), 0},
+             .angular_velocity_W = {0, 0, rate},
              .friction = 1,
              .restitution = 0});
   for (int i = 1; i <= 120; ++i) {
-    const double angle = kRate * i * kDt;
-    world.MoveTo(wall, {kRadius * std::cos(angle), kRadius * std::sin(angle), 0},
-                 testing::Turn(angle, Vector3::UnitZ()), kDt);
+    const double angle = rate * i * kDt;
+    world.MoveTo(wall, {radius * std::cos(angle), radius * std::sin(angle), 0}, testing::Turn(angle, Vector3::UnitZ()),
+                 kDt);
     testing::Step(&world, kDt);
     if (i > 2) {
       EXPECT_TRUE(world.hits().empty()) << i;
