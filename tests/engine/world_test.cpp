@@ -561,5 +561,38 @@ TEST(World, WhoTakesTheNumberOfWhatWasFrozenIsNot) {
   EXPECT_FALSE(world.body(last).frozen);
 }
 
+// A velocity that it had as a wall that moves is none of a fixed one: the floor would carry like a belt, and stand.
+TEST(World, AMotionOfAFixedBodyIsRefused) {
+  World world(testing::Awake());
+  BodyDefinition slab = Cube({0, 0, -0.5});
+  slab.kind = BodyKind::kKinematic;
+  slab.linear_velocity_W = {1, 0, 0};
+  slab.mass.reset();
+  const int floor = world.Add(slab);
+  const std::vector<std::byte> moves = world.SaveMotion();
+  world.SetKind(floor, BodyKind::kFixed);
+  EXPECT_THROW(world.RestoreMotion(moves), std::invalid_argument);
+  EXPECT_TRUE(world.body(floor).linear_velocity_W.isZero(0));
+}
+
+// Nobody is asked about what is far from a half-space, or cannot move.
+TEST(World, TheCallbackIsAskedOfWhatComesNear) {
+  World world(testing::Awake());
+  world.Add(Floor());
+  BodyDefinition shelf = Cube({0, 0, 50});
+  shelf.kind = BodyKind::kFixed;
+  shelf.mass.reset();
+  world.Add(shelf);
+  world.Add(Ball({0, 0, 100}));
+  StepTimes(&world, 1);  // newcomers are checked against all
+  int asked = 0;
+  world.SetCollisionCallback([&asked](auto&&...) {
+    ++asked;
+    return true;
+  });
+  StepTimes(&world, 3);
+  EXPECT_EQ(asked, 0);
+}
+
 }  // namespace
 }  // namespace islet
