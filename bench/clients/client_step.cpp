@@ -11,8 +11,10 @@ constexpr double kShare = 0.2;    // of what is deeper
 constexpr double kTouch = 5e-4;   // nearer points touch
 constexpr double kSlop = 1e-6;    // overlap that stays where two bodies turn against each other
 constexpr double kTurn = 1e-5;    // [rad] in a step, if by more than this
-constexpr double kUnseen = 5e-4;  // overlap at the end of a step that is worth another round
-constexpr double kPaid = 0.9;     // of what bodies lose in a step: what undoing overlaps may give them
+constexpr double kUnseen = 5e-4;  // overlap at the end of a step that is worth another round, for what moves fast
+constexpr double kOfWay =
+    0.1;  // the same in ways of both: what stands does not sink for a contact that its host overlooks
+constexpr double kPaid = 0.9;  // of what bodies lose in a step: what undoing overlaps may give them
 // A point found at the end of a step is one of its start again that is so near and whose normal is so alike, in its cosine.
 constexpr double kSamePlace = 0.1, kSameNormal = 0.9;
 
@@ -102,14 +104,15 @@ void ClientStep::Place(double share) {
   start_ = bodies;
   far_ = 1e6;
   for (const Body& b : bodies)
-    if (b.Moves()) far_ = std::min(far_, 0.5 * kUnseen * b.radius);
+    if (b.Moves()) far_ = std::min(far_, kSlop * b.radius);
 }
 
 bool ClientStep::MovesFar(int body) const { return way_[body] > far_; }
 
 bool ClientStep::AddFound(Contact c) {
-  const double size = std::min(bodies[c.body_a].radius, bodies[c.body_b].radius);
-  if (c.gap > -kUnseen * size) return false;
+  const double size = Size(c, bodies);
+  const double unseen = std::max(kSlop * size, std::min(kUnseen * size, kOfWay * (way_[c.body_a] + way_[c.body_b])));
+  if (c.gap > -unseen) return false;
   const auto at_start = [&](int body) -> Vector3 {
     const Body &from = start_[body], &to = bodies[body];
     return from.position_W + from.rotation_WB * (to.rotation_WB.conjugate() * (c.point_W - to.position_W));
@@ -117,7 +120,7 @@ bool ClientStep::AddFound(Contact c) {
   const Vector3 a = at_start(c.body_a), b = at_start(c.body_b);
   const double closed = c.gap;
   c.gap += c.normal_W.dot(b - a);
-  if (c.gap - closed < kUnseen * size) return false;  // not in this step, or along another normal
+  if (c.gap - closed < unseen) return false;  // not in this step, or along another normal
   c.gap = std::max(c.gap, 0.0);
   c.point_W = 0.5 * (a + b);
   const auto [begin, end] = std::equal_range(contacts.begin(), contacts.end(), c, EarlierPair);
