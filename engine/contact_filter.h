@@ -47,23 +47,28 @@ class ContactFilter {
  public:
   explicit ContactFilter(const PairsApart* apart) : apart_(apart) {}  // which must outlive it
   void SetCallback(CollisionCallback callback) { callback_ = std::move(callback); }
+  // As what the callback sees them, for all who ask within a step; empty: as who asks has them. They must outlive it.
+  void SetFound(std::span<const Body> bodies) { found_ = bodies; }
   bool has_callback() const { return static_cast<bool>(callback_); }
 
   // Whether it allows all pairs of plain bodies, unasked.
   bool AllowsPlain() const { return !callback_ && apart_->empty(); }
-  // bodies: as they were when the step began, for all who ask within it.
   bool Allows(std::span<const Body> bodies, int a, int b) const {
     const Body &x = bodies[a], &y = bodies[b];
     if (!LayersAgree(x, y) || x.sensor || y.sensor || apart_->Has(a, b)) return false;
-    return !callback_ || (a < b ? callback_(a, b, x, y) : callback_(b, a, y, x));
+    if (!callback_) return true;
+    const auto [first, second] = std::minmax(a, b);
+    const std::span<const Body> seen = found_.empty() ? bodies : found_;
+    return callback_(first, second, seen[first], seen[second]);
   }
 
  private:
   const PairsApart* apart_;
   CollisionCallback callback_;
+  std::span<const Body> found_;
 };
 
-// The filter, and the bodies as the step found them.
+// The filter, and bodies to ask it of.
 struct PairRule {
   const ContactFilter* filter;
   std::span<const Body> bodies;

@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "engine/body_definition.h"
 #include "engine/contact_pairs.h"
 #include "engine/rotation.h"
 #include "engine/suite/contact_suite_impl.h"
@@ -31,7 +32,7 @@ ContactSuite::ContactSuite(const Settings& settings, parallel::WorkerPool* pool)
 ContactSuite::~ContactSuite() = default;
 
 void ContactSuite::SetGravity(const Vector3& gravity_W) {
-  if (!gravity_W.allFinite()) throw std::invalid_argument("gravity is not finite");
+  RequireFinite("suite", "gravity", gravity_W);
   impl_->settings.gravity = gravity_W;
 }
 void ContactSuite::SetProblemObserver(ProblemObserver observer) { impl_->observer = std::move(observer); }
@@ -42,11 +43,10 @@ std::span<const Vector3> ContactSuite::impulses() const { return impl_->impulses
 std::span<const Twist> ContactSuite::velocities_before_gravity() const { return impl_->frame.before_gravity; }
 
 void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Contact> contacts, StepReport* report) {
-  if (!(dt > 0) || !std::isfinite(dt))
-    throw std::invalid_argument("dt = " + std::to_string(dt) + " is not a positive time");
+  RequireStep(dt);
   if (!report) throw std::invalid_argument("report is null");
   CheckSuiteBodies(bodies);
-  CheckSuiteContacts(contacts, bodies.size());
+  CheckSuiteContacts(contacts, bodies);
   std::vector<IslandReport> islands = std::move(report->islands);  // keeps its memory
   islands.clear();
   *report = {};
@@ -70,7 +70,7 @@ void ContactSuite::Resolve(double dt, std::span<Body> bodies, std::span<const Co
 
 double ContactSuite::Project(std::span<const Body> bodies, std::span<const Contact> contacts) {
   CheckSuiteBodies(bodies);
-  CheckSuiteContacts(contacts, bodies.size());
+  CheckSuiteContacts(contacts, bodies);
   return impl_->projection.Project(bodies, contacts, impl_->settings, impl_->pool);
 }
 std::span<const Twist> ContactSuite::displacements() const { return impl_->projection.displacements(); }

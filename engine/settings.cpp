@@ -4,17 +4,20 @@
 #include <stdexcept>
 #include <string>
 
+#include "engine/body_definition.h"
+#include "engine/number_text.h"
+
 namespace islet {
 namespace {
 
 void Require(bool holds, const std::string& field, double value, const std::string& rule) {
-  if (!holds) throw std::invalid_argument("settings: " + field + " = " + std::to_string(value) + " must be " + rule);
+  if (!holds) throw std::invalid_argument("settings: " + field + " = " + Text(value) + " must be " + rule);
 }
 
 }  // namespace
 
 void Settings::Validate() const {
-  for (int i = 0; i < 3; ++i) Require(std::isfinite(gravity[i]), "gravity", gravity[i], "finite");
+  RequireFinite("settings", "gravity", gravity);
   const auto one_of = [](auto value, auto last, const char* field) {
     const int number = static_cast<int>(value);
     Require(number >= 0 && number <= static_cast<int>(last), field, number, "one of its names");

@@ -7,7 +7,9 @@
 #include <string>
 
 #include "engine/geometry/convex_hull.h"
+#include "engine/number_text.h"
 #include "engine/shape_data.h"
+#include "qp/smallness.h"
 
 namespace islet {
 
@@ -15,7 +17,7 @@ namespace {
 
 void RequirePositive(const char* field, double value) {
   if (value > 0 && std::isfinite(value)) return;
-  throw std::invalid_argument(std::string(field) + " must be positive and finite, got " + std::to_string(value));
+  throw std::invalid_argument(std::string(field) + " must be positive and finite, got " + Text(value));
 }
 
 // Corner v has the signs of its three bits: bit k set means +half[k]. Face 2k+1 looks along +e_k, face 2k along -e_k.
@@ -75,8 +77,30 @@ Solid Integrate(const Polytope& polytope) {
   return {volume, origin + centre, 0.5 * (inertia + inertia.transpose())};
 }
 
-double SmallestWidth(const Polytope& polytope) {  // over the directions of the faces
+// Whether a direction across an edge points out of the solid between the two faces that meet there.
+bool IsOutward(const Polytope& polytope, size_t edge, const Vector3& direction) {
+  const Vector3& one = polytope.face_normals[polytope.edge_faces[edge][0]];
+  const Vector3& other = polytope.face_normals[polytope.edge_faces[edge][1]];
+  const Vector3 turn = one.cross(other);
+  return one.cross(direction).dot(turn) >= 0 && direction.cross(other).dot(turn) >= 0;
+}
+
+// [m] It lies between a face and a corner, or between two edges.
+double SmallestWidth(const Polytope& polytope) {
   double width = INFINITY;
+  for (size_t e = 0; e < polytope.edges.size(); ++e) {
+    const Vector3& start = polytope.vertices[polytope.edges[e][0]];
+    const Vector3 along = polytope.vertices[polytope.edges[e][1]] - start;
+    for (size_t k = 0; k < e; ++k) {
+      const Vector3& other = polytope.vertices[polytope.edges[k][0]];
+      const Vector3 along_other = polytope.vertices[polytope.edges[k][1]] - other, across = along.cross(along_other);
+      if (across.squaredNorm() <= kNegligible * along.squaredNorm() * along_other.squaredNorm()) continue;
+      const double depth = across.dot(start - other);
+      const Vector3 outward = depth < 0 ? Vector3(-across) : across;
+      if (depth != 0 && IsOutward(polytope, e, outward) && IsOutward(polytope, k, -outward))
+        width = std::min(width, std::abs(depth) / across.norm());
+    }
+  }
   for (size_t f = 0; f < polytope.faces.size(); ++f) {
     const Vector3& corner = polytope.vertices[polytope.faces[f][0]];
     double depth = 0;

@@ -112,7 +112,7 @@ class World {
   void SetMass(int body, double mass);  // [kg]; the inertia changes with it
   // [kg], [kg m^2] about the centre of mass.
   void SetMass(int body, double mass, const Matrix3& inertia_B);
-  // Friction in [0, 1e4], restitution in [0, 1]. Wakes the body.
+  // Friction in [0, 1e4], restitution in [0, 1]. Wakes the body and whom it touches.
   void SetMaterial(int body, double friction, double restitution);
   // [m/s] of its surface along itself, as of a conveyor's belt; of bodies of any kind. Wakes all bodies.
   void SetSurfaceVelocity(int body, const Vector3& velocity_B);
@@ -126,8 +126,8 @@ class World {
   void SetCollisionCallback(CollisionCallback callback);
   void SetProblemObserver(ProblemObserver observer);  // see engine/problem_record.h; empty: none
 
-  // Throws if two bodies overlap by more than ten touch gaps, more than steps leave: names both and the depth. Step() checks the bodies that
-  // were added since the last step.
+  // Throws if a body that was added since the last step overlaps another by more than ten touch gaps, more than steps leave: names both and
+  // the depth; contacts() are then those of the present poses. Step() asks the same first, and leaves them as they were.
   void CheckInitialOverlap();
 
   // Advances by dt > 0 [s].                                                                       [SM04 Fig. 1]
@@ -141,15 +141,15 @@ class World {
   std::vector<std::byte> SaveMotion() const;
   void RestoreMotion(std::span<const std::byte> bytes);  // goes back there; throws unless there are as many bodies
 
-  std::span<const Body> bodies() const;                // including removed ones
-  const Body& body(int number) const;                  // also of a removed one, until its number is used again
-  const Shape& shape(int number) const;                // the same
-  std::uint64_t user_data(int number) const;           // of a body that lives, else it throws
-  std::span<const Contact> contacts() const;           // touching, where the last step ended
+  std::span<const Body> bodies() const;       // including removed ones
+  const Body& body(int number) const;         // also of a removed one, until its number is used again
+  const Shape& shape(int number) const;       // the same
+  std::uint64_t user_data(int number) const;  // of a body that lives, else it throws
+  std::span<const Contact> contacts() const;  // touching, where the last step ended
   // Where impulses acted in the last step: once in each piece of it, in the order of time; where bodies and feature are those of a
   // contact in contacts(), it is the same one.
   std::span<const Contact> resolved_contacts() const;
-  std::span<const Vector3> impulses() const;           // [N s] of the last step at the resolved contacts, W, on body_b
+  std::span<const Vector3> impulses() const;  // [N s] of the last step at the resolved contacts, W, on body_b
   Vector3 ImpulseOn(int body) const;  // [N s] of all contacts in the last step, W; of a body that lives, else it throws
 
   // Of the last step, by (body_a, body_b): pairs that touch or touched, those with sensors too; and what hit. Where the step was cut, hits

@@ -3,7 +3,8 @@
 //   holds     bodies, shapes, gravity, time, contacts, the impulses that contacts remember, the watch on what stands still
 //   lacks     settings other than gravity, callbacks: those of the world that restores stay, so a run can be continued on
 //             another number of threads, or with another tolerance
-//   promise   with equal settings and callbacks the continued run is the uninterrupted one, bit for bit
+//   promise   with equal settings and callbacks the continued run is the uninterrupted one, bit for bit. A world that was given callbacks
+//             after it was saved, or another one that has some, is woken; of bytes nobody knows whose they were
 //   threads: immutable; copies share their data, and any number of worlds may restore from one at a time
 #pragma once
 

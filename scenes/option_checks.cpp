@@ -44,7 +44,7 @@ void ReadDecimals(CLI::App* command) {
     return std::string();
   };
   for (CLI::Option* const option : command->get_options())
-    if (const std::string type = option->get_type_name(); type == "N" || type == "K")
+    if (const std::string type = option->get_type_name(); type == "N" || type == "K" || type.starts_with("N,"))
       option->transform(CLI::Validator(drop_zeros, ""));
 }
 

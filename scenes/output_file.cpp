@@ -19,17 +19,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Follows links, so that the file behind a link is replaced and not the link.
+bool IsOfSystem(const fs::path& place) {
+  return place.string().starts_with("/dev/") || place.string().starts_with("/proc/");
+}
+
+// Follows links, so that the file behind a link is replaced and not the link, also where it is missing yet. What the system names, as
+// /dev/stdout, stays: behind it is a file that is open already.
 fs::path Target(const std::string& path) {
   std::error_code error;
-  const fs::path target =
-      fs::weakly_canonical(fs::absolute(path), error);  // absolute: a missing file has no other name
+  fs::path place = fs::absolute(path, error).lexically_normal();
+  for (int links = 0; links < 40 && !IsOfSystem(place) && fs::is_symlink(place, error); ++links)
+    place = (place.parent_path() / fs::read_symlink(place, error)).lexically_normal();
+  if (IsOfSystem(place)) return place;
+  const fs::path target = fs::weakly_canonical(place, error);  // absolute: a missing file has no other name
   return error ? fs::path(path) : target;
 }
 
 bool IsSpecial(const fs::path& target) {
   std::error_code error;
-  return fs::exists(target, error) && !fs::is_regular_file(target, error);
+  return IsOfSystem(target) || (fs::exists(target, error) && !fs::is_regular_file(target, error));
 }
 
 fs::path TemporaryBeside(const fs::path& target) {

@@ -135,7 +135,7 @@ void RunReport::AddFrame(const StepReport& report, double step_seconds, const Wo
   active_contacts_.Add(report.active_contacts);
   islands_.Add(static_cast<double>(report.islands.size()));
   largest_island_.Add(report.largest_island_contacts);
-  penetration_.Add(std::max(0.0, report.penetration_max));
+  penetration_.Add(Worse(0.0, report.penetration_max));
   collision_qp_.Include(report.collision_qp);
   static_qp_.Include(report.static_qp);
   ladder_.Include(report.ladder);

@@ -43,7 +43,7 @@ void CertifiedFreezing::StartLoad(const SuiteFrame& frame, int i) {
   Load& load = loads_[i];
   load.linear = frame.dt * (body.mass * frame.gravity + body.force_W);
   load.angular = frame.dt * body.torque_W;
-  load.size = load.linear.norm() + load.angular.norm() / body.radius;
+  load.own = load.size = load.linear.norm() + load.angular.norm() / body.radius;
 }
 
 void CertifiedFreezing::AddLoad(const SuiteFrame& frame, const Contact& contact, const Vector3& impulse_W) {
@@ -80,9 +80,11 @@ double CertifiedFreezing::Imbalance(const Body& body, const Load& load) {
   return load.size > 0 ? sum / load.size : 0;
 }
 
-bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) {
-  const double most = kMargin * settings.tolerance;
-  return load.outside <= most * load.size && Imbalance(body, load) <= most;
+// Who never holds has to see here what a load far above a body's own weight would hide.
+bool CertifiedFreezing::IsBalanced(const Body& body, const Load& load, const Settings& settings) const {
+  const double most = kMargin * settings.tolerance, imbalance = Imbalance(body, load);
+  const bool shows = whole_ && imbalance * load.size > most * load.own && imbalance > kCalm;
+  return load.outside <= most * load.size && imbalance <= most && !shows;
 }
 
 void CertifiedFreezing::TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still) {
@@ -104,11 +106,10 @@ void CertifiedFreezing::TrackStillness(const Body& body, const Settings& setting
 }
 
 void CertifiedFreezing::BeginFrame(const SuiteFrame& frame, const Settings& settings, std::vector<Stillness>* still) {
-  const size_t known = still->size();
   still->resize(frame.bodies.size());
   for (size_t i = 0; i < frame.bodies.size(); ++i) {
     const Body& body = frame.bodies[i];
-    if (i >= known)
+    if ((*still)[i].seconds < 0)
       (*still)[i] = {body.position_W, body.rotation_WB, body.mass * settings.gravity + body.force_W, body.torque_W, 0};
     if (body.Moves()) TrackStillness(body, settings, frame.dt, &(*still)[i]);
   }

@@ -38,7 +38,7 @@ class CertifiedFreezing {
     Vector3 position_W = Vector3::Zero();
     Quaternion rotation_WB = Quaternion::Identity();
     Vector3 force_W = Vector3::Zero(), torque_W = Vector3::Zero();  // gravity included
-    double seconds = 0;
+    double seconds = -1;                                            // -1: nobody has looked yet
   };
 
   // whole: islands freeze and wake as a whole, and nobody has to call Hold.
@@ -72,6 +72,7 @@ class CertifiedFreezing {
   struct Load {
     Vector3 linear = Vector3::Zero(), angular = Vector3::Zero();  // [N s], [N m s] of everything
     double size = 0;                                              // [N s] sum of magnitudes
+    double own = 0;                                               // [N s] of gravity and the user alone
     double outside = 0;  // [N s] farthest that an impulse lies outside its cone
   };
   static bool NoneIsFrozen(const SuiteFrame& frame);
@@ -92,7 +93,7 @@ class CertifiedFreezing {
   void StopIsland(const SuiteFrame& frame, const Settings& settings);
   size_t LeaveOut(const SuiteFrame& frame);
   bool FindImpulses(const Settings& settings, StopImpulses::Reach reach, std::vector<Vector3>* impulses);
-  static bool IsBalanced(const Body& body, const Load& load, const Settings& settings);
+  bool IsBalanced(const Body& body, const Load& load, const Settings& settings) const;
   static double Imbalance(const Body& body, const Load& load);
   static void TrackStillness(const Body& body, const Settings& settings, double dt, Stillness* still);
 

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "engine/number_text.h"
+
 namespace islet {
 namespace {
 
@@ -57,7 +59,7 @@ double CheckSpread(const std::vector<Vector3>& points, double tolerance) {
   const Vector3 normal = along.cross(off_line - origin).normalized();
   auto from_plane = [&](const Vector3& p) { return std::abs((p - origin).dot(normal)); };
   const double thickness = from_plane(farthest(from_plane));
-  if (thickness <= tolerance) Reject("all lie in one plane (thickness " + std::to_string(thickness) + ")");
+  if (thickness <= tolerance) Reject("all lie in one plane (thickness " + Text(thickness) + ")");
   return thickness;
 }
 

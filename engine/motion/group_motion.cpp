@@ -94,16 +94,19 @@ bool GroupMotion::IsCrowd(std::span<const int> members) const {
 
 std::ptrdiff_t GroupMotion::CountCrowd() const { return std::count(crowd_.begin(), crowd_.end(), 1); }
 
-// A body of a crowd may become as fast as the fastest of it, or a wall that pushes.
+// A body of a crowd may become as fast as the fastest point of it, or a wall that pushes.
 void GroupMotion::WidenCrowds(double dt, std::span<const Body> bodies) {
   for (int g = 0; g < groups_.size(); ++g) {
     const std::span<const int> members = groups_.bodies_of(g);
     if (!IsCrowd(members)) continue;
     double fastest = 0;
-    for (const int i : members)
-      if (CanMove(bodies[i]))
-        fastest =
-            std::max(fastest, bodies[i].linear_velocity_W.norm() + dt * bodies[i].force_W.norm() / bodies[i].mass);
+    for (const int i : members) {
+      const Body& b = bodies[i];
+      if (!CanMove(b)) continue;
+      const Vector3 turned_W = b.torque_W.isZero(0) ? Vector3::Zero() : SpinOf(b, b.rotation_WB, b.torque_W);
+      fastest = std::max(fastest, b.linear_velocity_W.norm() + dt * b.force_W.norm() / b.mass +
+                                      b.radius * (b.angular_velocity_W.norm() + dt * turned_W.norm()));
+    }
     for (int k = 0; k < groups_.num_pairs(g); ++k) {
       const auto [a, b] = groups_.pair(g, k);
       for (const auto& [wall, other] : {std::pair(a, b), std::pair(b, a)})
@@ -182,6 +185,7 @@ void GroupMotion::FillJob(double dt, int g, std::span<const Body> bodies, std::s
                std::all_of(job->members.begin(), job->members.end(),
                            [&](int i) { return bodies[i].frozen && memory.mark[i] == job->mark; });
   job->done = job->rests;
+  if (job->rests) job->outcome.records.clear();
   int spent = 0;
   for (const int i : job->members) spent = std::max(spent, spent_[i]);
   const int most = MostWork(static_cast<int>(job->members.size()));

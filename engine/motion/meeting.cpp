@@ -69,7 +69,8 @@ double Meeting::GapAt(const MeetingQuery& query, double t, double reach, Vector3
   CollideShapes(*query.a, query.path_a.At(t).placement(), *query.b, query.path_b.At(t).placement(), reach, &contacts_);
   double least = kFar;
   for (const Contact& c : contacts_) {
-    least = std::min(least, c.gap);
+    if (!(c.gap < least)) continue;
+    least = c.gap;
     *normal = c.normal_W;
   }
   return least;

@@ -11,7 +11,7 @@ namespace {
 // Along the line of the ray the shape is where every face has it inside: from the last face entered to the first one left. A ray that begins
 // on a face and does not go in is outside.
 struct Interval {
-  double touch;  // [m] above which a ray is on a face
+  double touch;  // [m] within which a ray is on a face: of a size, and of where it is
   double enter = 0, leave = 1;
   Vector3 normal = Vector3::Zero();  // of the face that was entered last; zero: the ray begins inside
 
@@ -73,7 +73,8 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
   const Vector3 origin = rotation.transpose() * (origin_W - pose.position_W), way = rotation.transpose() * way_W;
   const Vector3 against = way.isZero(0) ? Vector3::UnitZ() : Vector3(-way.normalized());
   if (shape.kind() == ShapeKind::kCustom) return {};
-  Interval inside{std::isfinite(shape.size()) ? kExact * shape.size() : 0};
+  const double size = std::isfinite(shape.size()) ? shape.size() : 0;
+  Interval inside{kExact * size + kUlp * (origin_W.norm() + pose.position_W.norm())};
   if (shape.kind() == ShapeKind::kSphere) {
     CutBall(Vector3::Zero(), shape.radius(), origin, way, &inside);
   } else if (shape.kind() == ShapeKind::kHalfSpace) {

@@ -87,7 +87,7 @@ void ResponseOutcome::AddTo(Stage stage, IslandReport* island) const {
   QpStatus& worst = collides ? island->collision_status : island->static_status;
   worst = std::max(worst, status);
   (collides ? island->collision_iterations : island->static_iterations) += iterations;
-  island->map = std::max(island->map, map);
+  island->map = Worse(island->map, map);
   island->certificate.Include(certificate);
 }
 

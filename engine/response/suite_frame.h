@@ -58,8 +58,10 @@ inline double FastestPoint(const Twist& twist, double radius) {
   return twist.linear_W.norm() + radius * twist.angular_W.norm();
 }
 
-// [m/s] the same of all bodies that contacts move, and of walls in the middle of these: what moves is as fast seen from there.
-inline double FastestPoint(std::span<const Body> bodies) {
+// [m/s] the same of all bodies that contacts move, and of walls that drive(number) them, in the middle of these: what moves is as fast seen
+// from there.
+template <typename Drives>
+double FastestPoint(std::span<const Body> bodies, const Drives& drives) {
   double fastest = 0;
   int movers = 0;
   Vector3 sum = Vector3::Zero();
@@ -69,8 +71,8 @@ inline double FastestPoint(std::span<const Body> bodies) {
     sum += b.position_W;
     ++movers;
   }
-  for (const Body& b : bodies)
-    if (b.kind == BodyKind::kKinematic && movers > 0) fastest = std::max(fastest, b.VelocityAt(sum / movers).norm());
+  for (size_t i = 0; i < bodies.size(); ++i)
+    if (movers > 0 && drives(i)) fastest = std::max(fastest, bodies[i].VelocityAt(sum / movers).norm());
   return fastest;
 }
 

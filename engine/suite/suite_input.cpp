@@ -58,13 +58,14 @@ void CheckSuiteBodies(std::span<const Body> bodies) {
   }
 }
 
-void CheckSuiteContacts(std::span<const Contact> contacts, size_t num_bodies) {
+void CheckSuiteContacts(std::span<const Contact> contacts, std::span<const Body> bodies) {
+  const int num_bodies = static_cast<int>(bodies.size());
   for (size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
-    Require(contact.body_a >= 0 && contact.body_a < static_cast<int>(num_bodies), "contact", c, "body_a",
-            contact.body_a);
-    Require(contact.body_b > contact.body_a && contact.body_b < static_cast<int>(num_bodies), "contact", c, "body_b",
-            contact.body_b);
+    Require(contact.body_a >= 0 && contact.body_a < num_bodies, "contact", c, "body_a", contact.body_a);
+    Require(contact.body_b > contact.body_a && contact.body_b < num_bodies, "contact", c, "body_b", contact.body_b);
+    for (const int i : {contact.body_a, contact.body_b})
+      Require(!bodies[i].removed, "contact", c, "body", i, " is removed");
     RequireFinite("contact", c, "point", contact.point_W);
     const double length = contact.normal_W.norm();
     Require(std::abs(length - 1) < kSamePoint, "contact", c, "length of normal", length);

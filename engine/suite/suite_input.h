@@ -11,6 +11,6 @@ namespace islet {
 
 void CheckSuiteBodies(std::span<const Body> bodies);
 // Also that they are in canonical order.
-void CheckSuiteContacts(std::span<const Contact> contacts, std::size_t num_bodies);
+void CheckSuiteContacts(std::span<const Contact> contacts, std::span<const Body> bodies);
 
 }  // namespace islet

@@ -35,41 +35,42 @@ void World::Impl::RepeatEvents() {
   for (ContactEvent& e : events) e.kind = ContactEventKind::kPersist;
 }
 
-// [m/s] at which the bodies of an impulse closed as the step began, at the point where it acted.
-double World::Impl::ApproachOf(const LedgerImpulse& j) const {
+// [m/s] at which the bodies of an impulse closed when they were like this, at the point where it acted.
+double World::Impl::ApproachOf(const LedgerImpulse& j, std::span<const Body> then) const {
   const auto velocity = [&](int i) -> Vector3 {
-    const Body& b = before[i];  // a wall on an arc as fast as it is halfway
+    const Body& b = then[i].kind == BodyKind::kDynamic ? then[i] : before[i];  // a wall on an arc as fast as halfway
     return b.linear_velocity_W - 0.5 * dt_hint * b.arc_W +
            b.angular_velocity_W.cross(j.contact.point_W - ledger.CentreAt(j, i));
   };
   return j.contact.normal_W.dot(velocity(j.contact.body_a) - velocity(j.contact.body_b));
 }
 
-// What approached faster than gravity and the user's forces make it in the step, or got a blow of more than they give the lighter body in it:
-// slower and weaker ones come with all that rests.
-void World::Impl::AddHits(double dt) {
-  const size_t begin = hits.size();
+// What approached, as this part of the step began, faster than gravity and the user's forces make it in the whole, or got a blow of more than
+// they give the lighter body in it: slower and weaker ones come with all that rests. Told is how it closed as the whole began.
+void World::Impl::AddHits() {
   const auto pull = [&](const Body& b) { return b.kind == BodyKind::kDynamic ? b.force_W.norm() / b.mass : 0.0; };
   const auto mass = [](const Body& b) { return b.kind == BodyKind::kDynamic ? b.mass : INFINITY; };
   for (const LedgerImpulse& j : ledger_impulses) {
     if (j.corrects >= 0) continue;
     const int a = j.contact.body_a, b = j.contact.body_b;
-    const double fall = dt * (settings.gravity.norm() + std::max(pull(bodies[a]), pull(bodies[b])));
-    const double approach = ApproachOf(j), pressed = j.contact.normal_W.dot(j.impulse_W);
+    const double fall = whole_dt * (settings.gravity.norm() + std::max(pull(bodies[a]), pull(bodies[b])));
+    const double approach = ApproachOf(j, before), pressed = j.contact.normal_W.dot(j.impulse_W);
     const bool blow = j.duration == 0 && pressed > std::min(mass(bodies[a]), mass(bodies[b])) * fall;
     if (blow || (approach > fall && pressed > 0))
-      hits.push_back({a, b, j.contact.point_W, Vector3::Zero(), std::max(0.0, approach)});
+      hits.push_back({a, b, j.contact.point_W, Vector3::Zero(), std::max(0.0, ApproachOf(j, found))});
   }
-  // Once a pair, told of its fastest point, with all that its points gave.
-  const auto part = hits.begin() + static_cast<std::ptrdiff_t>(begin);
-  std::stable_sort(part, hits.end(), [](const HitEvent& x, const HitEvent& y) {
+}
+
+// Once a pair, told of its fastest point, with all that its points gave in the whole step.
+void World::Impl::TellHits() {
+  std::stable_sort(hits.begin(), hits.end(), [](const HitEvent& x, const HitEvent& y) {
     return EarlierPair(x, y) || (SamePair(x, y) && x.approach > y.approach);
   });
-  hits.erase(std::unique(part, hits.end(), SamePair), hits.end());
-  for (const LedgerImpulse& j : ledger_impulses) {
-    const HitEvent pair{j.contact.body_a, j.contact.body_b};
-    const auto hit = std::lower_bound(hits.begin() + static_cast<std::ptrdiff_t>(begin), hits.end(), pair, EarlierPair);
-    if (hit != hits.end() && SamePair(*hit, pair)) hit->impulse_W += j.impulse_W;
+  hits.erase(std::unique(hits.begin(), hits.end(), SamePair), hits.end());
+  for (size_t c = 0; c < resolved.size(); ++c) {
+    const HitEvent pair{resolved[c].body_a, resolved[c].body_b};
+    const auto hit = std::lower_bound(hits.begin(), hits.end(), pair, EarlierPair);
+    if (hit != hits.end() && SamePair(*hit, pair)) hit->impulse_W += impulses[c];
   }
 }
 

@@ -1,6 +1,7 @@
 #include "engine/world.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
@@ -8,6 +9,7 @@
 #include <utility>
 
 #include "engine/body_definition.h"
+#include "engine/number_text.h"
 #include "engine/response/suite_frame.h"
 #include "engine/rotation.h"
 #include "engine/state_hash.h"
@@ -17,7 +19,13 @@ namespace islet {
 
 [[noreturn]] static void RefuseMaterial(const Contact& c, const std::string& field, double value) {
   throw std::invalid_argument("contact of bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
-                              ": " + field + " = " + std::to_string(value));
+                              ": " + field + " = " + Text(value));
+}
+
+// As what moves sees them: without a memory nobody knows who stands still.
+static Settings OfMotion(Settings settings) {
+  if (settings.stateless) settings.freezing = Freezing::kOff;
+  return settings;
 }
 
 World::Impl::Impl(const Settings& s, parallel::WorkerPool* p)
@@ -25,8 +33,8 @@ World::Impl::Impl(const Settings& s, parallel::WorkerPool* p)
       own_pool(p ? nullptr : std::make_unique<parallel::WorkerPool>(s.threads)),
       pool(p ? p : own_pool.get()),
       detector(pool, s.ladder.Has(qp::Rung::kKeptPairs)),
-      group_motion(s, pool),
-      crowd_motion(s, pool),
+      group_motion(OfMotion(s), pool),
+      crowd_motion(OfMotion(s), pool),
       mix([this](Contact* c, const Body& a, const Body& b) { Mix(c, a, b); }),
       ledger(pool) {}
 
@@ -100,6 +108,7 @@ int World::Add(const BodyDefinition& definition) {
 void World::Impl::Forget(int number) {
   if (static_cast<size_t>(number) < groups.mark.size()) {
     groups.still[number] = 0;
+    groups.load[number] = 0;
     groups.mark[number] = motion::GroupMemory::kAwake;
     groups.crowded[number] = 0;
   }
@@ -131,11 +140,13 @@ void World::Remove(int body) {
 }
 
 BodyId World::id(int body) const {
+  impl_->Idle("id");
   impl_->At(body);
   return {body, impl_->generations[body]};
 }
 
 bool World::Lives(BodyId id) const {
+  impl_->Idle("Lives");
   return id.number >= 0 && id.number < static_cast<int>(impl_->bodies.size()) && !impl_->bodies[id.number].removed &&
          impl_->generations[id.number] == id.generation;
 }
@@ -195,6 +206,8 @@ void World::SetKind(int body, BodyKind kind) {
   if (kind == BodyKind::kDynamic) {
     if (impl_->shapes[body].kind() == ShapeKind::kHalfSpace)
       Reject(NameOf(body), "kind", "= dynamic: a half-space has no mass");
+    RequirePositive(NameOf(body), "mass", impl_->masses[body].mass);
+    RequireInertia(NameOf(body), impl_->masses[body].inertia_B);
     b.mass = impl_->masses[body].mass;
     b.inertia_B = impl_->masses[body].inertia_B;
     if (b.linear_velocity_W == b.linear_before_W) b.linear_velocity_W += b.beyond_before_W;  // along the arc's end
@@ -233,6 +246,9 @@ void World::SetMaterial(int body, double friction, double restitution) {
   b.friction = friction;
   b.restitution = restitution;
   b.frozen = false;
+  for (const auto* near : {&impl_->near_contacts, &impl_->groups.contacts, &impl_->crowd_memory.contacts})
+    for (const Contact& c : *near)
+      if (c.body_a == body || c.body_b == body) impl_->bodies[c.body_a].frozen = impl_->bodies[c.body_b].frozen = false;
   impl_->Changed();
 }
 
@@ -281,9 +297,17 @@ void World::SetProblemObserver(ProblemObserver observer) {
   impl_->observer = std::move(observer);
   impl_->rest.reset();
 }
+
+// Only whether two are equal decides anything.
+static std::uint64_t NextCallbacks() {
+  static std::atomic<std::uint64_t> last = 0;
+  return ++last;
+}
+
 void World::SetMaterialCallback(MaterialCallback callback) {
   impl_->Idle("SetMaterialCallback");
   impl_->material = std::move(callback);
+  impl_->callbacks = NextCallbacks();
   std::fill(impl_->groups.mark.begin(), impl_->groups.mark.end(), motion::GroupMemory::kAwake);
   impl_->Changed();
 }
@@ -291,6 +315,7 @@ void World::SetMaterialCallback(MaterialCallback callback) {
 void World::SetCollisionCallback(CollisionCallback callback) {
   impl_->Idle("SetCollisionCallback");
   impl_->filter.SetCallback(std::move(callback));
+  impl_->callbacks = NextCallbacks();
   impl_->WakeAll();
 }
 
@@ -306,15 +331,24 @@ void World::CheckInitialOverlap() {
   impl_->CheckNewcomers();
 }
 
-void World::Impl::CheckNewcomers() {
-  if (std::none_of(unchecked.begin(), unchecked.end(), [](std::uint8_t is) { return is != 0; })) return;
-  if (stale) CheckTouching(bodies);
+void World::Impl::RefuseOverlaps() const {
   for (const Contact& c : near_contacts) {
     const double allowed = 10 * settings.touch_gap * std::min(shapes[c.body_a].size(), shapes[c.body_b].size());
     if ((!unchecked[c.body_a] && !unchecked[c.body_b]) || -c.gap <= allowed) continue;
     throw std::invalid_argument("bodies " + std::to_string(c.body_a) + " and " + std::to_string(c.body_b) +
-                                " overlap by " + std::to_string(-c.gap) + " m at the start");
+                                " overlap by " + Text(-c.gap) + " m at the start");
   }
+}
+
+bool World::Impl::AnyNewcomers() const {
+  return std::any_of(unchecked.begin(), unchecked.end(), [](std::uint8_t is) { return is != 0; });
+}
+
+void World::Impl::CheckNewcomers() {
+  if (!AnyNewcomers()) return;
+  filter.SetFound({});
+  if (stale) CheckTouching(bodies);
+  RefuseOverlaps();
   std::fill(unchecked.begin(), unchecked.end(), 0);
   stale = stale || MovesGroups();  // a crowd looks without the others
 }
@@ -326,8 +360,8 @@ void World::Impl::Changed() {
 
 WorldSnapshot World::Save() const {
   impl_->Idle("Save");
-  return WorldSnapshot(
-      std::make_shared<const WorldSnapshot::Data>(WorldSnapshot::Data{*impl_, impl_->settings.gravity}));
+  return WorldSnapshot(std::make_shared<const WorldSnapshot::Data>(
+      WorldSnapshot::Data{*impl_, impl_->settings.gravity, impl_->callbacks}));
 }
 
 void World::Restore(const WorldSnapshot& snapshot) {
@@ -337,7 +371,9 @@ void World::Restore(const WorldSnapshot& snapshot) {
   impl_->lost = false;
   impl_->rest.reset();
   const auto is_frozen = [](const Body& body) { return body.frozen; };
-  if (impl_->settings.freezing == Freezing::kOff && std::any_of(impl_->bodies.begin(), impl_->bodies.end(), is_frozen))
+  const bool others = snapshot.data_->callbacks.value_or(impl_->callbacks) != impl_->callbacks;
+  if (others || (impl_->settings.freezing == Freezing::kOff &&
+                 std::any_of(impl_->bodies.begin(), impl_->bodies.end(), is_frozen)))
     impl_->WakeAll();  // nobody else would
 }
 
@@ -408,6 +444,7 @@ std::uint64_t World::user_data(int number) const {
   return impl_->user_data[number];
 }
 Vector3 World::ImpulseOn(int body) const {
+  impl_->Idle("ImpulseOn");
   impl_->At(body);
   Vector3 sum = Vector3::Zero();
   for (size_t c = 0; c < impl_->resolved.size(); ++c) {
@@ -418,6 +455,9 @@ Vector3 World::ImpulseOn(int body) const {
 }
 std::span<const ContactEvent> World::events() const { return impl_->events; }
 std::span<const HitEvent> World::hits() const { return impl_->hits; }
-std::uint64_t World::StateHash() const { return HashBodies(impl_->bodies); }
+std::uint64_t World::StateHash() const {
+  impl_->Idle("StateHash");
+  return HashBodies(impl_->bodies);
+}
 
 }  // namespace islet

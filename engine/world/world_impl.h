@@ -55,6 +55,7 @@ struct WorldState {
 struct WorldSnapshot::Data {
   WorldState world;
   Vector3 gravity;
+  std::optional<std::uint64_t> callbacks;  // of the world that it was taken of; bytes do not tell
 };
 
 struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
@@ -64,6 +65,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   Detector detector;
   MaterialCallback material;
   ContactFilter filter{&pairs_apart};
+  std::uint64_t callbacks = 0;           // another number for all that were ever set; 0: none was
   std::vector<Contact> detected, still;  // scratch
   motion::GroupMotion group_motion;
   motion::Crowd crowd_motion;
@@ -79,7 +81,8 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   std::vector<int> sensor_inside;                   // of one sensor
   std::vector<Contact> sensor_overlaps;             // scratch
   std::vector<ContactEvent> events_before;
-  std::vector<Body> before;                               // the step
+  std::vector<Body> found;                                // as the whole step finds them
+  std::vector<Body> before;                               // this part of it
   std::vector<Vector3> planned;                           // [m] per body: its way without contacts
   std::vector<std::pair<Contact, Vector3>> acted;         // [N s] in all parts of the step
   std::vector<std::uint8_t> frozen_apart, frozen_before;  // before: the whole step
@@ -119,8 +122,9 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   bool IsSensed(int sensor, int i) const;
   bool PassesThrough(int sensor, int i);
   void RepeatEvents();
-  void AddHits(double dt);
-  double ApproachOf(const LedgerImpulse& j) const;
+  void AddHits();
+  void TellHits();
+  double ApproachOf(const LedgerImpulse& j, std::span<const Body> then) const;
   void Mix(Contact * contact, const Body& a, const Body& b) const;
   void BodiesIn(const Shape& shape, const motion::Pose& pose, std::uint32_t layers, std::vector<Contact>* overlaps,
                 std::vector<int>* inside) const;
@@ -147,6 +151,9 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void AddGroups(StepReport * report);
   void CheckTouching(std::span<const Body> asked);
   void CheckNewcomers();
+  void RefuseOverlaps() const;
+  bool AnyNewcomers() const;
+  void AdmitNewcomers();
   void Changed();
   void CountFrozen(StepReport * report) const;
   void Remember(double dt, const StepReport& report);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "engine/body_definition.h"
 #include "engine/geometry/edge_contact.h"
@@ -22,6 +23,16 @@ void RequireQuery(const std::string& query, const Shape& shape, const Vector3& p
   if (shape.kind() == ShapeKind::kHalfSpace) Reject(query, "shape", "is a half-space, which has no end");
   RequireFinite(query, "position", position_W);
   RequireUnit(query, rotation_WB);
+}
+
+Vector3 Against(const Vector3& way_W) { return way_W.isZero(0) ? Vector3::UnitZ() : Vector3(-way_W.normalized()); }
+
+// Of the turns that lead from one rotation to the other, whole ones more or less, the one that is most like another.
+Vector3 TurnLike(const Vector3& other, const Quaternion& from, const Quaternion& to) {
+  const Vector3 turn = Log(to * from.conjugate());
+  const double angle = turn.norm();
+  const Vector3 axis = angle > kNegligible ? Vector3(turn / angle) : Vector3(other.normalized());
+  return turn + 2 * std::numbers::pi * std::round((other.dot(axis) - angle) / (2 * std::numbers::pi)) * axis;
 }
 
 }  // namespace
@@ -70,15 +81,29 @@ std::optional<CastHit> World::CastShape(const Shape& shape, const Vector3& posit
     query.path_b.start = {position_W, rotation};
     query.path_b.velocity_W = way_W;
     const bool inside = meeting.GapAtStart(query, 0) < -query.deep;
-    const double share = inside ? 0 : meeting.First(query);
-    if (share >= (first ? first->share : 1)) return;
-    contacts.clear();
-    CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(share).placement(), kTouch * shape.size(),
-                  &contacts);
-    if (contacts.empty()) return;
-    const Contact& deepest = *std::min_element(contacts.begin(), contacts.end(),
-                                               [](const Contact& x, const Contact& y) { return x.gap < y.gap; });
-    first = CastHit{i, share, deepest.point_W, deepest.normal_W};
+    double share = inside ? 0 : meeting.First(query);
+    if (share >= 1) return;
+    const auto deepest = [&](double at) -> std::optional<Contact> {
+      contacts.clear();
+      CollideShapes(impl_->shapes[i], PlaceOf(body), shape, query.path_b.At(at).placement(), kTouch * shape.size(),
+                    &contacts);
+      if (contacts.empty()) return {};
+      return *std::min_element(contacts.begin(), contacts.end(),
+                               [](const Contact& x, const Contact& y) { return x.gap < y.gap; });
+    };
+    std::optional<Contact> met = deepest(share);
+    if (!met) return;
+    // What comes at a slant is past its place by far more than it is deep.
+    for (int k = 0; k < kPatience && !inside && std::abs(met->gap) > kExact * shape.size(); ++k) {
+      const double closing = -met->normal_W.dot(way_W);
+      const double better = std::clamp(share + met->gap / std::max(closing, 1e-300), 0.0, 1.0);
+      const std::optional<Contact> next = deepest(better);
+      if (!next || !(std::abs(next->gap) < std::abs(met->gap))) break;
+      share = better;
+      met = next;
+    }
+    if (first && share >= first->share) return;
+    first = CastHit{i, share, met->point_W, inside ? Against(way_W) : met->normal_W};
   });
   return first;
 }
@@ -131,9 +156,10 @@ bool World::Impl::PassesThrough(int sensor, int i) {
   const Vector3 relative = way(i) - way(sensor), apart = before[i].position_W - before[sensor].position_W;
   const double nearest = std::clamp(-apart.dot(relative) / std::max(relative.squaredNorm(), 1e-300), 0.0, 1.0);
   if ((apart + nearest * relative).norm() > shapes[sensor].radius() + shapes[i].radius()) return false;
-  const auto turn = [&](int k) -> Vector3 {  // what the user turns may turn by more than half a circle
+  const auto turn = [&](int k) -> Vector3 {  // which may be more than half a circle
     if (bodies[k].kind == BodyKind::kKinematic) return dt_hint * before[k].angular_velocity_W;
-    return Log(bodies[k].rotation_WB * before[k].rotation_WB.conjugate());
+    const Vector3 mean_W = 0.5 * (before[k].angular_velocity_W + bodies[k].angular_velocity_W);
+    return TurnLike(dt_hint * mean_W, before[k].rotation_WB, bodies[k].rotation_WB);
   };
   const Vector3 turn_s = turn(sensor), turn_i = turn(i);
   const auto swept = [&](int k, const Vector3& by) { return by.norm() * motion::TurnRadius(shapes[k]); };

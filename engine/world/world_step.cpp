@@ -3,6 +3,7 @@
 #include <functional>
 #include <new>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "engine/body_definition.h"
@@ -185,7 +186,7 @@ void World::Impl::StepCrowd(double dt, StepReport* report) {
       dt, [this](std::span<const Vector3> travel_W) { DetectMoving(travel_W); }, observer, bodies, shapes,
       &near_contacts, &crowd_memory, report);
   crowd_map_max = report->certificate.coulomb_map_max;
-  report->certificate.coulomb_map_max = std::max(crowd_map_max, map_of_others);
+  report->certificate.coulomb_map_max = Worse(crowd_map_max, map_of_others);
   resolved.clear();
   impulses.clear();
   AddImpulses(crowd_motion.impulses());
@@ -258,7 +259,7 @@ bool World::Impl::StepOnce(double dt, Races races, StepReport* report) {
     *report = {};
     return StepOnce(dt, Races::kHalted, report);
   }
-  AddHits(dt);
+  AddHits();
   AddPassed();
   AddGroups(report);
   time += dt;
@@ -331,10 +332,24 @@ void World::Impl::BeginRide(double dt, double dt_before) {
   ride.Begin(dt, settings, shapes, filter, mix, held, held_by_W, bodies);
 }
 
+// What is refused leaves all as it was.
+void World::Impl::AdmitNewcomers() {
+  if (!AnyNewcomers()) return;
+  const std::tuple kept(near_contacts, touching, travel, margins, stale);
+  try {
+    CheckNewcomers();
+  } catch (...) {
+    std::tie(near_contacts, touching, travel, margins, stale) = kept;
+    throw;
+  }
+}
+
 StepReport World::Impl::StepWhole(double dt) {
   StepReport report;
   const double start_seconds = Seconds();
-  CheckNewcomers();  // first: it may throw, and leaves all as it was
+  AdmitNewcomers();  // first: it may throw
+  found = bodies;
+  filter.SetFound(found);
   const double dt_before = std::exchange(whole_dt, dt);
   dt_hint = dt;
   began = time;
@@ -349,6 +364,7 @@ StepReport World::Impl::StepWhole(double dt) {
   double checked = 0;
   CountStage("detect", start_seconds, Seconds(), &checked);
   if (StepOnce(dt, Races::kRefused, &report)) {
+    TellHits();
     ride.End(bodies, &resolved, &impulses);
     arcs.End(bodies);
     report.seconds.detect += checked;
@@ -357,6 +373,7 @@ StepReport World::Impl::StepWhole(double dt) {
     Remember(dt, report);
     return report;
   }
+  rest.reset();
   report = {};
   report.seconds.detect += checked;
   const double end = time + dt;
@@ -369,6 +386,7 @@ StepReport World::Impl::StepWhole(double dt) {
     impulses.push_back(impulse);
   }
   time = end;
+  TellHits();
   ride.End(bodies, &resolved, &impulses);
   arcs.End(bodies);
   CountFrozen(&report);

@@ -1,6 +1,8 @@
 #include "scenes/file/drives.h"
 
+#include <cmath>
 #include <map>
+#include <numbers>
 #include <string>
 
 #include "engine/rotation.h"
@@ -72,6 +74,11 @@ void Drives::Apply(double time, double dt, World* world) const {
       const Vector3 centre = pose->centre.value_or(d.start.position_W);
       const Vector3 place = centre + turn * (d.start.position_W - centre) + At(pose->shift_W, time + dt);
       MoveOrHold(d.body, {place, (turn * d.start.rotation_WB).normalized()}, dt, world);
+      // More than half a turn in a step: MoveTo would go the short way.
+      const double turned = pose->angle.At(time + dt) - pose->angle.At(time);
+      const Body& body = world->body(d.body);
+      if (std::abs(turned) > std::numbers::pi)
+        world->SetVelocity(d.body, body.linear_velocity_W, turned / dt * pose->axis_W);
     }
   }
 }

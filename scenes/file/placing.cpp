@@ -148,12 +148,12 @@ double InnerRadius(const Shape& shape) {
   return radius;
 }
 
+}  // namespace
+
 bool Collide(const BodyDefinition& a, const BodyDefinition& b) {
   return !a.sensor && !b.sensor && (a.kind == BodyKind::kDynamic || b.kind == BodyKind::kDynamic) &&
          (a.layers & b.collides_with) && (b.layers & a.collides_with);
 }
-
-}  // namespace
 
 std::vector<Pose> PosesOf(const BodyEntry& entry, std::uint64_t seed) {
   if (const auto* grid = std::get_if<GridRepetition>(&entry.repetition)) return GridPoses(entry.definition, *grid);

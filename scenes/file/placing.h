@@ -21,6 +21,9 @@ struct Pose {
 // seed: of a cloud that has none of its own.
 std::vector<Pose> PosesOf(const BodyEntry& entry, std::uint64_t seed);
 
+// Whether two such bodies may not overlap.
+bool Collide(const BodyDefinition& a, const BodyDefinition& b);
+
 // Refuses what is sure to overlap because two centres are too close, and more than a thousand bodies in one place: quick, where
 // the contacts of all of them would take for ever. entry_of: per body the entry that made it.
 void RequireRoom(std::span<const BodyDefinition> bodies, std::span<const int> entry_of,

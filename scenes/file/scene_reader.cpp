@@ -11,6 +11,7 @@
 #include "engine/rotation.h"
 #include "scenes/file/mesh_file.h"
 #include "scenes/file/number_format.h"
+#include "scenes/file/placing.h"
 #include "scenes/nearest_name.h"
 #include "scenes/setting_names.h"
 
@@ -424,8 +425,8 @@ class SceneReader {
     const std::string_view key = given.One({"grid", "stack", "cloud"});
     const Field field = given.Need(key);
     if (entry->definition.shape.kind() == ShapeKind::kHalfSpace) field.Refuse("a half_space cannot be repeated");
-    if (key == "grid") entry->repetition = ReadGrid(field, entry->definition.shape);
-    if (key == "stack") entry->repetition = ReadStack(field, entry->definition.shape);
+    if (key == "grid") entry->repetition = ReadGrid(field, entry->definition);
+    if (key == "stack") entry->repetition = ReadStack(field, entry->definition);
     if (key == "cloud") entry->repetition = ReadCloud(field);
   }
 
@@ -438,13 +439,13 @@ class SceneReader {
   }
 
   // Two equal bodies that are turned the same way and less than their smallest width apart overlap.
-  static void RequireApart(const Field& field, const Shape& shape, double distance) {
-    if (distance < 0.999 * shape.size())
-      field.Refuse("sets bodies " + ShortNumber(distance) + " m apart that are " + ShortNumber(shape.size()) +
+  static void RequireApart(const Field& field, const BodyDefinition& body, double distance) {
+    if (Collide(body, body) && distance < 0.999 * body.shape.size())
+      field.Refuse("sets bodies " + ShortNumber(distance) + " m apart that are " + ShortNumber(body.shape.size()) +
                    " m thin: they would overlap");
   }
 
-  GridRepetition ReadGrid(const Field& field, const Shape& shape) {
+  GridRepetition ReadGrid(const Field& field, const BodyDefinition& body) {
     const Fields given(field, {"counts", "spacing"});
     GridRepetition grid;
     const Field counts = given.Need("counts"), spacing = given.Need("spacing");
@@ -457,11 +458,11 @@ class SceneReader {
     }
     Count(counts, all);
     for (int k = 0; k < 3; ++k)
-      if (grid.counts[k] > 1) RequireApart(spacing, shape, std::abs(grid.spacing[k]));
+      if (grid.counts[k] > 1) RequireApart(spacing, body, std::abs(grid.spacing[k]));
     return grid;
   }
 
-  StackRepetition ReadStack(const Field& field, const Shape& shape) {
+  StackRepetition ReadStack(const Field& field, const BodyDefinition& body) {
     const Fields given(field, {"count", "step", "turn", "about"});
     StackRepetition stack;
     const Field count = given.Need("count");
@@ -472,7 +473,7 @@ class SceneReader {
     if (about) stack.about = about->Vector();
     const auto step = about ? given.Get("step") : given.Need("step");
     if (step) stack.step = step->Vector();
-    if (stack.count > 1 && !about) RequireApart(*step, shape, stack.step.norm());
+    if (stack.count > 1 && !about) RequireApart(*step, body, stack.step.norm());
     return stack;
   }
 

@@ -161,6 +161,7 @@ Shape HullFromJson(const Json& json) {
   data->hull_offset = Numbers<Vector3>(At(json, "offset"), "offset");
   data->size = Number(At(json, "size"), "size");
   data->volume = Number(At(json, "volume"), "volume");
+  if (!(data->size > 0)) throw std::invalid_argument("size = " + std::to_string(data->size) + " of a hull");
   data->inertia_per_mass = Numbers<Matrix3>(At(json, "inertia_per_mass"), "inertia_per_mass");
   return Shape(std::move(data));
 }

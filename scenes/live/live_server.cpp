@@ -259,7 +259,10 @@ void LiveServer::Impl::Command(const httplib::Request& request, httplib::Respons
     waiting.push_back(message);
   }
   work.notify_one();
-  if (answer.wait_for(kPatience) != std::future_status::ready) return refuse(503, "the run is busy");
+  if (answer.wait_for(kPatience) != std::future_status::ready) {
+    const std::scoped_lock guard(lock);
+    if (std::erase(waiting, message) > 0) return refuse(503, "the run is busy");
+  }
   const std::string why = answer.get();
   if (!why.empty()) return refuse(400, why);
   response.status = 204;

@@ -18,6 +18,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include "engine/body_definition.h"
 #include "engine/world.h"
 #include "scenes/scene.h"
 
@@ -155,9 +156,7 @@ void SetRows(const char* call, std::array<const char*, 2> names, const py::objec
       throw std::invalid_argument(std::string(call) + ": " + field + " must have shape (" + std::to_string(n) +
                                   ", 3), a row for each of bodies");
     for (py::ssize_t i = 0; i < n; ++i)
-      if (!row(rows, i).allFinite())
-        throw std::invalid_argument(std::string(call) + ": " + field + " of body " + std::to_string(bodies.at(i)) +
-                                    " is not finite");
+      RequireFinite(call, std::string(field) + " of body " + std::to_string(bodies.at(i)), row(rows, i));
   };
   require(names[0], linear);
   if (angular) require(names[1], *angular);
@@ -167,8 +166,9 @@ void SetRows(const char* call, std::array<const char*, 2> names, const py::objec
       throw std::invalid_argument(std::string(call) + ": there is no body " + std::to_string(body));
     return static_cast<int>(body);
   };
-  for (py::ssize_t i = 0; i < n; ++i) check(number(i));
-  for (py::ssize_t i = 0; i < n; ++i) set(number(i), row(linear, i), angular ? row(*angular, i) : Vector3::Zero());
+  const auto second = [&](py::ssize_t i) -> Vector3 { return angular ? row(*angular, i) : Vector3::Zero(); };
+  for (py::ssize_t i = 0; i < n; ++i) check(number(i), row(linear, i), second(i));
+  for (py::ssize_t i = 0; i < n; ++i) set(number(i), row(linear, i), second(i));
 }
 
 const char* KindName(ContactEventKind kind) {
@@ -433,8 +433,8 @@ void BindWorld(py::module_& m) {
       .def(
           "set_velocities",
           [](PyWorld& self, const py::object& bodies, const Rows& linear, const std::optional<Rows>& angular) {
-            const auto check = [&](int body) {
-              if (self.world().body(Live(self, body)).kind == BodyKind::kFixed)
+            const auto check = [&](int body, const Vector3& v, const Vector3& w) {
+              if (self.world().body(Live(self, body)).kind == BodyKind::kFixed && !(v.isZero(0) && w.isZero(0)))
                 throw std::invalid_argument("set_velocities: body " + std::to_string(body) + " is fixed");
             };
             SetRows("set_velocities", {"linear", "angular"}, bodies, linear, angular, check,
@@ -445,7 +445,8 @@ void BindWorld(py::module_& m) {
           "set_forces",
           [](PyWorld& self, const py::object& bodies, const Rows& forces, const std::optional<Rows>& torques) {
             SetRows(
-                "set_forces", {"forces", "torques"}, bodies, forces, torques, [&](int body) { Live(self, body); },
+                "set_forces", {"forces", "torques"}, bodies, forces, torques,
+                [&](int body, const Vector3&, const Vector3&) { Live(self, body); },
                 [&](int body, const Vector3& f, const Vector3& t) { self.world().SetForce(body, f, t); });
           },
           py::arg("bodies"), py::arg("forces"), py::arg("torques") = py::none())

@@ -515,6 +515,28 @@ TEST(ContactSuite, WhatIsDisturbedWakes) {
   EXPECT_NEAR(s.bodies[1].linear_velocity_W.x(), 0.5 * kGravity * kDt, 1e-6);
 }
 
+// What a press of 1e4 times its weight holds by no friction gives way to a force of 1.5 N, which is 7.5e-6 of all that acts on it.
+TEST(ContactSuite, AHeavyLoadHidesNoForce) {
+  Suite s;
+  s.bodies = {Wall(), UnitCube({0, 0, 0.5}), UnitCube({0, 0, 1.5})};
+  s.bodies[2].mass = 1e4;
+  s.bodies[2].inertia_B *= 1e4;
+  AddFace(0, 1, {0, 0, 0}, 0, 0, &s.contacts);
+  AddFace(1, 2, {0, 0, 1}, 0, 0, &s.contacts);
+  for (int i = 0; i < 60; ++i) s.Resolve();
+  ASSERT_TRUE(s.bodies[1].frozen && s.bodies[2].frozen);
+  s.bodies[1].force_W = {1.5, 0, 0};
+  s.Resolve();
+  EXPECT_NEAR(s.bodies[1].linear_velocity_W.x(), 1.5 * kDt, 1e-9);
+}
+
+TEST(ContactSuite, ContactsOfNobodyAreRefused) {
+  Suite s;
+  AddTwoCubes(&s);
+  s.bodies[1].removed = true;
+  ExpectRefused(&s, "removed", "contact 0");
+}
+
 // An open contact that is closed at the end of each step holds a cube along its normal alone: pushed along a smooth floor it goes a t^2 / 2.
 TEST(ContactSuite, OpenContactsHoldAlongTheirNormalAlone) {
   for (const bool touches : {true, false}) {

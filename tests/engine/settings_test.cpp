@@ -35,6 +35,7 @@ TEST(Settings, EveryBadValueIsNamed) {
   const Case cases[] = {
       {"gravity", "nan", [](Settings* s) { s->gravity.y() = kNan; }},
       {"gravity", "inf", [](Settings* s) { s->gravity.z() = kInfinity; }},
+      {"gravity", "1e+200", [](Settings* s) { s->gravity.z() = 1e200; }},
       {"bounce_limit", "-2", [](Settings* s) { s->bounce_limit = -2; }},
       {"freeze_count", "-1", [](Settings* s) { s->freeze_count = -1; }},
       {"freeze_seconds", "0", [](Settings* s) { s->freeze_seconds = 0; }},
@@ -42,12 +43,13 @@ TEST(Settings, EveryBadValueIsNamed) {
       {"freeze_travel", "1", [](Settings* s) { s->freeze_travel = 1; }},
       {"freeze_travel", "-", [](Settings* s) { s->freeze_travel = -0.1; }},
       {"tolerance", "0", [](Settings* s) { s->tolerance = 0; }},
+      {"tolerance", "1e-16", [](Settings* s) { s->tolerance = 1e-16; }},
       {"tolerance", "0.2", [](Settings* s) { s->tolerance = 0.2; }},
       {"tolerance", "nan", [](Settings* s) { s->tolerance = kNan; }},
       {"touch_gap", "0.1", [](Settings* s) { s->touch_gap = 0.1; }},
       {"touch_gap", "nan", [](Settings* s) { s->touch_gap = kNan; }},
       {"overlap_tolerance", "0.5", [](Settings* s) { s->overlap_tolerance = 0.5; }},
-      {"overlap_tolerance", "0.0", [](Settings* s) { s->overlap_tolerance = 0; }},
+      {"overlap_tolerance", "= 0 ", [](Settings* s) { s->overlap_tolerance = 0; }},
       {"threads", "-1", [](Settings* s) { s->threads = -1; }},
       {"cold_volumes", "2",
        [](Settings* s) {

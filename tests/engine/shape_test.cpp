@@ -109,6 +109,15 @@ TEST(ConvexHull, UnitTetrahedron) {
   EXPECT_TRUE(hull.MassFromMass(1).inertia_B.isApprox(expected, 1e-14)) << hull.MassFromMass(1).inertia_B;
   ExpectValid(hull.polytope());
   EXPECT_NEAR(hull.size(), 1 / std::sqrt(3.0), 1e-15);  // height over the slanted face
+  // Between opposite edges: of a regular one of edge 1, and of a sliver.
+  const double half = std::sqrt(0.125);
+  EXPECT_NEAR(
+      Shape::ConvexHull(
+          std::vector<Vector3>{{half, half, half}, {half, -half, -half}, {-half, half, -half}, {-half, -half, half}})
+          .size(),
+      std::sqrt(0.5), 1e-15);
+  EXPECT_NEAR(Shape::ConvexHull(std::vector<Vector3>{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0.1}, {0, -1, 0.1}}).size(), 0.1,
+              1e-15);
   EXPECT_NEAR(hull.radius(), std::sqrt(11.0) / 4, 1e-15);
 }
 

@@ -113,6 +113,7 @@ expect_rejected("--export-fclib" "not a folder" run stack --export-fclib ${ISLET
 expect_rejected("--export-fclib" "nowhere/deep" run stack --export-fclib nowhere/deep --report r.json)
 expect_rejected("--export-frames 2" "--export-fclib" run stack --export-frames 2)
 expect_rejected("--export-frames" "0" run stack --export-fclib out --export-frames 3,0)
+expect_rejected("--export-frames" "0" run stack --export-fclib out --export-frames 000)
 expect_rejected("--export-frames" "two" run stack --export-fclib out --export-frames two)
 expect_rejected("--html" "nowhere/p.html" run stack --html nowhere/p.html --report r.json)
 expect_rejected("same file" "r.json" run stack --report r.json --html ./r.json)

@@ -101,6 +101,8 @@ class PythonTest(unittest.TestCase):
         for act, error, part in [
             (lambda: world.set_velocities(balls, bad), ValueError, "linear of body 3"),
             (lambda: world.set_forces(balls, np.ones((4, 3)), bad), ValueError, "torques of body 3"),
+            (lambda: world.set_velocities(balls, bad * 1e31), ValueError, "linear of body 0"),
+            (lambda: world.set_forces([0, 1], [[1, 0, 0], [1e31, 0, 0]]), ValueError, "forces of body 1"),
             (lambda: world.set_velocities(balls, np.ones((3, 3))), ValueError, "linear must have shape (4, 3)"),
             (lambda: world.set_velocities([0, wall], np.ones((2, 3))), ValueError, "body 4 is fixed"),
             (lambda: world.set_velocities([0, 77], np.ones((2, 3))), ValueError, "77"),
@@ -111,6 +113,8 @@ class PythonTest(unittest.TestCase):
                 act()
             self.assertIn(part, str(caught.exception))
         self.assertEqual(world.state_hash, before)
+        world.set_velocities([0, wall], np.array([[1.0, 0, 0], [0, 0, 0]]))
+        self.assertEqual(world.linear_velocities[0, 0], 1)
 
     def test_errors_name_field_and_value(self):
         world = stack()

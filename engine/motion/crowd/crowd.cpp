@@ -63,13 +63,15 @@ void Crowd::Load(double dt) {
   travel_.resize(n);
   posed_.assign(bodies_.begin(), bodies_.end());
   cut_.resize(n);
+  for (size_t i = 0; i < n; ++i) cut_[i] = !bodies_[i].Moves();
+  near_to_.assign(n, 0);
+  for (const Contact& c : *near_)
+    if (!cut_[c.body_a] || !cut_[c.body_b]) near_to_[c.body_a] = near_to_[c.body_b] = 1;
+  const auto drives = [&](size_t i) { return near_to_[i] && bodies_[i].kind == BodyKind::kKinematic; };
   driven_ = false;
-  for (size_t i = 0; i < n; ++i) {
-    cut_[i] = !bodies_[i].Moves();
-    driven_ = driven_ || (bodies_[i].kind == BodyKind::kKinematic && !StandsStill(bodies_[i]));
-  }
+  for (size_t i = 0; i < n; ++i) driven_ = driven_ || (drives(i) && !StandsStill(bodies_[i]));
   const double mean = std::max(MeanPull(), MeanHold());
-  floor_ = std::max({mean * dt, 1e-3 * FastestPoint(bodies_), 1e-12});
+  floor_ = std::max({mean * dt, 1e-3 * FastestPoint(bodies_, drives), 1e-12});
   threshold_ = 10 * settings_.tolerance * floor_;
   least_energy_ = 0.5 * std::max(floor_ * floor_, mean * mean * dt * whole_dt_);
   pool_->ForEachOf(n, [&](size_t i) {

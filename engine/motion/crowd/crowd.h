@@ -255,9 +255,10 @@ class Crowd {
   std::vector<Vector3> held_by_W_;      // [N] per body: all that contacts gave it
   std::vector<State> begin_;            // per body
   std::vector<Free> free_;
-  std::vector<std::uint8_t> cut_;     // per body: contacts do not move it
-  std::vector<std::uint8_t> pushes_;  // per body: its overlaps are pushed out
-  std::vector<std::uint8_t> gained_;  // per body: by a pass of this piece
+  std::vector<std::uint8_t> cut_;      // per body: contacts do not move it
+  std::vector<std::uint8_t> near_to_;  // per body: a contact with what moves is near it
+  std::vector<std::uint8_t> pushes_;   // per body: its overlaps are pushed out
+  std::vector<std::uint8_t> gained_;   // per body: by a pass of this piece
   // Of a pass.
   std::vector<Pose> middle_;                   // per body, halfway on the chord
   std::vector<Vector3> mean_W_, mean_spin_W_;  // [m/s], [rad/s]

@@ -197,6 +197,7 @@ bool Crowd::GiveBack(int island, Worker* worker) {
     carried_W_[closed_[contacts[k]]] = worker->given[2 * k];
     beyond_W_[contacts[k]] = worker->given[2 * k + 1];
   }
+  worker->taken.clear();
   return false;
 }
 
@@ -267,8 +268,9 @@ void Crowd::SettleIsland(int island, Worker* worker) {
   for (int attempt = 1;; ++attempt) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
     HoldThenStrike(island, worker);
-    outcomes_[island].restitution_lowered = attempt > 1;
-    if (!MarkGains(island, worker) || (rebounds && Soften(island, worker))) break;
+    const bool gain = MarkGains(island, worker), softened = gain && rebounds && Soften(island, worker);
+    outcomes_[island].restitution_lowered = attempt > 1 || softened;
+    if (!gain || softened) break;
     if (!rebounds) {
       if (GiveBack(island, worker)) break;
       for (size_t k = 0; k < bodies.size(); ++k)

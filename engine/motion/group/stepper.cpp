@@ -141,13 +141,15 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
                       b.radius * SpinOf(b, b.rotation_WB, b.torque_W).norm()});
     pull_ = std::max(pull_, pulls_.back().along_W.norm() + pulls_.back().twist);
   }
-  floor_ = std::max({pull_ * dt, 1e-3 * FastestPoint(group->bodies), 1e-12});
+  const auto drives = [&](size_t i) { return group->bodies[i].kind == BodyKind::kKinematic; };
+  floor_ = std::max({pull_ * dt, 1e-3 * FastestPoint(group->bodies, drives), 1e-12});
   threshold_ = 10 * settings.tolerance * floor_;
   const double brief = std::min(0.5, kBrief * std::max(1, movers));  // of the step
   brief_ = brief * dt;
   budget_ = static_cast<int>(4 / brief);
   LoadState();
   MeasureSunk(group->remembered);
+  cuts_ = 0;
   FindTouching();
   RecallForces(
       group->remembered, group->remembered_force_W, now_,
@@ -157,7 +159,7 @@ void Stepper::Begin(double dt, const Settings& settings, const MixMaterial& mix,
       &force_W_);
   step_gap_.resize(group->pairs.size());
   for (size_t p = 0; p < group->pairs.size(); ++p) step_gap_[p] = GapBefore(static_cast<int>(p));
-  cuts_ = work_ = 0;
+  work_ = 0;
   yields_.assign(group->pairs.size(), 0.0);
   pays_.assign(group->pairs.size(), false);
   taken_.assign(group->pairs.size(), 0.0);
@@ -241,6 +243,11 @@ bool Stepper::Refine(bool may_halve, bool* cut, double* h) {
 // One try at the next piece: it is done, or to be done again. Returns false if there is no way on.
 bool Stepper::Piece(Progress* p) {
   work_ += kSolveWork + static_cast<int>(group_->pairs.size()) / kSolveWork;
+  yields_before_ = yields_;
+  const auto try_again = [this] {
+    yields_ = yields_before_;
+    return true;
+  };
   time_of_piece_ = p->t;
   PlaceWalls(p->t, &state_);
   const double rest = dt_ - p->t;
@@ -254,12 +261,12 @@ bool Stepper::Piece(Progress* p) {
   const bool yields = std::any_of(yields_.begin(), yields_.end(), [](double y) { return y > 0; });
   if (!(deep && may_halve) && gains_ && Pushed()) {  // it cost more than that: not now
     pays_.assign(group_->pairs.size(), false);
-    return true;
+    return try_again();
   }
   if (may_halve && (deep || (gains_ && !yields))) {
     ++p->level;
     p->most = 0.5 * h;
-    return true;
+    return try_again();
   }
   if (deep || (creates_ && !yields)) return false;
   if (p->events == 0 || work_ < group_->most_work / 2) {  // a step is one without more of them, too
@@ -269,7 +276,7 @@ bool Stepper::Piece(Progress* p) {
     if (end < h) {
       ++p->events;
       p->most = end;
-      return true;
+      return try_again();
     }
   }
   Commit(p->t, h);

@@ -99,7 +99,7 @@ class Stepper {
   double Apart(const GroupPair& pair, std::span<const State> at) const;
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
-  void Mix(const GroupPair& pair, Contact* contact) const;
+  void Mix(const GroupPair& pair, const State& a, const State& b, Contact* contact) const;
   void Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const;
   bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();
@@ -235,7 +235,8 @@ class Stepper {
   Group* group_ = nullptr;
   GroupOutcome* out_ = nullptr;
   std::vector<double>
-      yields_;  // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
+      yields_,         // [m/s] >= 0 per pair: approach that no velocity avoids, between walls that close; it overlaps
+      yields_before_;  // where the piece begins
   std::vector<Account> accounts_;
   bool gains_ = false;    // some of them more than allowed
   bool lifts_ = true;     // what is closed keeps its gap; else it may get as deep as its pair is

@@ -22,6 +22,7 @@ double ApproachOnWay(const MeetingQuery& query, const Pose& at_a, const Pose& at
 // Where a point of the body at t was as its way began.
 Vector3 AtStart(const Path& path, const Shape& shape, double t, const Vector3& point_W) {
   const Pose now = path.At(t);
+  if (TurnsInItself(shape)) return point_W + path.start.position_W - now.position_W;
   const Quaternion seen_WB = VisibleRotation(shape, path.start.rotation_WB, now.rotation_WB);
   return path.start.position_W + path.start.rotation_WB * (seen_WB.conjugate() * (point_W - now.position_W));
 }
@@ -150,7 +151,7 @@ void Stepper::ProbeAt(const GroupPair& pair, const State& a, const State& b, dou
   probe_.clear();
   CollideShapes(*group_->shapes[pair.a], a.pose.placement(), *group_->shapes[pair.b], b.pose.placement(), reach,
                 &probe_);
-  for (Contact& c : probe_) Mix(pair, &c);
+  for (Contact& c : probe_) Mix(pair, a, b, &c);
   Turn(pair, a, b, probe_);
 }
 

@@ -16,6 +16,12 @@ using testing::Ball;
 using testing::Cube;
 using testing::Floor;
 
+Settings OneThread() {
+  Settings settings;
+  settings.threads = 1;
+  return settings;
+}
+
 // A domino rocks back onto its other edge within the step; another stands 18 cm beside it. Together with their floor they move at this speed.
 Body RockingDomino(double speed, bool another) {
   World world(Awake());
@@ -316,6 +322,47 @@ TEST(Groups, WhoRacesGoesByNoNumber) {
     return world.Step(1.0 / 60).pieces;
   };
   EXPECT_EQ(pieces(true), pieces(false));
+}
+
+// A rod of 100 kg pushes two columns of balls, one at each end, by its spin alone: it carries the shorter one into a ball that lies beyond.
+TEST(Groups, ACrowdReachesAsFarAsItIsTurned) {
+  Settings settings = Awake();
+  settings.gravity.setZero();
+  World world(settings);
+  world.Add({.shape = Shape::Box({0.5, 0.1, 0.1}), .mass = 100, .angular_velocity_W = {0, 0, 10}, .friction = 0});
+  for (int k = 0; k < 24; ++k)
+    world.Add({.shape = Shape::Sphere(0.1), .mass = 0.1, .position_W = {-0.3, -0.2 - 0.2 * k, 0}, .friction = 0});
+  world.Add({.shape = Shape::Sphere(0.1), .mass = 0.1, .position_W = {0.45, 0.2, 0}, .friction = 0});
+  const int beyond =
+      world.Add({.shape = Shape::Sphere(0.1), .mass = 0.1, .position_W = {0.45, 0.46, 0}, .friction = 0});
+  EXPECT_FALSE(world.Step(1.0 / 30).Failed());
+  EXPECT_GT(world.body(beyond).linear_velocity_W.y(), 1);
+  EXPECT_GT((world.body(beyond).position_W - world.body(beyond - 1).position_W).norm(), 0.2 - 1e-4);
+}
+
+// A fan that nobody meets is nothing to a crowd, however fast and far away it turns.
+TEST(Groups, WhatTurnsFarAwayIsNothingToACrowd) {
+  const auto heap = [](bool fan) {
+    World world(testing::AsCrowd(OneThread()));
+    world.Add(Floor());
+    for (int k = 0; k < 6; ++k) {
+      BodyDefinition cube = Cube({0.1 * k, 0.07 * k, 1 + 1.6 * k});
+      cube.rotation_WB = testing::Turn(0.3 * k, {1, 2, 3});
+      world.Add(cube);
+    }
+    if (fan)
+      world.Add({.shape = Shape::Box({1, 0.05, 0.05}),
+                 .kind = BodyKind::kKinematic,
+                 .position_W = {100, 0, 5},
+                 .angular_velocity_W = {0, 0, 314}});
+    std::vector<Vector3> places;
+    for (int i = 0; i < 90; ++i) {
+      world.Step(1.0 / 60);
+      for (int k = 1; k < 7; ++k) places.push_back(world.body(k).position_W);
+    }
+    return places;
+  };
+  EXPECT_EQ(heap(false), heap(true));
 }
 
 // What rests costs nothing, whatever is set far away from it before each step.

@@ -552,6 +552,41 @@ TEST(Round, ElasticCapsulesKeepTheirEnergy) {
   EXPECT_NEAR(testing::Energy(world.bodies()), before, 1e-6 * before);
 }
 
+// A rod falls on another one across it at 5 m/s. Each end has a normal of its own, and which of them comes first is chance.
+TEST(Round, RodsMeetAcrossWhicheverEndIsFirst) {
+  for (const bool crowd : {false, true}) {
+    Vector3 first = Vector3::Zero();
+    for (const double turn : {0.0, M_PI}) {
+      Settings settings = Awake();
+      if (crowd) settings.group_bodies = 1;
+      World world(settings);
+      world.SetGravity({0, 0, 0});
+      const int rod =
+          world.Add({.shape = Shape::Capsule(0.005, 0.25),
+                     .mass = 1,
+                     .position_W = {0, 0, 0.05},
+                     .rotation_WB = testing::Turn(turn, Vector3::UnitZ()) * testing::Turn(0.5 * M_PI, Vector3::UnitY()),
+                     .linear_velocity_W = {0, 0, -5},
+                     .friction = 0,
+                     .restitution = 1});
+      const Vector3 along(std::cos(0.25), std::sin(0.25), 0);
+      world.Add({.shape = Shape::Capsule(0.005, 0.6),
+                 .kind = BodyKind::kFixed,
+                 .position_W = Vector3(-0.25, 0.0075, 0) + 0.24 * along,
+                 .rotation_WB = testing::Turn(0.25, Vector3::UnitZ()) * testing::Turn(0.5 * M_PI, Vector3::UnitY()),
+                 .friction = 0,
+                 .restitution = 1});
+      const double before = world.body(rod).KineticEnergy();
+      EXPECT_FALSE(world.Step(1.0 / 60).Failed());
+      const Body& b = world.body(rod);
+      EXPECT_GT(b.linear_velocity_W.z(), -4.9) << turn << ": it hits";
+      EXPECT_NEAR(b.KineticEnergy(), before, 1e-6 * before);
+      if (turn == 0) first = b.linear_velocity_W;
+      EXPECT_LT((b.linear_velocity_W - first).norm(), 1e-5) << crowd;
+    }
+  }
+}
+
 // In a crowd, which moves in one piece a step, a capsule that rolls about on its cap does not sink, however many steps it takes.
 TEST(Round, RollsInACrowdWithoutSinking) {
   for (const double rate : {30.0, 240.0}) {

@@ -242,6 +242,49 @@ TEST(ContactEvents, NothingTurnsThroughASensorUnseen) {
     }
 }
 
+// What flies, too, may turn by more than half a circle in a step.
+TEST(ContactEvents, WhatSpinsThroughASensorIsSeen) {
+  for (const double turn : {1.0, 4.18, 7.0}) {
+    World world(Awake());
+    world.SetGravity({0, 0, 0});
+    world.Add({.shape = Shape::Capsule(0.02, 0.5),
+               .rotation_WB = testing::Turn(0.5 * M_PI, Vector3::UnitY()),
+               .angular_velocity_W = {0, 0, 60 * turn}});
+    const double seen = std::min(0.54, 0.5 * turn);
+    world.Add({.shape = Shape::Sphere(0.02),
+               .kind = BodyKind::kFixed,
+               .position_W = 0.4 * Vector3(std::cos(seen), std::sin(seen), 0),
+               .sensor = true});
+    world.Add({.shape = Shape::Sphere(0.02),
+               .kind = BodyKind::kFixed,
+               .position_W = 0.4 * Vector3(std::cos(-0.5), std::sin(-0.5), 0),
+               .sensor = true});
+    world.Step(1.0 / 60);
+    ASSERT_EQ(world.events().size(), turn > 2 ? 2u : 1u) << turn;
+    EXPECT_EQ(world.events()[0].body_b, 1);
+  }
+}
+
+// A step that is cut into parts tells of it as of one: each pair once, what it gave in all of them, and how it closed as the step began.
+TEST(ContactEvents, PartsOfAStepAreOneStep) {
+  Settings settings = Awake();
+  settings.gravity.setZero();
+  settings.group_bodies = 1;
+  World world(settings);
+  world.Add({.shape = Shape::Sphere(0.1), .mass = 1, .linear_velocity_W = {60, 0, 0}, .restitution = 1});
+  for (int k = 0; k < 3; ++k)
+    world.Add({.shape = Shape::Sphere(0.1), .mass = 1, .position_W = {0.35 + 0.25 * k, 0, 0}, .restitution = 1});
+  const StepReport report = world.Step(1.0 / 60);
+  EXPECT_FALSE(report.Failed());
+  ASSERT_EQ(world.hits().size(), 3u);
+  for (int k = 0; k < 3; ++k) {
+    const HitEvent& hit = world.hits()[k];
+    EXPECT_EQ(hit.body_a, k);
+    EXPECT_EQ(hit.approach, k == 0 ? 60 : 0) << "the others did not close as the step began";
+    EXPECT_NEAR(hit.impulse_W.x(), 60, 1e-9);
+  }
+}
+
 // What rides on a wall that goes in a circle is pressed to it, and hits nothing.
 TEST(ContactEvents, WhatRidesInACircleHitsNothing) {
   const double rate = 6, radius = 1.6;

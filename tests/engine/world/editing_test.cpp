@@ -81,27 +81,29 @@ TEST(Editing, AWorldDoesNotGrowByWhatIsGone) {
 
 // Nothing of who had the number before is left: not its contacts, not the impulses they remember, not how long it stood still.
 TEST(Editing, ANumberUsedAgainRemembersNothing) {
-  for (const bool crowd : {false, true}) {
-    const Settings settings = crowd ? AsCrowd(OneThread()) : OneThread();
-    World fresh(settings), used(settings);
-    for (World* world : {&fresh, &used}) world->Add(Floor());
-    const int old = used.Add(Cube({0, 0, 0.5}));
-    const int other = used.Add(Cube({0, 0, 1.5}));
-    StepTimes(&used, 60);
-    used.Remove(old);
-    used.Remove(other);
-    StepTimes(&used, 1);
-    const BodyDefinition ball{
-        .shape = Shape::Sphere(0.5), .mass = 7, .position_W = {0, 0, 0.6}, .linear_velocity_W = {1, 0, 0}};
-    ASSERT_EQ(used.Add(ball), old);
-    ASSERT_EQ(fresh.Add(ball), 1);
-    for (int i = 0; i < 90; ++i) {
-      StepTimes(&fresh, 1);
+  for (const bool crowd : {false, true})
+    for (const bool rests : {false, true}) {
+      const Settings settings = crowd ? AsCrowd(OneThread()) : OneThread();
+      World fresh(settings), used(settings);
+      for (World* world : {&fresh, &used}) world->Add(Floor());
+      const int old = used.Add(Cube({0, 0, 0.5}));
+      const int other = used.Add(Cube({0, 0, 1.5}));
+      StepTimes(&used, 60);
+      used.Remove(old);
+      used.Remove(other);
       StepTimes(&used, 1);
-      ASSERT_EQ(fresh.body(1).position_W, used.body(old).position_W) << i;
-      ASSERT_EQ(fresh.body(1).frozen, used.body(old).frozen) << i;
+      const BodyDefinition ball{
+          .shape = Shape::Sphere(0.5), .mass = 7, .position_W = {0, 0, 0.6}, .linear_velocity_W = {1, 0, 0}};
+      const BodyDefinition next = rests ? Cube({0, 0, 0.5}) : ball;
+      ASSERT_EQ(used.Add(next), old);
+      ASSERT_EQ(fresh.Add(next), 1);
+      for (int i = 0; i < 90; ++i) {
+        StepTimes(&fresh, 1);
+        StepTimes(&used, 1);
+        ASSERT_EQ(fresh.body(1).position_W, used.body(old).position_W) << i;
+        ASSERT_EQ(fresh.body(1).frozen, used.body(old).frozen) << i;
+      }
     }
-  }
 }
 
 TEST(Editing, KindsChange) {
@@ -239,6 +241,105 @@ TEST(Editing, CollisionCallbacksSeeTheStartOfTheStep) {
     EXPECT_GT(asked, 40) << crowd;
     EXPECT_EQ(wrong, 0) << crowd;
     EXPECT_NEAR(world.body(b).position_W.z() - world.body(a).position_W.z(), 1, 1e-3) << crowd;
+  }
+}
+
+// Also where the step is cut into parts: 60 m/s past what is 0.3 m away.
+TEST(Editing, CollisionCallbacksSeeTheStartOfACutStep) {
+  Settings settings = Awake();
+  settings.group_bodies = 1;
+  World world(settings);
+  world.SetGravity({0, 0, 0});
+  world.Add({.shape = Shape::Sphere(0.1), .linear_velocity_W = {60, 0, 0}});
+  world.Add({.shape = Shape::Sphere(0.1), .position_W = {0.5, 0, 0}});
+  std::atomic<int> asked = 0, wrong = 0;
+  world.SetCollisionCallback([&](int, int, const Body& x, const Body& y) {
+    ++asked;
+    wrong += x.position_W != Vector3::Zero() || y.linear_velocity_W != Vector3::Zero();
+    return true;
+  });
+  const std::int64_t pieces = world.Step(1.0 / 60).pieces;
+  EXPECT_GT(world.body(1).linear_velocity_W.x(), 10) << pieces;
+  EXPECT_GT(asked, 2);
+  EXPECT_EQ(wrong, 0);
+}
+
+// A crate rests on a slope, and a snapshot of that goes to a world in which a callback makes everything ice.
+TEST(Editing, WhoRestoresAsksItsOwnCallbacks) {
+  for (const bool crowd : {false, true})
+    for (const bool slips : {false, true}) {
+      World world(crowd ? AsCrowd(OneThread()) : OneThread());
+      world.Add(Floor(0.5, 0, 0.4));
+      BodyDefinition cube = testing::CubeOnIncline(0.4, 0.5);
+      const int number = world.Add(cube);
+      StepTimes(&world, 60);
+      ASSERT_TRUE(world.body(number).frozen);
+      const WorldSnapshot saved = world.Save();
+      World other(crowd ? AsCrowd(OneThread()) : OneThread());
+      if (slips) other.SetMaterialCallback([](const Contact&, const Body&, const Body&) { return Material{0, 0}; });
+      other.Restore(saved);
+      EXPECT_EQ(other.body(number).frozen, !slips);
+      StepTimes(&other, 30);
+      const double along = slips ? kGravity * std::sin(0.4) * 30 * kDt : 0;
+      EXPECT_NEAR(other.body(number).linear_velocity_W.norm(), along, 1e-6) << crowd;
+    }
+}
+
+// Of what rests under a heavy press the friction goes: what it held is 2.5e-6 of what the block carries, and it slides.
+TEST(Editing, FrictionThatGoesUnderALoadShows) {
+  World world(AsCrowd(OneThread()));
+  const int floor = world.Add(Floor(0.5, 0));
+  const int block = world.Add(Cube({0, 0, 0.5}, 0.5));
+  BodyDefinition press = Cube({0, 0, 1.5}, 0);
+  press.mass = 1e3;
+  world.Add(press);
+  world.SetForce(block, {0.05, 0, 0}, Vector3::Zero());
+  StepTimes(&world, 60);
+  ASSERT_TRUE(world.body(block).frozen);
+  world.SetMaterial(floor, 0, 0);
+  StepTimes(&world, 1);
+  EXPECT_NEAR(world.body(block).linear_velocity_W.x(), 0.05 * kDt, 0.02 * kDt);
+}
+
+TEST(Editing, WhatIsNoMassIsRefusedWhenItIsToMove) {
+  CustomShape custom;
+  custom.half_extents = {1, 1, 1};
+  custom.size = 2;
+  custom.volume = 8;
+  custom.inertia_per_mass = Vector3(1, 1, 10).asDiagonal();
+  custom.collide = [](const CustomQuery&, std::vector<Contact>*) {};
+  World world(OneThread());
+  const int body = world.Add({.shape = Shape::Custom(custom), .kind = BodyKind::kFixed});
+  ExpectThrown<std::invalid_argument>([&] { world.SetKind(body, BodyKind::kDynamic); }, "inertia");
+  EXPECT_EQ(world.body(body).kind, BodyKind::kFixed);
+}
+
+// A step that is refused for a newcomer leaves what touches; who only asks for overlaps is shown them.
+TEST(Editing, ARefusedStepLeavesTheContacts) {
+  World world(OneThread());
+  world.Add(Floor());
+  world.Add(Cube({0, 0, 0.5}));
+  StepTimes(&world, 5);
+  const size_t touching = world.contacts().size();
+  world.Add(Cube({0.5, 0, 0.5}));
+  ExpectThrown<std::invalid_argument>([&] { world.Step(kDt); }, "bodies 1 and 2");
+  EXPECT_EQ(world.contacts().size(), touching);
+  ExpectThrown<std::invalid_argument>([&] { world.CheckInitialOverlap(); }, "bodies 1 and 2");
+  EXPECT_GT(world.contacts().size(), touching);
+}
+
+// A crowd's cubes that rest, too, in steps longer than freezing waits for.
+TEST(Editing, WithoutMemoryNothingFreezes) {
+  for (const bool crowd : {false, true}) {
+    Settings settings = crowd ? AsCrowd(OneThread()) : OneThread();
+    settings.stateless = true;
+    World world(settings);
+    world.Add(Floor());
+    world.Add(Cube({0, 0, 0.5}));
+    for (int i = 0; i < 10; ++i) {
+      world.Step(0.11);
+      EXPECT_FALSE(world.body(1).frozen) << i;
+    }
   }
 }
 

@@ -93,6 +93,7 @@ TEST(Query, ShapesMeetWhatIsFirst) {
   const auto inside = world.CastShape(Shape::Sphere(0.25), {0.2, 0, 2}, Quaternion::Identity(), {1, 0, 0});
   ASSERT_TRUE(inside);
   EXPECT_EQ(inside->share, 0);
+  EXPECT_EQ(inside->normal_W, Vector3(-1, 0, 0)) << "against the way";
 }
 
 // A box that flies into a face which it overlaps sideways by very little meets that face.
@@ -154,6 +155,39 @@ TEST(Query, RaysThatBeginOnASurface) {
   ASSERT_TRUE(above);
   EXPECT_EQ(above->body, 1);
   EXPECT_NEAR(above->share, 0.4, 1e-15);
+}
+
+// What a ray met is where it may go on from, however small or far from the origin: rounding does not put it inside.
+TEST(Query, RaysLeaveWhatTheyMet) {
+  World world(testing::Awake());
+  const Vector3 far(1e6, 3, 2), near(100.1, 37.3, 12.7);
+  world.Add({.shape = Shape::Box({0.5, 0.5, 0.5}), .position_W = far, .rotation_WB = testing::Turn(0.7, {1, 2, 3})});
+  world.Add({.shape = Shape::Sphere(5e-4), .position_W = near});
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 400; ++i) {
+    const Vector3 middle = i % 2 == 0 ? far : near, from(normal(random), normal(random), normal(random));
+    const Vector3 way = (i % 2 == 0 ? 3 : 2e-3) * from.normalized();
+    const auto met = world.CastRay(middle + way, -way);
+    ASSERT_TRUE(met) << i;
+    EXPECT_FALSE(world.CastRay(met->point_W, met->normal_W)) << i;
+    EXPECT_TRUE(world.CastRay(met->point_W, -met->normal_W)) << i;
+  }
+}
+
+// A ball at a slant of 1e-3 to a floor: it touches where its height is used up, not where it is as deep as what is called met.
+TEST(Query, ShapesMeetAtASlantAsExactly) {
+  World world(testing::Awake());
+  world.Add(testing::Floor());
+  world.Add({.shape = Shape::Sphere(1), .position_W = {0, 50, 1}});
+  const auto floor = world.CastShape(Shape::Sphere(1), {0, 0, 1.0005}, Quaternion::Identity(), {1, 0, -1e-3});
+  ASSERT_TRUE(floor);
+  EXPECT_NEAR(floor->share, 0.5, 1e-6);
+  // A ball of 0.5 m passes one of 1 m at an offset of 1.4999 m.
+  const double before = std::sqrt(1.5 * 1.5 - 1.4999 * 1.4999);
+  const auto ball = world.CastShape(Shape::Sphere(0.5), {-2, 50, 2.4999}, Quaternion::Identity(), {4, 0, 0});
+  ASSERT_TRUE(ball);
+  EXPECT_NEAR(ball->share, (2 - before) / 4, 1e-6);
 }
 
 // Half and one and a half radii beside its middle, from 100 km.
