@@ -101,6 +101,8 @@ void CheckWritable(const std::string& option, const std::string& path) {
     reason = "it is a directory";
   } else if (fs::exists(target, error) && ::access(target.c_str(), W_OK) != 0) {
     reason = std::strerror(errno);
+  } else if (IsOfSystem(target) && fs::is_regular_file(target, error)) {
+    reason = "behind it is a file that is open already";
   } else if (!IsSpecial(target)) {
     try {
       const OutputFile probe(path);

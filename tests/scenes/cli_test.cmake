@@ -347,6 +347,11 @@ string(JSON value ERROR_VARIABLE error GET "${stdout}" scene)
 check_equal("scene in the JSON on stdout" "${value}" "officetoy")
 check_match("summary on stderr" stderr "state hash")
 
+# A frame may be named as the files' own names have it.
+islet(status stdout stderr run stack --count 2 --frames 12 --group-bodies 0 --freeze off --export-fclib tenth --export-frames 000010)
+file(GLOB tenth RELATIVE ${SCRATCH} ${SCRATCH}/tenth/*)
+check_match("problems of the tenth frame" tenth "tenth/frame_000010_round_0")
+
 # Problems out and in again: names that sort, every key, and a broken file among good ones.
 islet(status stdout stderr run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems --export-frames 1,3)
 check_equal("exit status of a run that exports (${stderr})" "${status}" 0)

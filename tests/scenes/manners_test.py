@@ -110,6 +110,26 @@ class LostOutput(unittest.TestCase):
         self.assertIn("--report would overwrite " + self.problems[0], done.stderr)
         self.assertEqual(open(os.path.join(self.folder.name, self.problems[0]), "rb").read(), before)
 
+    def test_the_streams_own_file_is_left_alone(self):
+        log = os.path.join(self.folder.name, "log")
+        for option in "--frames-csv", "--report":
+            with open(log, "w") as file:
+                file.write("before\n")
+            with open(log, "a") as file:
+                done = self.finish(["run", "stack", "--frames", "2", option, "/dev/stdout"], file)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(option + ": cannot write /dev/stdout: behind it is a file that is open already", done.stderr)
+            self.assertEqual(open(log).read(), "before\n")
+        done = self.finish(["run", "stack", "--frames", "2", "--frames-csv", "/dev/stdout"], subprocess.PIPE)
+        self.assertTrue(done.stdout.startswith("frame,contacts"), done.stdout)
+
+    def test_links_stay_links(self):
+        link, target = (os.path.join(self.folder.name, name) for name in ("link.json", "target.json"))
+        os.symlink("target.json", link)  # which is not there yet
+        self.assertEqual(self.finish(["run", "stack", "--frames", "2", "--report", "link.json"], subprocess.PIPE).returncode, 0)
+        self.assertTrue(os.path.islink(link))
+        json.loads(read(target))
+
     def test_exports_say_how_many(self):
         export = ["run", "stack", "--count", "2", "--frames", "2", "--group-bodies", "0", "--export-fclib", "out"]
         self.assertIn(f"exported      {len(self.problems)} problems to out\n", self.finish(export, subprocess.PIPE).stdout)

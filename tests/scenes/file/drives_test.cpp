@@ -10,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -143,6 +144,27 @@ TEST(Drives, TurntableMeetsItsPosesAndTakesItsLoadAlong) {
   const double slide = (std::pow(1.0, 2) - 2 * std::pow(0.5, 2)) * 0.5 / (2 * 0.5 * 9.81);  // [rad]
   EXPECT_NEAR(std::atan2(cube.y(), cube.x()), 2.5 + slide, 5e-3);
   EXPECT_NEAR(std::hypot(cube.x(), cube.y()), 0.5, 1e-2);
+}
+
+// More than half a turn in a step, and whole ones, go round the way that the table says.
+TEST(Drives, FansTurnAsFastAsTheirTableSays) {
+  for (const double speed : {10.0, 104.72, 60 * M_PI, 400.0}) {
+    std::ostringstream text;
+    text.precision(17);
+    text << "{\"version\": 1, \"time\": {\"dt\": " << 1.0 / 30
+         << "}, \"bodies\": [{\"name\": \"fan\", \"kind\": \"kinematic\", \"position\": [1, 2, 3], \"shape\": "
+            "{\"type\": "
+            "\"box\", \"size\": [1, 1, 1]}}], \"drives\": [{\"body\": \"fan\", \"turn\": {\"axis\": [0, 0, 1], "
+            "\"angle\": "
+            "{\"table\": [[0, 0], [10, "
+         << 10 * speed << "]]}}}]}";
+    Play play(text.str());
+    for (int i = 0; i < 5; ++i) {
+      play.Step();
+      EXPECT_NEAR(play.body(0).angular_velocity_W.z(), speed, 1e-9 * speed);
+      EXPECT_LT((play.body(0).position_W - Vector3(1, 2, 3)).norm(), 1e-12);
+    }
+  }
 }
 
 TEST(Drives, VelocitiesOfKinematicBodiesAreSummedUp) {
