@@ -273,6 +273,7 @@ void Crowd::SettleIsland(int island, Worker* worker) {
     if (!gain || softened) break;
     if (!rebounds) {
       if (GiveBack(island, worker)) break;
+      outcomes_[island].status = QpStatus::kInaccurate;  // what it certifies is taken back
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
       for (size_t k = 0; k < contacts.size(); ++k)

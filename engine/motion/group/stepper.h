@@ -99,7 +99,7 @@ class Stepper {
   double Apart(const GroupPair& pair, std::span<const State> at) const;
   void DetectPair(int number, std::span<const State> at, double reach, std::vector<Contact>* contacts,
                   std::vector<int>* pair_of);
-  void Mix(const GroupPair& pair, const State& a, const State& b, Contact* contact) const;
+  void Mix(const GroupPair& pair, Contact* contact) const;
   void Turn(const GroupPair& pair, const State& a, const State& b, std::span<Contact> found) const;
   bool SlidesBy(const GroupPair& pair, std::span<const State> at, std::span<const Contact> found);
   void FindTouching();

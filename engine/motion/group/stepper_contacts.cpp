@@ -36,7 +36,7 @@ void Stepper::DetectPair(int number, std::span<const State> at, double reach, st
                 at[pair.b].pose.placement(), reach, contacts);
   for (size_t c = first; c < contacts->size(); ++c) {
     Contact& contact = (*contacts)[c];
-    Mix(pair, at[pair.a], at[pair.b], &contact);
+    Mix(pair, &contact);
     pair_of->push_back(number);
   }
   Turn(pair, at[pair.a], at[pair.b], {contacts->begin() + static_cast<std::ptrdiff_t>(first), contacts->end()});
@@ -68,18 +68,11 @@ bool Stepper::SlidesBy(const GroupPair& pair, std::span<const State> at, std::sp
          std::any_of(sides_W_.begin(), sides_W_.end(), passes);
 }
 
-// Materials are the world's to choose, by the bodies' numbers there. Belts turn with their bodies.
-void Stepper::Mix(const GroupPair& pair, const State& at_a, const State& at_b, Contact* contact) const {
+// Materials are the world's to choose, by the bodies' numbers there.
+void Stepper::Mix(const GroupPair& pair, Contact* contact) const {
   contact->body_a = group_->numbers[pair.a];
   contact->body_b = group_->numbers[pair.b];
-  const Body &a = group_->bodies[pair.a], &b = group_->bodies[pair.b];
-  (*mix_)(contact, a, b);
-  if (!contact->surface_W.isZero(0)) {
-    Body a_there = a, b_there = b;
-    a_there.rotation_WB = at_a.pose.rotation_WB;
-    b_there.rotation_WB = at_b.pose.rotation_WB;
-    contact->surface_W = MixSurfaces(a_there, b_there);
-  }
+  (*mix_)(contact, group_->bodies[pair.a], group_->bodies[pair.b]);
   contact->body_a = pair.a;
   contact->body_b = pair.b;
 }

@@ -151,7 +151,7 @@ void Stepper::ProbeAt(const GroupPair& pair, const State& a, const State& b, dou
   probe_.clear();
   CollideShapes(*group_->shapes[pair.a], a.pose.placement(), *group_->shapes[pair.b], b.pose.placement(), reach,
                 &probe_);
-  for (Contact& c : probe_) Mix(pair, a, b, &c);
+  for (Contact& c : probe_) Mix(pair, &c);
   Turn(pair, a, b, probe_);
 }
 
