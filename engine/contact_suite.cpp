@@ -111,7 +111,7 @@ void ContactSuite::Impl::Begin(double dt, std::span<Body> bodies, std::span<cons
     const Contact& contact = contacts[c];
     approach_speeds[c] = contact.touches ? -NormalVelocity(contact, bodies[contact.body_a], bodies[contact.body_b]) : 0;
   });
-  double fastest = 0;
+  double fastest = FastestPoint(bodies, [](size_t) { return false; });
   for (const double approach : approach_speeds) fastest = std::max(fastest, approach);
   frame.speed_floor = std::max({frame.rest_speed, 1e-3 * fastest, 1e-12});
   frame.threshold = 10 * settings.tolerance * frame.speed_floor;

@@ -23,7 +23,7 @@ void SlipRounds::Solve(const Task& task, ConvexSolver* convex, Solution* solutio
     convex->Solve(problem, task.settings, slips_, &trial_);
     const bool solved = trial_.status == Status::kSolved || trial_.status == Status::kInaccurate;
     if (solved || round == 0) *solution = trial_;
-    if (!solved) return;
+    if (!solved) break;
     settled = UpdateSlips(problem, task.settings.cone) <= task.goal();
   }
   if (!settled && solution->status == Status::kSolved) solution->status = Status::kInaccurate;

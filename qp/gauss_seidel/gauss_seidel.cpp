@@ -207,9 +207,35 @@ void GaussSeidel::PrepareNormal(const Problem& problem, int number, int lane, Sw
   axes_[number] = {1, 0};
 }
 
-// The batches of double precision, rounded.
-void GaussSeidel::PrepareSingle() {
+// Velocity of the frame in which single precision sweeps: that of the centre of mass, where most of the energy is its.
+Vector3 GaussSeidel::CommonVelocity(const Problem& problem, const std::vector<double>& velocities) {
+  double mass = 0, squares = 0;
+  Vector3 momentum = Vector3::Zero();
+  for (int i = 0; i < problem.num_bodies(); ++i) {
+    const Vector3 v = ConstBlock(velocities.data() + 6 * i);
+    mass += problem.bodies[i].mass;
+    momentum += problem.bodies[i].mass * v;
+    squares += problem.bodies[i].mass * v.squaredNorm();
+  }
+  const Vector3 mean = momentum / mass;
+  return mass * mean.squaredNorm() > 0.5 * squares ? mean : Vector3::Zero();
+}
+
+// The batches of double precision, rounded. Seen from the frame walls move; what two bodies do to each other is the same.
+void GaussSeidel::PrepareSingle(const Problem& problem) {
   MakeRoom(&single_);
+  const auto shift = [&](int b, int lane) {
+    const SweepBatch<double>& from = plain_.batches[b];
+    const int c = order_.contacts()[b * kBatchLanes + lane];
+    if (c < 0 || (problem.contacts[c].body_a >= 0 && problem.contacts[c].body_b >= 0)) return;
+    const int side = problem.contacts[c].body_a < 0 ? 1 : 0;
+    const int body = side == 0 ? problem.contacts[c].body_a : problem.contacts[c].body_b;
+    for (int d = 0; d < (normal_ ? 1 : 3) && body >= 0; ++d) {
+      double offset = from.offset[d][lane];
+      for (int k = 0; k < 3; ++k) offset += from.rows[side][d][k][lane] * frame_[k] / roots_[body].mass_root;
+      single_.batches[b].offset[d][lane] = static_cast<float>(offset);
+    }
+  };
   const auto round = [&](int b) {
     const SweepBatch<double>& from = plain_.batches[b];
     SweepBatch<float>& to = single_.batches[b];
@@ -223,6 +249,7 @@ void GaussSeidel::PrepareSingle() {
     std::copy_n(from.compliance, kBatchLanes, to.compliance);
     std::copy_n(&from.body[0][0], 2 * kBatchLanes, &to.body[0][0]);
     to.used = from.used;
+    for (int lane = 0; lane < kBatchLanes && !frame_.isZero(0); ++lane) shift(b, lane);
   };
   ForkBatches([&](int first, int last) {
     for (int b = first; b < last; ++b) round(b);
@@ -361,7 +388,11 @@ int GaussSeidel::Sweep(const Problem& problem, int max_sweeps, double tolerance,
   if (problem.contacts.empty() || max_sweeps <= 0) return 0;
   if (precision == Precision::kDouble)
     return SweepIn(&plain_, problem, max_sweeps, tolerance, impulses, velocities, pace);
-  if (!single_prepared_) PrepareSingle();
+  if (!single_prepared_) {
+    frame_ = CommonVelocity(problem, *velocities);
+    PrepareSingle(problem);
+  }
+  for (int i = 0; i < problem.num_bodies(); ++i) Block{velocities->data() + 6 * i} -= frame_;
   const int sweeps = SweepIn(&single_, problem, max_sweeps, tolerance, impulses, velocities, pace);
   for (int c = 0; c < problem.num_contacts(); ++c)  // single precision meets the cone to its own rounding
     (*impulses)[c] = CutToCone((*impulses)[c], problem.contacts[c].friction);

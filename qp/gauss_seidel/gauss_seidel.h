@@ -61,7 +61,8 @@ class GaussSeidel {
   void PrepareBatch(const Problem& problem, int number, int still);
   void PrepareContact(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
   void PrepareNormal(const Problem& problem, int number, int lane, SweepBatch<double>* batch);
-  void PrepareSingle();
+  static Vector3 CommonVelocity(const Problem& problem, const std::vector<double>& velocities);
+  void PrepareSingle(const Problem& problem);
   template <typename Run>
   void ForkBatches(const Run& run) const;
   template <typename Number>
@@ -83,8 +84,9 @@ class GaussSeidel {
 
   SweepOrder order_;
   bool compliant_ = false;
-  bool normal_ = false;           // no contact has friction or compliance
-  bool single_prepared_ = false;  // for the problem of the last Prepare
+  bool normal_ = false;              // no contact has friction or compliance
+  Vector3 frame_ = Vector3::Zero();  // [m/s] in which single precision sweeps
+  bool single_prepared_ = false;     // for the problem of the last Prepare
   std::vector<BodyRoot> roots_;
   std::vector<Axes> axes_;
   Field<double> plain_;

@@ -530,6 +530,24 @@ TEST(ContactSuite, AHeavyLoadHidesNoForce) {
   EXPECT_NEAR(s.bodies[1].linear_velocity_W.x(), 1.5 * kDt, 1e-9);
 }
 
+// A cube slides along a tilted plane at 10 m/s, without gravity: that it closes by 1e-15 m/s is rounding, and no problem.
+TEST(ContactSuite, RoundingOfASlideIsNoApproach) {
+  for (int k = 1; k < 40; ++k) {
+    const Quaternion tilt = testing::Turn(0.07 * k, {1, 2, 0.3});
+    Settings settings = NeverFreeze();
+    settings.gravity.setZero();
+    Suite s(settings);
+    s.bodies = {Wall(), UnitCube(tilt * Vector3(0, 0, 0.5))};
+    s.bodies[1].rotation_WB = tilt;
+    s.bodies[1].linear_velocity_W = tilt * Vector3(6, 8, 0);
+    AddFace(0, 1, Vector3::Zero(), 0.5, 0, &s.contacts);
+    for (Contact& c : s.contacts) c.point_W = tilt * c.point_W, c.normal_W = tilt * c.normal_W;
+    const StepReport report = s.Resolve();
+    EXPECT_EQ(report.collision_qp.missed + report.static_qp.missed, 0) << k;
+    EXPECT_LT((s.bodies[1].linear_velocity_W - tilt * Vector3(6, 8, 0)).norm(), 1e-13) << k;
+  }
+}
+
 TEST(ContactSuite, ContactsOfNobodyAreRefused) {
   Suite s;
   AddTwoCubes(&s);
