@@ -122,6 +122,14 @@ CurvePlaces NearestOfCircleAndLine(const Circle& p, const Line& q) {
 
 // In the axes of q a point at (a, b, h) is away from it by (a, b) (1 - R / |(a, b)|) and h. On the axis itself any way out will do.
 CurvePlaces NearestOfCircles(const Circle& p, const Circle& q) {
+  if (p.radius > q.radius) {  // samples of a large rim are too far apart to tell the places on a small one
+    CurvePlaces places = NearestOfCircles(q, p);
+    for (int k = 0; k < places.count; ++k) {
+      std::swap(places.place[k].on_p, places.place[k].on_q);
+      std::swap(places.place[k].tangent_p, places.place[k].tangent_q);
+    }
+    return places;
+  }
   const Matrix3 axes = AxesOf(p), of_q = AxesOf(q);
   const Vector3 centre = of_q.transpose() * (p.centre - q.centre), x = of_q.transpose() * axes.col(0),
                 y = of_q.transpose() * axes.col(1);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "engine/geometry/curve_distance.h"
 #include "engine/geometry/edge_contact.h"
@@ -362,6 +363,7 @@ class Manifold {
     if (own.cross(way).norm() > kLevel * own.norm() * way.norm()) return;
     const Vector3& across = ends.blunt ? own : way;
     const double sign = of_a ? 1 : -1;
+    bool named[2] = {false, false};  // both ends of a short side may be near the same one of a long side
     for (size_t k = 0; k < 2; ++k) {
       const Vector3& end = ends.core[k];
       const double place = PlaceAlong(ends, k, side);
@@ -380,7 +382,8 @@ class Manifold {
       if (gap < nearest_.gap - kNegligible * size_) continue;  // deeper than the separation: beside what they share
       const Vector3 n = between / apart, own_surface = end + sign * ends.girth * n,
                     surface = on_core - sign * side.girth * n;
-      const size_t name = of_a ? 1 + k : together ? 1 + other : 3 + k;
+      const bool shared = together && !std::exchange(named[other], true);
+      const size_t name = of_a ? 1 + k : shared ? 1 + other : 3 + k;
       Add(static_cast<std::uint32_t>(name), of_a ? own_surface : surface, of_a ? surface : own_surface, n, gap);
     }
   }

@@ -4,6 +4,7 @@
 
 #include "engine/motion/lever.h"
 #include "engine/rotation.h"
+#include "qp/smallness.h"
 
 namespace islet::motion {
 namespace {
@@ -37,7 +38,8 @@ void Arcs::Begin(double dt, double before, std::span<Body> bodies) {
     Body& b = bodies[i];
     if (!IsTurningWall(b) || b.removed || b.linear_velocity_W == b.linear_before_W) continue;
     const Quaternion turn = Exp(dt * b.angular_velocity_W);
-    if (turn.w() < 0.5) continue;  // more than a third of a circle in a step is no arc
+    if (turn.vec().norm() <= kNegligible) continue;  // rounding of a pose turns nothing
+    if (turn.w() < 0.5) continue;                    // more than a third of a circle in a step is no arc
     Vector3 around_W = Around(b, dt, before);
     if (before == 0) {  // given may be the velocity of a point, or that of a chord: the one whose centre goes slower
       const Vector3 of_chord_W = Around(b, dt, dt);

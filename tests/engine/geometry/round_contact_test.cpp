@@ -179,6 +179,44 @@ TEST(RoundContact, FlushBarsTouchAtBothEnds) {
   }
 }
 
+// A pin at the rim of a drum ten times as wide: the same from either side, and open by as much as some direction separates the two.
+TEST(RoundContact, SmallRimsAreFoundOnLargeOnes) {
+  const Shape drum = Shape::Cylinder(1, 1), pin = Shape::Cylinder(0.1, 0.1);
+  const auto gaps = [&](const Placement& at) {
+    std::vector<Contact> one, other;
+    CollideShapes(drum, {Vector3::Zero(), Matrix3::Identity()}, pin, at, 1, &one);
+    CollideShapes(pin, at, drum, {Vector3::Zero(), Matrix3::Identity()}, 1, &other);
+    return std::pair(LeastGap(one), LeastGap(other));
+  };
+  const Matrix3 turned = (Eigen::AngleAxisd(140 * std::numbers::pi / 180, Vector3::UnitZ()) *
+                          Eigen::AngleAxisd(50 * std::numbers::pi / 180, Vector3::UnitX()))
+                             .toRotationMatrix();
+  for (const double higher : {0.0, 0.01, 0.05}) {
+    const auto [one, other] = gaps({{1.0437, 0.3224, 1.0939 + higher}, turned});
+    EXPECT_NEAR(one, other, 1e-12);
+    EXPECT_GT(one, 0) << higher;
+  }
+  Random random(91);
+  for (int k = 0; k < 2000; ++k) {
+    const double around = random.Between(0, 6.28);
+    const Vector3 rim(std::cos(around), std::sin(around), 1);
+    const auto [one, other] = gaps({rim + 0.12 * random.Direction(), random.Rotation()});
+    EXPECT_NEAR(one, other, 1e-9) << k;
+  }
+}
+
+// A wheel beside the end of a roller has two contacts with it, which have names of their own.
+TEST(RoundContact, ShortSidesHaveTwoNames) {
+  const Shape roller = Shape::Cylinder(0.5, 1), wheel = Shape::Cylinder(0.5, 0.1);
+  for (const double z : {0.5, 0.75, 0.85}) {
+    std::vector<Contact> contacts;
+    CollideShapes(roller, {Vector3::Zero(), Matrix3::Identity()}, wheel, {{1, 0, z}, Matrix3::Identity()}, 0.1,
+                  &contacts);
+    ASSERT_EQ(contacts.size(), 2u) << z;
+    EXPECT_NE(contacts[0].feature, contacts[1].feature) << z;
+  }
+}
+
 TEST(RoundContact, GapIsTheLargestSeparation) {
   Random random(3);
   const std::vector<Shape> shapes = Shapes();

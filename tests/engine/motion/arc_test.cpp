@@ -1,6 +1,7 @@
 // Walls that go in a circle: as exact as walls that stand, at any step.
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -326,6 +327,24 @@ TEST(Arc, GoesOnInHalves) {
     const Body& box = world.body(1);
     EXPECT_LT((Turn(-frame * dt, Vector3::UnitZ()) * box.position_W - Vector3(3, 0, 0.1)).norm(), 1e-5) << frame;
     EXPECT_LT((box.linear_velocity_W - Vector3::UnitZ().cross(box.position_W)).head<2>().norm(), 3e-3) << frame;
+  }
+}
+
+// A lift that is moved to poses of one rotation goes straight, whatever rounding makes of that rotation.
+TEST(Arc, IsNoneOfWhatKeepsItsRotation) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  for (int k = 0; k < 400; ++k) {
+    const Quaternion turned = Quaternion(normal(random), normal(random), normal(random), normal(random)).normalized();
+    World world(Awake());
+    world.Add({.shape = Shape::Box({1, 1, 0.1}), .kind = BodyKind::kKinematic, .rotation_WB = turned});
+    double z = 0;
+    for (const double speed : {0.5, 0.6, 1.0, 0.0}) {
+      z += speed / 60;
+      world.MoveTo(0, {0, 0, z}, turned, 1.0 / 60);
+      world.Step(1.0 / 60);
+      EXPECT_TRUE(world.body(0).beyond_before_W.isZero(0)) << k;
+    }
   }
 }
 
