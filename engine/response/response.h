@@ -71,7 +71,6 @@ class IslandResponder {
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   static bool IsDriven(const qp::ContactTerm& contact);
   bool IsSquirt() const;
-  bool Gains(double tolerance) const;
   bool LowerRestitution(int attempt);
   void KeepMomentum(const ResponseOutcome& outcome);
   void TakeGuess(const IslandView& island, std::span<Vector3> impulses, ResponseOutcome* outcome);
