@@ -152,8 +152,7 @@ class World {
   std::span<const Vector3> impulses() const;  // [N s] of the last step at the resolved contacts, W, on body_b
   Vector3 ImpulseOn(int body) const;  // [N s] of all contacts in the last step, W; of a body that lives, else it throws
 
-  // Of the last step, by (body_a, body_b): pairs that touch or touched, those with sensors too; and what hit. Where the step was cut, hits
-  // of its parts follow each other.
+  // Of the last step, by (body_a, body_b): pairs that touch or touched, those with sensors too; and what hit, each pair once.
   std::span<const ContactEvent> events() const;
   std::span<const HitEvent> hits() const;  // of the last step, see events()
 

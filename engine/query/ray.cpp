@@ -67,11 +67,12 @@ void EnterRound(const Shape& shape, const Vector3& origin, const Vector3& way, I
 
 }  // namespace
 
+Vector3 Against(const Vector3& way) { return way.isZero(0) ? Vector3::UnitZ() : Vector3(-way.normalized()); }
+
 std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, const Vector3& origin_W,
                                    const Vector3& way_W) {
   const Matrix3& rotation = pose.rotation_WB;
   const Vector3 origin = rotation.transpose() * (origin_W - pose.position_W), way = rotation.transpose() * way_W;
-  const Vector3 against = way.isZero(0) ? Vector3::UnitZ() : Vector3(-way.normalized());
   if (shape.kind() == ShapeKind::kCustom) return {};
   const double size = std::isfinite(shape.size()) ? shape.size() : 0;
   Interval inside{kExact * size + kUlp * (origin_W.norm() + pose.position_W.norm())};
@@ -89,7 +90,7 @@ std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, co
     }
   }
   if (inside.enter > inside.leave) return {};
-  return RayEntry{inside.enter, rotation * (inside.normal.isZero(0) ? against : inside.normal)};
+  return RayEntry{inside.enter, rotation * (inside.normal.isZero(0) ? Against(way) : inside.normal)};
 }
 
 }  // namespace islet

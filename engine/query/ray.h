@@ -14,6 +14,9 @@ struct RayEntry {
   Vector3 normal_W;  // unit, outward; against the way where the ray begins inside
 };
 
+// Unit; of no way at all: up.
+Vector3 Against(const Vector3& way);
+
 // The first point of origin + s way, 0 <= s <= 1, that is in the shape. Where the ray begins inside, that is the origin.
 std::optional<RayEntry> EnterShape(const Shape& shape, const Placement& pose, const Vector3& origin_W,
                                    const Vector3& way_W);

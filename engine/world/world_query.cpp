@@ -25,8 +25,6 @@ void RequireQuery(const std::string& query, const Shape& shape, const Vector3& p
   RequireUnit(query, rotation_WB);
 }
 
-Vector3 Against(const Vector3& way_W) { return way_W.isZero(0) ? Vector3::UnitZ() : Vector3(-way_W.normalized()); }
-
 // Of the turns that lead from one rotation to the other, whole ones more or less, the one that is most like another.
 Vector3 TurnLike(const Vector3& other, const Quaternion& from, const Quaternion& to) {
   const Vector3 turn = Log(to * from.conjugate());

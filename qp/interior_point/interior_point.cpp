@@ -135,7 +135,7 @@ void InteriorPoint::ChooseStart() {
 
 Status InteriorPoint::Iterate(const Settings& settings, Solution* solution) {
   double best_merit = INFINITY;
-  best_z_ = z_, best_y_ = y_;
+  best_z_ = z_, best_y_ = y_;  // of this problem, if no residual is finite
   Residuals best{INFINITY, INFINITY, INFINITY};
   bool solved = false;
   int stalled = 0;

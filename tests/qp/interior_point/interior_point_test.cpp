@@ -190,7 +190,7 @@ TEST(InteriorPoint, ReachesItsAimWhereContactsAreOnTheEdge) {
     above += map > 1e-7, iterations += solution.iterations, ++total;
   }
   EXPECT_EQ(total, 400);
-  EXPECT_LE(above, 10);  // measured: 7; 235 when residuals and gap weighed the same
+  EXPECT_LE(above, 10);               // measured: 7; 235 when residuals and gap weighed the same
   EXPECT_LT(iterations, 12 * total);  // measured: 11.3 each
 }
 
@@ -252,6 +252,24 @@ TEST(InteriorPoint, AnswerScalesWithTheUnits) {
   const qp::Solution others = SolveConvex(problem);
   for (size_t i = 0; i < metres.velocities.size(); ++i)
     EXPECT_NEAR(others.velocities[i], 100 * metres.velocities[i], 0.02);
+}
+
+// Without a finite residual there is no answer, least of all that of the problem before.
+TEST(InteriorPoint, NoNumberHasNoAnswer) {
+  Random random(7);
+  Problem problem = RandomStack(&random, 3, 0.3, 0.6, 1);
+  qp::Settings settings;
+  settings.model = qp::Model::kConvex;
+  settings.velocity_scale = VelocityScale(problem);
+  qp::InteriorPoint solver;
+  qp::Solution before, after;
+  solver.Solve(problem, settings, {}, &before);
+  ASSERT_EQ(before.status, qp::Status::kSolved);
+  problem.bodies[0].velocity[2] = std::nan("");
+  solver.Solve(problem, settings, {}, &after);
+  EXPECT_EQ(after.status, qp::Status::kFailed);
+  ASSERT_EQ(after.impulses.size(), before.impulses.size());
+  for (size_t c = 0; c < before.impulses.size(); ++c) EXPECT_NE(after.impulses[c], before.impulses[c]) << c;
 }
 
 }  // namespace
