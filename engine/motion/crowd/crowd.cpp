@@ -286,11 +286,11 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
     memory->forces_W = start_force_W_;
     return true;
   }
-  double t = 0, most = dt;
-  for (int level = 0; dt - t > 1e-9 * dt;) {
-    const double h = std::min(most, dt - t);
+  // In parts of 1/64 of the step. What missed is done in halves; after both the next piece is as long as they were together.
+  const int whole = 1 << kMostHalvings;
+  for (int done = 0, parts = whole; done < whole;) {
     const Outcome outcome = Piece(
-        t, h, level == kMostHalvings,
+        dt * done / whole, dt * parts / whole, parts == 1,
         [&](std::span<const Vector3> travel_W) {
           find(travel_W);
           TurnCorners();
@@ -298,12 +298,12 @@ bool Crowd::Pieces(double dt, const FindContacts& find, CrowdMemory* memory, Ste
         },
         memory, report);
     if (outcome == Outcome::kHitFrozen) return false;
-    if (outcome == Outcome::kDone) {
-      t += h;
-    } else if (outcome == Outcome::kMissed) {
-      ++level;
-      most = 0.5 * h;
+    if (outcome == Outcome::kMissed) {
+      parts /= 2;
+      continue;
     }
+    done += parts;
+    if (parts < whole && done % (2 * parts) == 0) parts *= 2;
   }
   ReportIslands(report);
   return true;

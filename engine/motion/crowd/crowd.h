@@ -92,15 +92,16 @@ class Crowd {
   };
   struct
       Settled {  // [N s] at a contact of the end: what is solved there (n, t1, t2), what carrying is taken back, what stays beyond
-    Vector3 local, blow, collision, carried_W, beyond_W;
+    Vector3 local, carried_W, beyond_W;
   };
   struct Worker {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> before, held;  // of an island's bodies: before anything is solved, and before blows
-    std::vector<Vector3> guess;       // [N s] of its contacts, first
-    std::vector<Settled> settled;     // of its contacts, while it is solved again
+    std::vector<Twist> first,
+        held;  // of an island's bodies: before it is held again, to keep friction in its cones; before blows
+    std::vector<Settled> settled;  // of its contacts, then
+    ResponseOutcome first_held;    // then, too
     std::vector<Vector3>
         given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
     std::vector<int> taken;    // held contacts of an island whose impulses are given back where they acted
@@ -207,7 +208,8 @@ class Crowd {
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
   Vector3 BeyondCone(int c) const;
-  void KeepToCone(int island, Worker* worker);
+  bool KeepToCone(int island, Worker* worker);
+  void LeaveCone(int island, Worker* worker);
   void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);
@@ -215,7 +217,10 @@ class Crowd {
   bool GiveBack(int island, Worker* worker);
   void FindHits();
   void SettleIsland(int island, Worker* worker);
+  void TakeBack(int island);
+  void HoldIsland(int island, Worker* worker);
   void HoldThenStrike(int island, Worker* worker);
+  void Strike(int island, Worker* worker);
   bool Soften(int island, Worker* worker);
   Vector3 PullOn(const Contact& contact) const;
   double ClosingWay(const Contact& contact) const;

@@ -127,7 +127,7 @@ void Crowd::Settle(StepReport* report) {
   std::copy(bodies_.begin(), bodies_.end(), posed_.begin());
   FindHits();
   TurnCarried();
-  // What these carried is taken back, as far as their law allows it, and all of what a blow replaces.
+  // What these carried is to be taken back, as far as their law allows it, and all of what a blow replaces.
   beyond_W_.resize(problem_.size());
   local_.resize(problem_.size());
   for (size_t c = 0; c < problem_.size(); ++c) {
@@ -137,7 +137,6 @@ void Crowd::Settle(StepReport* report) {
     beyond_W_[c] = carried - allowed;
     carried = allowed;
     local_[c] = frames_[c].transpose() * carried;
-    if (!carried.isZero(0)) ApplyImpulse(contact, -carried, posed_);
   }
   problem_at_.assign(near_->size(), -1);
   for (size_t c = 0; c < problem_.size(); ++c) problem_at_[closed_[c]] = static_cast<int>(c);
@@ -166,6 +165,14 @@ void Crowd::Settle(StepReport* report) {
   }
   for (size_t i = 0; i < bodies_.size(); ++i)
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
+}
+
+// [m/s] velocities without what is taken back.
+void Crowd::TakeBack(int island) {
+  for (const int i : partition_.bodies_of(island)) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
+  for (const int c : partition_.contacts_of(island))
+    if (const Vector3& carried = carried_W_[closed_[c]]; !carried.isZero(0))
+      ApplyImpulse(problem_[c], -carried, posed_);
 }
 
 // All that an island carried is given back where it was taken, and the end alone solved. Returns whether nobody gains by that.
@@ -211,38 +218,37 @@ Vector3 Crowd::BeyondCone(int c) const {
   return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// Where any is, all of the island is taken back as it acted, and the end is solved again; not where that would make energy.
-void Crowd::KeepToCone(int island, Worker* worker) {
+// Where any is, all of the island is taken back as it acted, and held again. What blows add is in the cones. Returns whether there is any.
+bool Crowd::KeepToCone(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const auto is_beyond = [&](int c) {
     return BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]);
   };
-  if (std::none_of(contacts.begin(), contacts.end(), is_beyond)) return;
-  worker->before.clear();
+  if (std::none_of(contacts.begin(), contacts.end(), is_beyond)) return false;
+  worker->first_held = outcomes_[island];
+  worker->first.clear();
+  for (const int i : bodies) worker->first.push_back(TwistOf(posed_[i]));
   worker->settled.clear();
-  for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
-  for (const int c : contacts)
-    worker->settled.push_back({local_[c], blows_[c], collisions_[c], carried_W_[closed_[c]], beyond_W_[c]});
-  ResponseOutcome held = outcomes_[island], struck = struck_[island];
-  const int bounces = bounces_of_[island];
-  for (const int i : bodies) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
-  for (const int c : contacts) {
-    carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
-    blows_[c].setZero();
-    collisions_[c].setZero();
-    ApplyImpulse(problem_[c], -carried_W_[closed_[c]], posed_);
-  }
-  HoldThenStrike(island, worker);
-  if (!MarkGains(island, worker)) return;
-  held.seconds = outcomes_[island].seconds, struck.seconds = struck_[island].seconds;
-  outcomes_[island] = held, struck_[island] = struck;
-  bounces_of_[island] = bounces;
-  for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+  for (const int c : contacts) worker->settled.push_back({local_[c], carried_W_[closed_[c]], beyond_W_[c]});
+  for (const int c : contacts) carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
+  TakeBack(island);
+  HoldIsland(island, worker);
+  return true;
+}
+
+// As before that.
+void Crowd::LeaveCone(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const double seconds = std::exchange(outcomes_[island], worker->first_held).seconds;
+  outcomes_[island].seconds = seconds;
+  for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->first[k], &posed_[bodies[k]]);
   for (size_t k = 0; k < contacts.size(); ++k) {
     const int c = contacts[k];
-    const Settled& s = worker->settled[k];
-    local_[c] = s.local, blows_[c] = s.blow, collisions_[c] = s.collision;
-    carried_W_[closed_[c]] = s.carried_W, beyond_W_[c] = s.beyond_W;
+    local_[c] = worker->settled[k].local;
+    carried_W_[closed_[c]] = worker->settled[k].carried_W;
+    beyond_W_[c] = worker->settled[k].beyond_W;
+    blows_[c].setZero();
+    collisions_[c].setZero();
   }
 }
 
@@ -252,18 +258,15 @@ void Crowd::KeepToCone(int island, Worker* worker) {
 void Crowd::SettleIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   if (contacts.empty()) return;
-  worker->before.clear();
-  worker->guess.clear();
   worker->taken.clear();
-  for (const int i : bodies) worker->before.push_back(TwistOf(posed_[i]));
-  for (const int c : contacts) worker->guess.push_back(local_[c]);
+  TakeBack(island);
   const auto gains = [&](int i) {
     return !cut_[i] && worker->gaining[std::lower_bound(bodies.begin(), bodies.end(), i) - bodies.begin()];
   };
-  const auto take_back = [&](size_t k) {
-    local_[contacts[k]] = worker->guess[k];
-    blows_[contacts[k]].setZero();
-    collisions_[contacts[k]].setZero();
+  const auto take_back = [&](int c) {
+    local_[c] = frames_[c].transpose() * carried_W_[closed_[c]];
+    blows_[c].setZero();
+    collisions_[c].setZero();
   };
   for (int attempt = 1;; ++attempt) {
     const bool rebounds = std::any_of(contacts.begin(), contacts.end(), [&](int c) { return targets_[c] > 0; });
@@ -276,8 +279,8 @@ void Crowd::SettleIsland(int island, Worker* worker) {
       outcomes_[island].status = QpStatus::kInaccurate;  // what it certifies is taken back
       for (size_t k = 0; k < bodies.size(); ++k)
         if (worker->gaining[k]) SetTwist(TwistOf(bodies_[bodies[k]]), &posed_[bodies[k]]);
-      for (size_t k = 0; k < contacts.size(); ++k)
-        if (gains(problem_[contacts[k]].body_a) || gains(problem_[contacts[k]].body_b)) take_back(k);
+      for (const int c : contacts)
+        if (gains(problem_[c].body_a) || gains(problem_[c].body_b)) take_back(c);
       break;
     }
     for (const int c : contacts) {
@@ -285,10 +288,9 @@ void Crowd::SettleIsland(int island, Worker* worker) {
       targets_[c] = std::min(targets_[c], 0.0);
       hits_[c] = 0;
     }
-    for (size_t k = 0; k < contacts.size(); ++k) take_back(k);
-    for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->before[k], &posed_[bodies[k]]);
+    for (const int c : contacts) take_back(c);
+    TakeBack(island);
   }
-  KeepToCone(island, worker);
   const bool held_only = struck_[island].status == QpStatus::kNone;
   Record(island, held_only ? Stage::kStatic : Stage::kCollision, held_only ? outcomes_[island] : struck_[island],
          *worker);
@@ -310,10 +312,9 @@ double Crowd::SpeedOfMoment(const Contact& contact, double start, double end) co
   return std::clamp(speed, std::min(start, end), std::max(start, end));
 }
 
-// What does not hit is held, then blows follow. Who asks again adds to the time that it took, and restitution stays lowered.
-void Crowd::HoldThenStrike(int island, Worker* worker) {
+// What does not hit. Who asks again adds to the time that it took, and restitution stays lowered.
+void Crowd::HoldIsland(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
-  const ContactFrames all{problem_, frames_};
   worker->contacts.clear();
   for (const int c : contacts) {
     if (hits_[c])
@@ -321,14 +322,31 @@ void Crowd::HoldThenStrike(int island, Worker* worker) {
     else
       worker->contacts.push_back(c);
   }
-  const double held = outcomes_[island].seconds, struck = struck_[island].seconds;
+  const double seconds = outcomes_[island].seconds;
   const bool lowered = outcomes_[island].restitution_lowered;
-  outcomes_[island] =
-      worker->responder.ResolveTargets({bodies, worker->contacts}, all, targets_, settings_, floor_, posed_, local_);
-  outcomes_[island].seconds += held;
+  outcomes_[island] = worker->responder.ResolveTargets({bodies, worker->contacts}, {problem_, frames_}, targets_,
+                                                       settings_, floor_, posed_, local_);
+  outcomes_[island].seconds += seconds;
   outcomes_[island].restitution_lowered = lowered;
+}
+
+// What does not hit is held, then blows follow. Where friction stays in its cones by what makes energy, it does not.
+void Crowd::HoldThenStrike(int island, Worker* worker) {
+  HoldIsland(island, worker);
+  const bool kept = KeepToCone(island, worker);
+  Strike(island, worker);
+  if (!kept || !MarkGains(island, worker)) return;
+  LeaveCone(island, worker);
+  Strike(island, worker);
+}
+
+// Blows in order of their speed, then at once.
+void Crowd::Strike(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+  const ContactFrames all{problem_, frames_};
   worker->held.clear();
   for (const int i : bodies) worker->held.push_back(TwistOf(posed_[i]));
+  const double struck = struck_[island].seconds;
   struck_[island] = {};
   struck_[island].seconds = struck;
   if (worker->contacts.size() == contacts.size()) return;
