@@ -91,17 +91,17 @@ class Crowd {
     double speed;  // [m/s] at which nothing keeps it apart
   };
   struct
-      Settled {  // [N s] at a contact of the end: what is solved there (n, t1, t2), what carrying is taken back, what stays beyond
+      Settled {  // [N s] at a contact of the end: what holds it (n, t1, t2), and of what it carried the part taken back and the rest
     Vector3 local, carried_W, beyond_W;
   };
   struct Worker {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> first,
-        held;  // of an island's bodies: before it is held again, to keep friction in its cones; before blows
+    std::vector<Twist> held;       // of an island's bodies, before blows
+    std::vector<Twist> first;      // of these, as they were held first: without regard to all that acted
     std::vector<Settled> settled;  // of its contacts, then
-    ResponseOutcome first_held;    // then, too
+    ResponseOutcome first_held;    // then
     std::vector<Vector3>
         given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
     std::vector<int> taken;    // held contacts of an island whose impulses are given back where they acted

@@ -167,7 +167,7 @@ void Crowd::Settle(StepReport* report) {
     if (!cut_[i]) SetTwist(TwistOf(posed_[i]), &bodies_[i]);
 }
 
-// [m/s] velocities without what is taken back.
+// Velocities without what is taken back.
 void Crowd::TakeBack(int island) {
   for (const int i : partition_.bodies_of(island)) SetTwist(TwistOf(bodies_[i]), &posed_[i]);
   for (const int c : partition_.contacts_of(island))
@@ -213,12 +213,12 @@ Vector3 Crowd::BeyondCone(int c) const {
   const int e = closed_[c];
   const Contact& contact = problem_[c];
   if (contact.friction == 0 || beyond_W_[c].isZero(0)) return Vector3::Zero();
-  const Vector3 change = frames_[c] * (local_[c] + blows_[c] + collisions_[c]) - carried_W_[e];
+  const Vector3 change = ChangeAt(c);
   const double press = contact.normal_W.dot(change);
   return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// Where any is, all of the island is taken back as it acted, and held again. What blows add is in the cones. Returns whether there is any.
+// Where any is, all of the island is taken back as it acted, and held again. What blows add lies in their cones. Returns whether there was any.
 bool Crowd::KeepToCone(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const auto is_beyond = [&](int c) {
@@ -236,7 +236,7 @@ bool Crowd::KeepToCone(int island, Worker* worker) {
   return true;
 }
 
-// As before that.
+// As the island was held first.
 void Crowd::LeaveCone(int island, Worker* worker) {
   const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
   const double seconds = std::exchange(outcomes_[island], worker->first_held).seconds;
@@ -330,7 +330,7 @@ void Crowd::HoldIsland(int island, Worker* worker) {
   outcomes_[island].restitution_lowered = lowered;
 }
 
-// What does not hit is held, then blows follow. Where friction stays in its cones by what makes energy, it does not.
+// What does not hit is held, then blows follow. Friction is kept to its cones where that makes no energy.
 void Crowd::HoldThenStrike(int island, Worker* worker) {
   HoldIsland(island, worker);
   const bool kept = KeepToCone(island, worker);
