@@ -1,7 +1,8 @@
 """Contact and friction among thousands of rigid bodies, exactly and fast.
 
 Units are SI. Frames: W is the world. Rotations are (x, y, z, w), unit length, from a body's frame to W.
-A bad value raises ValueError that names the field and the value; a world that is in a step raises RuntimeError.
+A bad value raises ValueError that names the field and the value, one of the wrong type or length TypeError; a world that is in a step raises
+RuntimeError. Regions that freeze (cold_volumes) and the ladder of methods are for C++ alone.
 
 Arrays that are properties of a world are read-only views of its memory. They show every later step, and unfinished states while another
 thread steps. While one of them lives, also inside an expression or a loop over it, add() and restore() raise BufferError: copy what is to stay,
@@ -23,6 +24,15 @@ class Model:
     CONVEX: Model
     COULOMB: Model
 
+class Cone:
+    CIRCULAR: Cone
+    OCTAGON: Cone
+
+class BounceLaw:
+    EQ5: BounceLaw
+    EQ6: BounceLaw
+    EXACT: BounceLaw
+
 class Freezing:
     OFF: Freezing
     PAPER: Freezing
@@ -37,7 +47,10 @@ class Settings:
     """Settings(field=value, ...); see engine/settings.h."""
     gravity: Tuple[float, float, float]  # [m/s^2]
     model: Model
+    cone: Cone
+    bounce_law: BounceLaw
     freezing: Freezing
+    freeze_count: int  # frames, of Freezing.PAPER
     freeze_seconds: float
     freeze_travel: float
     tolerance: float  # of the contact problems, relative to v_ref
@@ -145,6 +158,8 @@ class Contact:  # the same
     point: np.ndarray  # [m]
     normal: np.ndarray  # unit, from a to b
     gap: float  # [m]
+    friction: float  # in the material callback: that of the pair, mixed of both bodies'
+    restitution: float  # the same
 
 class World:
     def __init__(self, settings: Optional[Settings] = None) -> None: ...

@@ -3,6 +3,8 @@
 // Arrays of a world are views of its own memory, without copies. While one of them lives, no body can be added: the call is refused, as a
 // bytearray refuses to grow while somebody looks at it. World.step runs without the interpreter's lock; whoever calls a world meanwhile gets RuntimeError.
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <exception>
 #include <limits>
@@ -10,6 +12,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <thread>
 
 #include <pybind11/eigen.h>
 #include <pybind11/functional.h>
@@ -27,6 +30,11 @@ using namespace islet;
 
 namespace {
 
+// What a callback throws while the interpreter ends.
+struct Ended : std::runtime_error {
+  Ended() : std::runtime_error("the interpreter ends") {}
+};
+
 // The interpreter's lock guards it: whoever has the lock sees a world that is in a step, or one that is in none.
 class PyWorld {
  public:
@@ -39,21 +47,33 @@ class PyWorld {
     return world_;
   }
 
-  // Without the lock. No guard object takes it back: where the interpreter ends meanwhile this thread is unwound from here.
-  StepReport Step(double dt) {
+  // act(world) without the lock, for callbacks may run on other threads. No guard object takes it back: where the interpreter ends
+  // meanwhile this thread is unwound from here.
+  template <typename Act>
+  void WithoutLock(const Act& act) {
     World& world = this->world();
-    StepReport report;
     std::exception_ptr error;
     stepping_ = true;
     PyThreadState* const thread = PyEval_SaveThread();
     try {
-      report = world.Step(dt);
+      act(world);
     } catch (...) {
       error = std::current_exception();
     }
     PyEval_RestoreThread(thread);
     stepping_ = false;
-    if (error) std::rethrow_exception(error);
+    if (!error) return;
+    try {
+      std::rethrow_exception(error);
+    } catch (const Ended&) {  // as sys.exit() in that thread: silent
+      PyErr_SetNone(PyExc_SystemExit);
+      throw py::error_already_set();
+    }
+  }
+
+  StepReport Step(double dt) {
+    StepReport report;
+    WithoutLock([&](World& world) { report = world.Step(dt); });
     return report;
   }
 
@@ -152,6 +172,7 @@ void SetRows(const char* call, std::array<const char*, 2> names, const py::objec
   const py::ssize_t n = bodies.shape(0);
   const auto row = [](const Rows& rows, py::ssize_t i) { return Vector3(rows.at(i, 0), rows.at(i, 1), rows.at(i, 2)); };
   const auto require = [&](const char* field, const Rows& rows) {
+    if (n == 0 && rows.size() == 0) return;  // also an empty list
     if (rows.ndim() != 2 || rows.shape(0) != n || rows.shape(1) != 3)
       throw std::invalid_argument(std::string(call) + ": " + field + " must have shape (" + std::to_string(n) +
                                   ", 3), a row for each of bodies");
@@ -193,9 +214,37 @@ using CollisionFunction = std::function<py::object(int a, int b, const Body& bod
 // What a callback returned, checked by the world.
 using MaterialFunction = std::function<std::pair<double, double>(const Contact& contact, const Body& a, const Body& b)>;
 
+// A callback that waits for the lock of an interpreter that ends would be unwound through the engine. So who begins one later is refused, and
+// the end waits for those that have begun: for a second at most, since some may wait for the end.
+class Callback {
+ public:
+  Callback() {
+    ++under_way_;
+    if (!ending_) return;
+    --under_way_;
+    throw Ended();
+  }
+  ~Callback() { --under_way_; }
+  Callback(const Callback&) = delete;
+  Callback& operator=(const Callback&) = delete;
+
+  static void End() {
+    ending_ = true;
+    const py::gil_scoped_release unlock;
+    const auto begin = std::chrono::steady_clock::now();
+    while (under_way_ > 0 && std::chrono::steady_clock::now() < begin + std::chrono::seconds(1))
+      std::this_thread::yield();
+  }
+
+ private:
+  static inline std::atomic<bool> ending_ = false;
+  static inline std::atomic<int> under_way_ = 0;
+};
+
 // What Python's function returned; if it is of another type, an error that says whose and what it must be.
 template <typename Call>
 auto Returned(const char* whose, const char* what, const Call& call) -> decltype(call()) {
+  const Callback begun;
   try {
     return call();
   } catch (const py::cast_error&) {
@@ -217,6 +266,11 @@ void BindSettings(py::module_& m) {
       .value("KINETIC", Model::kKinetic)
       .value("CONVEX", Model::kConvex)
       .value("COULOMB", Model::kCoulomb);
+  py::enum_<Cone>(m, "Cone").value("CIRCULAR", Cone::kCircular).value("OCTAGON", Cone::kOctagon);
+  py::enum_<BounceLaw>(m, "BounceLaw")
+      .value("EQ5", BounceLaw::kEq5)
+      .value("EQ6", BounceLaw::kEq6)
+      .value("EXACT", BounceLaw::kExact);
   py::enum_<Freezing>(m, "Freezing")
       .value("OFF", Freezing::kOff)
       .value("PAPER", Freezing::kPaper)
@@ -266,6 +320,9 @@ void BindSettings(py::module_& m) {
               throw std::invalid_argument("effort = '" + name +
                                           "' must be 'quick', 'normal', 'thorough' or a number of sweeps");
           })
+      .def_readwrite("cone", &Settings::cone)
+      .def_readwrite("bounce_law", &Settings::bounce_law)
+      .def_readwrite("freeze_count", &Settings::freeze_count)
       .def_readwrite("bounce_limit", &Settings::bounce_limit)
       .def_readwrite("touch_gap", &Settings::touch_gap)
       .def_readwrite("overlap_tolerance", &Settings::overlap_tolerance)
@@ -370,7 +427,9 @@ void BindWorld(py::module_& m) {
       .def_readonly("body_b", &Contact::body_b)
       .def_readonly("point", &Contact::point_W)
       .def_readonly("normal", &Contact::normal_W)
-      .def_readonly("gap", &Contact::gap);
+      .def_readonly("gap", &Contact::gap)
+      .def_readonly("friction", &Contact::friction)
+      .def_readonly("restitution", &Contact::restitution);
   const auto numbers = py::dtype::of<double>();
   py::class_<PyWorld>(m, "World")
       .def(py::init([](const std::optional<Settings>& settings) {
@@ -527,7 +586,8 @@ void BindWorld(py::module_& m) {
             self.world().RestoreMotion({reinterpret_cast<const std::byte*>(bytes.data()), bytes.size()});
           },
           py::arg("data"))
-      .def("check_initial_overlap", [](PyWorld& self) { self.world().CheckInitialOverlap(); })
+      .def("check_initial_overlap",
+           [](PyWorld& self) { self.WithoutLock([](World& world) { world.CheckInitialOverlap(); }); })
       .def(
           "shape", [](PyWorld& self, int body) { return self.world().shape(Live(self, body)); }, py::arg("body"))
       .def(
@@ -617,6 +677,7 @@ void BindWorld(py::module_& m) {
 PYBIND11_MODULE(islet, m) {
   m.doc() = "Contact and friction among thousands of rigid bodies, exactly and fast.";
   m.attr("__version__") = ISLET_VERSION;
+  py::module_::import("atexit").attr("register")(py::cpp_function(&Callback::End));
   BindSettings(m);
   BindReport(m);
   BindWorld(m);

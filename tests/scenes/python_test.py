@@ -291,6 +291,57 @@ time.sleep(0.3)
         run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
         self.assertEqual((run.returncode, run.stderr), (0, ""))
 
+    def test_a_daemon_whose_callback_is_asked_does_not_disturb_the_end(self):
+        script = """
+import islet, threading, time
+world = islet.scene("cubeglass", count=200)
+world.set_material_callback(lambda contact, a, b: (contact.friction, contact.restitution))
+def forever():
+    while True:
+        world.step(1 / 30)
+threading.Thread(target=forever, daemon=True).start()
+time.sleep(0.3)
+"""
+        run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+
+    def test_a_check_leaves_the_lock_to_callbacks_of_other_threads(self):
+        script = """
+import islet
+world = islet.World(islet.Settings(threads=2))
+for x in range(30):
+    for y in range(30):
+        world.add(islet.Shape.sphere(0.5), position=(1.0005 * x, 1.0005 * y, 0))
+asked = []
+world.set_collision_callback(lambda a, b, x, y: asked.append(a) or True)
+world.check_initial_overlap()
+print(len(asked) > 1000)
+"""
+        run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
+        self.assertEqual((run.returncode, run.stdout, run.stderr), (0, "True\n", ""))
+
+    def test_a_material_callback_sees_what_was_mixed(self):
+        world = islet.World()
+        world.add(islet.Shape.half_space(), islet.Kind.FIXED, friction=0.9, restitution=0.1)
+        world.add(islet.Shape.box((1, 1, 1)), position=(0, 0, 1), friction=0.4, restitution=0.3)
+        seen = []
+        world.set_material_callback(lambda contact, a, b: seen.append((contact.friction, contact.restitution)) or seen[-1])
+        world.step(1 / 60)
+        self.assertAlmostEqual(seen[0][0], 0.6)  # the root of the product
+        self.assertEqual(seen[0][1], 0.3)  # the larger
+
+    def test_rows_of_nobody(self):
+        world = stack()
+        world.set_velocities([], [])
+        world.set_forces([], [], [])
+        with self.assertRaisesRegex(ValueError, "shape"):
+            world.set_velocities([], [(1, 2, 3)])
+
+    def test_settings_of_the_paper(self):
+        settings = islet.Settings(freezing=islet.Freezing.PAPER, freeze_count=1, cone=islet.Cone.OCTAGON, bounce_law=islet.BounceLaw.EQ5)
+        self.assertEqual((settings.freeze_count, settings.cone, settings.bounce_law), (1, islet.Cone.OCTAGON, islet.BounceLaw.EQ5))
+        self.assertEqual(islet.Settings.paper().cone, islet.Cone.OCTAGON)
+
     def test_queries(self):
         world = stack()
         body, share, point, normal = world.cast_ray((0, 0, 10), (0, 0, -10))
