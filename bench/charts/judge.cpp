@@ -74,12 +74,12 @@ void Judge::Sample(double time, std::span<const State> states) {
     if (measures_.fell_at < 0 && moved.z() < -kFall) measures_.fell_at = time;
   }
   measures_.drift_max = std::max(measures_.drift_max, measures_.drift);
-  IncludeInLastSecond(deepest, states);
+  IncludeInLastSecond(time, deepest, states);
 }
 
-void Judge::IncludeInLastSecond(double deepest, std::span<const State> states) {
-  if (recent_.size() > kSamplesPerSecond) recent_.erase(recent_.begin());  // one second has 31 ends
-  Recent sample{.deepest = deepest, .squared_speed = 0, .centres = {}};
+void Judge::IncludeInLastSecond(double time, double deepest, std::span<const State> states) {
+  std::erase_if(recent_, [&](const Recent& sample) { return sample.time < time - 1 - 1e-9; });
+  Recent sample{.time = time, .deepest = deepest, .squared_speed = 0, .centres = {}};
   int moving = 0;
   for (size_t i = 0; i < states.size(); ++i) {
     if (!plan_.bodies[i].Moves()) continue;

@@ -56,10 +56,10 @@ class Judge {
   Vector3 Momentum(std::span<const peers::State> states) const;                // [N s]
   bool Isolated() const;                                                       // no gravity, nothing static
   bool Lossless() const;                                                       // no friction, restitution 1
-  void IncludeInLastSecond(double deepest, std::span<const peers::State> states);
+  void IncludeInLastSecond(double time, double deepest, std::span<const peers::State> states);
 
   struct Recent {  // one sample of the last second
-    double deepest, squared_speed;
+    double time, deepest, squared_speed;
     std::vector<Vector3> centres;
   };
 

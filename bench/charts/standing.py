@@ -61,12 +61,13 @@ def join(group):
     row = Row(group[0])
     row["starts"], row["failures"] = len(group), failures
     row["failed"] = reasons.most_common(1)[0][0] if 2 * failures > len(group) else ""
-    ran = [r for r in group if r["wall_per_s"] > 0] or group
+    ran = [r for r in group if r["wall_per_s"] > 0] or group  # who was stopped has no time
     row.low, row.high = {}, {}
     for column, first in group[0].items():
         if column in TEXT or column in KNOBS:
             continue
-        numbers = [math.inf if r["failed"] and column in METRICS and not row["failed"] else r[column] for r in ran]
+        measured = column in METRICS and not row["failed"]
+        numbers = [math.inf if r["failed"] and measured else r[column] for r in (group if measured else ran)]
         numbers = [n for n in numbers if not math.isnan(n)] or [first]
         row[column] = statistics.median_low(numbers)
         row.low[column], row.high[column] = min(numbers), max(numbers)

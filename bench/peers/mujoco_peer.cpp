@@ -124,6 +124,9 @@ class MujocoPeer final : public Peer {
     if (data_->warning[mjWARN_CNSTRFULL].number > 0 || data_->warning[mjWARN_CONTACTFULL].number > 0) {
       Fail("room for contacts exhausted");
     }
+    // It begins anew from the start where numbers are not finite or too large, and says so here alone.
+    for (const int reset : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
+      if (data_->warning[reset].number > 0) Fail("it began anew from the start");
   }
 
   State Read(int number) const override {

@@ -1,4 +1,5 @@
 """islet beside its peers, on rows made by hand; and the shares of time of measure.py. Run by ctest with the folder of both."""
+import math
 import pathlib
 import sys
 import tempfile
@@ -41,6 +42,12 @@ class Starts(unittest.TestCase):
         joined, = read(row("bullet", 1, 0.1), row("bullet", 1, 0.2, start=1), row("bullet", 1, 0.3, start=2, failed="collapsed"))
         self.assertEqual((joined["error"], joined["failed"], joined["failures"]), (0.2, "", 1))
         self.assertEqual(joined.high["error"], float("inf"))
+
+    def test_so_is_one_that_was_stopped_and_has_no_time(self):
+        stopped = row("bullet", 1, 0.0, start=1, failed="crashed").replace(",1,1,abc", ",0,0,abc")
+        joined, = read(row("bullet", 1, 0.1), stopped, row("bullet", 1, 0.2, start=2))
+        self.assertEqual((joined["error"], joined.high["error"]), (0.2, math.inf))
+        self.assertEqual(joined.low["wall_per_s"], 1)
 
     def test_most_failed_is_failed(self):
         joined, = read(row("bullet", 1, 0.1), *(row("bullet", 1, 0.2, start=i, failed="collapsed") for i in (1, 2)))
