@@ -6,12 +6,15 @@ export async function extentOf(film, bodyRadius, solid) {
   const {head} = film;
   const {lower, upper} = head.bounds ?? {};
   const allowed = head.bounds ? new Box3(new Vector3(...lower), new Vector3(...upper)) : null;
-  const box = new Box3(), first = new Box3(), point = new Vector3();
+  const box = new Box3(), first = new Box3(), point = new Vector3(), seenAt = [];
   for (let k = 0; k <= 4; ++k) {
     const frame = await film.frame(Math.round(((film.frames - 1) * k) / 4), false);
     head.bodies.kind.slice(0, frame.frozen.length).forEach((kind, i) => {
       point.fromArray(frame.positions, 3 * i);
-      if (kind === 'dynamic' && (!allowed || allowed.containsPoint(point))) box.expandByPoint(point);
+      if (kind === 'dynamic' && (!allowed || allowed.containsPoint(point))) {
+        box.expandByPoint(point);
+        seenAt.push(point.clone());
+      }
     });
     if (k > 0) continue;
     first.copy(box);
@@ -24,6 +27,8 @@ export async function extentOf(film, bodyRadius, solid) {
     }
   }
   const reach = first.clone().expandByScalar(2 * first.getSize(new Vector3()).length() + 12 * bodyRadius);
-  const seen = box.isEmpty() ? first : box.intersect(reach);
+  // Where most of them leave it, it is no matter of some that flew off: one ball that falls.
+  const inside = seenAt.filter((at) => reach.containsPoint(at)).length;
+  const seen = box.isEmpty() ? first : 2 * inside < seenAt.length ? box : box.intersect(reach);
   return {all: seen.expandByScalar(bodyRadius), first};
 }

@@ -58,6 +58,11 @@ export class LivePlayer {
     else this.go(this.frame + frames);
   }
 
+  // As a slider or a link does: it asks nothing of the run, also where that is one frame ahead.
+  seek(frame) {
+    this.go(frame);
+  }
+
   // Frames were forgotten: to(i) is where frame i is now.
   thinned(to) {
     this.frame = to(this.frame);

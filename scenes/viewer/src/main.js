@@ -16,7 +16,7 @@ import {radiusOf} from './shapes.js';
 import {openSource} from './source.js';
 import {Stage} from './stage.js';
 import {onTheme, theme} from './theme.js';
-import {isWall, Walls} from './walls.js';
+import {isWall, MOST_WALLS, Walls} from './walls.js';
 
 const $ = (id) => document.getElementById(id);
 
@@ -39,7 +39,9 @@ class Viewer {
     this.picked = -1;
     this.shown = null;
 
-    const walls = all.filter((i) => isWall(head, i, this.bodyRadius));
+    // Half-spaces first: what is no wall any more is drawn solid, and they cannot be.
+    const endless = (i) => head.shapes[bodies.shape[i]].kind === 'half-space';
+    const walls = all.filter((i) => isWall(head, i, this.bodyRadius)).sort((a, b) => endless(b) - endless(a)).slice(0, MOST_WALLS);
     this.isWall = new Set(walls);
     const extent = await this.extent(), size = extent.all.getSize(new Vector3()).length();
     const start = await film.frame(0, false);
@@ -52,7 +54,7 @@ class Viewer {
     this.makeBodies();
     this.mode = this.modes[0];
     this.timeTold = this.moved = 0;  // [ms] when
-    this.curves = makeCurves(film, (frame) => this.player.step(frame - this.player.frame));
+    this.curves = makeCurves(film, (frame) => this.player.seek(frame));
     if (film.source.live) this.goLive({bodyRadius: this.bodyRadius, bodyMass, size});
     else this.player = new Player(film.frames, head.dt, (frame) => this.show(frame), () => this.tellState());
 
@@ -156,7 +158,8 @@ class Viewer {
     this.stage.shadowsChanged();
     this.live?.drawRope();
     this.tellTime(i);
-    if (i + 24 < this.film.frames && this.player.playing) this.film.ready(i + 24, this.wantsContacts);
+    const soon = i + Math.max(24, 3 * (this.player.stride ?? 0));
+    if (soon < this.film.frames && this.player.playing) this.film.ready(soon, this.wantsContacts);
     this.scriptTime = performance.now() - began;
     return true;
   }
@@ -167,7 +170,8 @@ class Viewer {
     if (this.plain && this.player.playing && now - this.timeTold < TIME_EVERY) return;
     this.timeTold = now;
     const time = this.film.number('time', i);
-    $('clock-time').textContent = `${time.toFixed(2)} s`;
+    const {dt} = this.film.head;
+    $('clock-time').textContent = `${time.toFixed(dt < 1e-3 ? Math.ceil(-Math.log10(dt)) : 2)} s`;
     $('clock-frame').textContent = `frame ${this.film.number('number', i)} of ${this.film.number('number', this.film.frames - 1)}`;
     $('scrub').value = i;
     $('scrub').setAttribute('aria-valuetext', $('clock-time').textContent);
@@ -269,7 +273,7 @@ class Viewer {
     const changed = Boolean(film.source.state?.changed);
     $('again').hidden = changed;
     $('not-again').hidden = !changed;
-    $('report-table').replaceChildren(reportTable(film, (frame) => this.player.step(frame - this.player.frame)));
+    $('report-table').replaceChildren(reportTable(film, (frame) => this.player.seek(frame)));
     $('report-worst').replaceChildren(make('button', {class: 'link', onclick: () => this.openWorst()}, `Frame ${film.number('number', worst.frame)}`), `: ${worst.why}.`);
   }
 
@@ -293,7 +297,7 @@ class Viewer {
       this.picked = most;
     }
     for (const old of [...$('report-worst').querySelectorAll('p')].slice(0, -1)) old.remove();
-    this.player.step(worst.frame - this.player.frame);
+    this.player.seek(worst.frame);
   }
 
   tellState() {
@@ -313,19 +317,24 @@ class Viewer {
     click('forward', () => player.step(1));
     click('camera', () => this.resetCamera());
     click('report-button', () => this.setReport($('report').hidden));
-    $('scrub').addEventListener('input', () => player.step(Number($('scrub').value) - player.frame));
-    $('speed').addEventListener('change', () => player.setSpeed(Number($('speed').value)));
+    $('scrub').addEventListener('input', () => player.seek(Number($('scrub').value)));
+    $('speed').addEventListener('change', () => {
+      player.setSpeed(Number($('speed').value));
+      if (byMouse) $('speed').blur();
+    });
     for (const name of ['points', 'normals', 'forces', 'bodies', 'plain']) $(`show-${name}`).addEventListener('change', (event) => this.setToggle(name, event.target.checked));
 
     const view = $('view');
-    let down = null;
+    let down = null, byMouse = false;
+    window.addEventListener('pointerdown', () => (byMouse = true), true);
+    window.addEventListener('keydown', () => (byMouse = false), true);
     view.addEventListener('pointerdown', (event) => (down = [event.clientX, event.clientY]));
     view.addEventListener('pointerup', (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4 || event.button !== 0) return;
       this.pick(this.bodies.pick(this.stage.ray(event.clientX, event.clientY))?.body ?? -1);
     });
     // What was clicked by mouse does not keep the keys.
-    document.addEventListener('click', (event) => event.detail > 0 && event.target.closest?.('button, input')?.blur());
+    document.addEventListener('click', (event) => event.detail > 0 && event.target.closest?.('button, input, summary')?.blur());
     window.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe($('stage'));
     for (const curve of this.curves) new ResizeObserver(() => this.redraw(curve)).observe(curve.box);

@@ -7,7 +7,7 @@ import {BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial,
 import {writePose} from './pose.js';
 import {polygons, polytope, radiusOf} from './shapes.js';
 
-const MOST_WALLS = 300;
+export const MOST_WALLS = 300;
 
 export function isWall(head, i, bodyRadius) {
   const shape = head.shapes[head.bodies.shape[i]];
@@ -88,7 +88,7 @@ export class Walls {
       uniforms: {colour: {value: new Color()}, cell: {value: 10 ** Math.round(Math.log10(size / 12))}, reach: {value: 3 * size}, middle: {value: null}},
     });
     this.shadow = new ShadowMaterial({opacity: 0.22, depthWrite: false});
-    numbers.slice(0, MOST_WALLS).forEach((i) => this.#add(head, i, frame, middle, size));
+    numbers.forEach((i) => this.#add(head, i, frame, middle, size));
     this.setFrame(frame);
   }
 

@@ -50,6 +50,10 @@ driver.drive(async () => {
   $('speed').value = '4';
   $('speed').dispatchEvent(new Event('change'));
   check('speed', v.player.speed === 4);
+  $('speed').focus();
+  window.dispatchEvent(new PointerEvent('pointerdown'));
+  $('speed').dispatchEvent(new Event('change'));
+  check('a speed chosen by mouse leaves the keys', document.activeElement !== $('speed'));
   press('-');
   check('slower', v.player.speed === 2 && $('speed').value === '2');
 
