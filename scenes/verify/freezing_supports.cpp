@@ -55,10 +55,10 @@ void MeasureMiddle(const CheckSettings& s, Measurements* out) {
 
 Vector3 Gravity(double angle) { return kGravity * Vector3(std::sin(angle), 0, -std::cos(angle)); }
 
-// A block on a plane, gravity turned at `rate` [rad/s] from a little below the friction angle. Returns the tangent at which it
-// is seen to move, that is, to be faster than 1e-4 g h.
-double TangentOfSliding(double rate, const CheckSettings& s) {
-  const double start = std::atan(kMu) - 60 * rate * s.dt - 2e-5;
+// A block on a plane, gravity turned at `rate` [rad/s] from below the friction angle, as far as what would not pass. Returns the tangent at
+// which it is seen to move, that is, to be faster than 1e-4 g h; NaN if it never does.
+double TangentOfSliding(double rate, double bound, const CheckSettings& s) {
+  const double start = std::atan(kMu) - std::max(60 * rate * s.dt, 3 * bound), end = std::atan(kMu) + 3 * bound;
   Settings settings = s.engine;
   settings.gravity = Gravity(start);
   World world(settings);
@@ -66,13 +66,13 @@ double TangentOfSliding(double rate, const CheckSettings& s) {
   world.Add(Cube({0, 0, 0.5}, kMu));
   Settle(&world, 1, s.dt);
   double angle = start;
-  for (int frame = 1; frame < 1000; ++frame) {
+  for (int frame = 1; angle < end; ++frame) {
     angle = start + rate * frame * s.dt;
     world.SetGravity(Gravity(angle));
     world.Step(s.dt);
-    if (FastestPointOf(world.body(1)) > 1e-4 * kGravity * s.dt) break;
+    if (FastestPointOf(world.body(1)) > 1e-4 * kGravity * s.dt) return std::tan(angle);
   }
-  return std::tan(angle);
+  return NAN;
 }
 
 // Speed after a second of a ball that rolls from the moment in which its floor is turned: 5/7 g rate t^2 / 2.
@@ -95,7 +95,7 @@ void MeasureGravity(const CheckSettings& s, Measurements* out) {
     const double bound = (1 + kMu * kMu) * (2 * rate * s.dt + 4 * kBalanceTolerance);
     const std::string name = rate == 0.02 ? "0.02" : rate == 1e-3 ? "1e-3" : "1e-5";
     out->Absolute("gravity turned at " + name + " rad/s: tangent at which a block slides", "", kMu,
-                  TangentOfSliding(rate, s), bound);
+                  TangentOfSliding(rate, bound, s), bound);
     // Lost at the start: the turn that the balance does not see, and a step.
     const double lost = 4 * kBalanceTolerance / rate + 2 * s.dt;  // [s] of 1 s
     if (rate > 1e-4)
@@ -104,21 +104,22 @@ void MeasureGravity(const CheckSettings& s, Measurements* out) {
   }
 }
 
-// A force that grows by `rate` [1/s] times mu m g: the share of mu m g at which the cube is seen to move.
-double ShareOfPush(double rate, const CheckSettings& s) {
+// A force that grows by `rate` [1/s] times mu m g, from below to above what would not pass: the share of mu m g at which the cube is seen to
+// move; NaN if it never does.
+double ShareOfPush(double rate, double bound, const CheckSettings& s) {
   World world(s.engine);
   world.Add(Floor(kMu));
   world.Add(Cube({0, 0, 0.5}, kMu));
   Settle(&world, 1, s.dt);
-  const double start = 1 - 60 * rate * s.dt - 2e-5;
+  const double start = 1 - std::max(60 * rate * s.dt, 3 * bound);
   double share = start;
-  for (int frame = 1; frame < 1000; ++frame) {
+  for (int frame = 1; share < 1 + 3 * bound; ++frame) {
     share = start + rate * frame * s.dt;
     world.SetForce(1, {share * kMu * kGravity, 0, 0}, Vector3::Zero());
     world.Step(s.dt);
-    if (FastestPointOf(world.body(1)) > 1e-4 * kGravity * s.dt) break;
+    if (FastestPointOf(world.body(1)) > 1e-4 * kGravity * s.dt) return share;
   }
-  return share;
+  return NAN;
 }
 
 // Whether an impulse acted between the two in the last step.
@@ -141,14 +142,16 @@ double RowBehindWall(const CheckSettings& s) {
   Settle(&world, 1, s.dt);
   world.SetVelocity(pusher, {kSpeed, 0, 0}, Vector3::Zero());
   double worst = 0;
+  bool pushed = false;
   const int frames = Frames(3, s.dt);
   for (int frame = 0; frame < frames; ++frame) {
     const bool touches = Pushes(world, 1, pusher);
+    pushed = pushed || touches;
     world.Step(s.dt);
     if (!touches) continue;
     for (int i = 1; i <= 3; ++i) worst = std::max(worst, std::abs(world.body(i).linear_velocity_W.x() - kSpeed));
   }
-  return worst / (kGravity * s.dt);
+  return pushed ? worst / (kGravity * s.dt) : INFINITY;
 }
 
 // A plate that starts to slide at 0.1 m/s^2 with a stack of three on it, which friction takes along.
@@ -203,10 +206,12 @@ void MeasureSupport(const CheckSettings& s, Measurements* out) {
   out->AtMost("support sinks at 10 m/s: error of g", "", FallWithoutSupport(Loss::kSinks, s), exact);
   MeasureMiddle(s, out);
   MeasureGravity(s, out);
-  for (const double rate : {0.05, 1e-4})
+  for (const double rate : {0.05, 1e-4}) {
+    const double bound = 2 * rate * s.dt + 1e-4 / kMu + 4 * kBalanceTolerance / kMu;
     out->Absolute(rate > 1e-3 ? "push growing by 5 % a second: share of mu m g at which it moves"
                               : "push growing by 1e-4 a second",
-                  "", 1, ShareOfPush(rate, s), 2 * rate * s.dt + 1e-4 / kMu + 4 * kBalanceTolerance / kMu);
+                  "", 1, ShareOfPush(rate, bound, s), bound);
+  }
   out->AtMost("row before a wall at 1 mm/s: error of speed / (g h)", "", RowBehindWall(s), 1e-5);
   out->AtMost("stack on a plate that starts to slide: error of speed / (g h)", "", StackOnSlidingPlate(s), 1e-5);
   MeasureFloaters(s, out);

@@ -235,8 +235,10 @@ double Deviation(World* a, const Units& ua, World* b, const Units& ub, int frame
     b->Step(ub.time * dt);
     for (size_t i = 0; i < a->bodies().size(); ++i) {
       const Body &p = a->bodies()[i], &q = b->bodies()[i];
-      worst = std::max(worst, (p.position_W / ua.length - q.position_W / ub.length).norm());
-      worst = std::max(worst, (p.rotation_WB.coeffs() - q.rotation_WB.coeffs()).norm());
+      const double apart = (p.position_W / ua.length - q.position_W / ub.length).norm(),
+                   turned = (p.rotation_WB.coeffs() - q.rotation_WB.coeffs()).norm();
+      if (!(apart <= worst)) worst = apart;  // NaN, too
+      if (!(turned <= worst)) worst = turned;
     }
   }
   return worst;

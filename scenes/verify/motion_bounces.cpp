@@ -174,8 +174,10 @@ void MeasureFrames(const CheckSettings& s, Measurements* out) {
       other.Step(s.dt);
       for (size_t k = 0; k < one.bodies().size(); ++k) {
         const Body &a = one.bodies()[k], &b = other.bodies()[k];
-        place = std::max(place, (frame.turn * a.position_W + other.time() * frame.velocity - b.position_W).norm());
-        angle = std::max(angle, (frame.turn * a.rotation_WB).angularDistance(b.rotation_WB));
+        const double apart = (frame.turn * a.position_W + other.time() * frame.velocity - b.position_W).norm(),
+                     turned = (frame.turn * a.rotation_WB).angularDistance(b.rotation_WB);
+        if (!(apart <= place)) place = apart;  // NaN, too
+        if (!(turned <= angle)) angle = turned;
       }
     }
     out->AtMost(std::string(frame.name) + ": farthest apart", "m", place, 1e-5);

@@ -33,7 +33,7 @@ std::span<const Check> MotionChecks() {
       {"T52", "bounces on slabs", Gate::kGate, "e^(2 n) h0, whatever the slab is", MeasureSlabs},
       {"T53", "a hundred bounces with e = 1", Gate::kGate, "energy stays", MeasureElastic},
       {"T54", "boxes that spin past each other", Gate::kGate, "no velocity changes without a contact", MeasurePassing},
-      {"T55", "bowling", Gate::kGate, "momentum of what the floor does not touch; nothing passes", MeasureBowling},
+      {"T55", "bowling", Gate::kGate, "pins fall in every throw; nothing passes", MeasureBowling},
       {"T56", "moving and turned frames of reference", Gate::kGate, "the same motion", MeasureFrames},
       {"T57", "in a closed shell", Gate::kGate, "none escapes; e = 1 keeps the energy", MeasureClosedShell},
       {"T58", "a bat", Gate::kGate, "a ball leaves it at (1 + e) w r", MeasureBat},

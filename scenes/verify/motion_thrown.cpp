@@ -95,8 +95,9 @@ void MeasurePassing(const CheckSettings& s, Measurements* out) {
         through += world.Step(s.dt).ledger.sides_changed;
         if (world.impulses().empty())
           changed = std::max(changed, (world.body(numbers[0]).linear_velocity_W - before).norm() / 15);
+        else if (apart > 0.866)
+          changed = INFINITY;
       }
-      if (apart > 0.866 && !world.impulses().empty()) changed = INFINITY;
       momentum = std::max(momentum, (Momentum(world) - start).norm() / brought);
       energy_off = std::max(energy_off, std::abs(KineticEnergy(world) / energy - 1));
     }
@@ -110,7 +111,7 @@ void MeasurePassing(const CheckSettings& s, Measurements* out) {
 // A ball of 7 kg at ten pins of 1.5 kg, as boxes; from straight ahead to beside.
 void MeasureBowling(const CheckSettings& s, Measurements* out) {
   Watch watch;
-  int hit = 0;
+  int hit = 0, fewest = 10;
   double overlap = 0;
   for (const double aside : {0.0, 0.07, 0.2}) {
     World world(s.engine);
@@ -131,9 +132,13 @@ void MeasureBowling(const CheckSettings& s, Measurements* out) {
       watch.Step(&world, s.dt, energy);
       for (const Contact& c : world.contacts()) overlap = std::max(overlap, -c.gap);
     }
-    for (int pin = 1; pin <= 10; ++pin) hit += (world.body(pin).rotation_WB * Vector3::UnitZ()).z() < 0.7;
+    int fell = 0;
+    for (int pin = 1; pin <= 10; ++pin) fell += (world.body(pin).rotation_WB * Vector3::UnitZ()).z() < 0.7;
+    hit += fell;
+    fewest = std::min(fewest, fell);
   }
-  out->Verdict("pins fall in every throw", true, hit >= 3 * 3);
+  // Straight ahead, the first takes the one in the middle along, and both pass between the others.
+  out->Verdict("pins fall in every throw", true, hit >= 3 * 3 && fewest >= 2);
   out->AtMost("deepest overlap", "m", overlap, 2.5e-4 * 0.06);
   watch.Report("all throws", out);
 }
