@@ -102,7 +102,7 @@ double Travel(const Shape& shape, const Body& before, const Body& now) {
     const Vector3 sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
     const Vector3 p = sign.cwiseProduct(shape.half_extents());
     const double way = (now.position_W + now.rotation_WB * p - before.position_W - before.rotation_WB * p).norm();
-    if (!(way <= farthest)) farthest = way;  // NaN, too
+    farthest = Worse(farthest, way);
   }
   return farthest;
 }

@@ -237,8 +237,7 @@ double Deviation(World* a, const Units& ua, World* b, const Units& ub, int frame
       const Body &p = a->bodies()[i], &q = b->bodies()[i];
       const double apart = (p.position_W / ua.length - q.position_W / ub.length).norm(),
                    turned = (p.rotation_WB.coeffs() - q.rotation_WB.coeffs()).norm();
-      if (!(apart <= worst)) worst = apart;  // NaN, too
-      if (!(turned <= worst)) worst = turned;
+      worst = Worse(worst, Worse(apart, turned));
     }
   }
   return worst;

@@ -176,8 +176,8 @@ void MeasureFrames(const CheckSettings& s, Measurements* out) {
         const Body &a = one.bodies()[k], &b = other.bodies()[k];
         const double apart = (frame.turn * a.position_W + other.time() * frame.velocity - b.position_W).norm(),
                      turned = (frame.turn * a.rotation_WB).angularDistance(b.rotation_WB);
-        if (!(apart <= place)) place = apart;  // NaN, too
-        if (!(turned <= angle)) angle = turned;
+        place = Worse(place, apart);
+        angle = Worse(angle, turned);
       }
     }
     out->AtMost(std::string(frame.name) + ": farthest apart", "m", place, 1e-5);

@@ -278,35 +278,27 @@ class PythonTest(unittest.TestCase):
         self.assertGreater(refused[0], 0)
         self.assertGreater(answered[0], 0)
 
-    def test_a_daemon_that_steps_does_not_disturb_the_end(self):
-        script = """
-import islet, threading, time
-world = islet.scene("cubeglass", count=200)
-def forever():
-    while True:
-        world.step(1 / 30)
-threading.Thread(target=forever, daemon=True).start()
-time.sleep(0.3)
-"""
+    def output_of(self, script):
         run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
         self.assertEqual((run.returncode, run.stderr), (0, ""))
+        return run.stdout
 
-    def test_a_daemon_whose_callback_is_asked_does_not_disturb_the_end(self):
-        script = """
+    def test_a_daemon_that_steps_does_not_disturb_the_end(self):
+        for asks in ("", "world.set_material_callback(lambda contact, a, b: (contact.friction, contact.restitution))"):
+            with self.subTest(asks=asks):
+                self.output_of(f"""
 import islet, threading, time
 world = islet.scene("cubeglass", count=200)
-world.set_material_callback(lambda contact, a, b: (contact.friction, contact.restitution))
+{asks}
 def forever():
     while True:
         world.step(1 / 30)
 threading.Thread(target=forever, daemon=True).start()
 time.sleep(0.3)
-"""
-        run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
-        self.assertEqual((run.returncode, run.stderr), (0, ""))
+""")
 
     def test_a_check_leaves_the_lock_to_callbacks_of_other_threads(self):
-        script = """
+        self.assertEqual(self.output_of("""
 import islet
 world = islet.World(islet.Settings(threads=2))
 for x in range(30):
@@ -316,9 +308,7 @@ asked = []
 world.set_collision_callback(lambda a, b, x, y: asked.append(a) or True)
 world.check_initial_overlap()
 print(len(asked) > 1000)
-"""
-        run = subprocess.run([sys.executable, "-c", script], env={"PYTHONPATH": FOLDER}, capture_output=True, text=True, timeout=60)
-        self.assertEqual((run.returncode, run.stdout, run.stderr), (0, "True\n", ""))
+"""), "True\n")
 
     def test_a_material_callback_sees_what_was_mixed(self):
         world = islet.World()
