@@ -90,18 +90,11 @@ class Crowd {
     Contact pair;
     double speed;  // [m/s] at which nothing keeps it apart
   };
-  struct
-      Settled {  // [N s] at a contact of the end: what holds it (n, t1, t2), and of what it carried the part taken back and the rest
-    Vector3 local, carried_W, beyond_W;
-  };
   struct Worker {
     IslandResponder responder;
     SequentialResolver sequential;
     std::vector<int> contacts;
-    std::vector<Twist> held;       // of an island's bodies, before blows
-    std::vector<Twist> first;      // of these, as they were held first: without regard to all that acted
-    std::vector<Settled> settled;  // of its contacts, then
-    ResponseOutcome first_held;    // then
+    std::vector<Twist> held;  // of an island's bodies, before blows
     std::vector<Vector3>
         given;                 // [N s] what they carried and what of it was beyond their cones, while it is given back
     std::vector<int> taken;    // held contacts of an island whose impulses are given back where they acted
@@ -208,8 +201,7 @@ class Crowd {
   Vector3 ChangeAt(size_t c) const;
   bool Pressed(size_t e) const;
   Vector3 BeyondCone(int c) const;
-  bool KeepToCone(int island, Worker* worker);
-  void LeaveCone(int island, Worker* worker);
+  void KeepToCone(int island, Worker* worker);
   void Inherit();
   void TurnCarried();
   void Settle(StepReport* report);

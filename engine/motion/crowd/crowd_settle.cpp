@@ -218,38 +218,16 @@ Vector3 Crowd::BeyondCone(int c) const {
   return Beyond(contact.friction * std::max(0.0, bore_[e] + press), rubbed_W_[e] + change - press * contact.normal_W);
 }
 
-// Where any is, all of the island is taken back as it acted, and held again. What blows add lies in their cones. Returns whether there was any.
-bool Crowd::KeepToCone(int island, Worker* worker) {
-  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
+// Where any is, all of the island is taken back as it acted, and held again. What blows add lies in their cones.
+void Crowd::KeepToCone(int island, Worker* worker) {
+  const std::span<const int> contacts = partition_.contacts_of(island);
   const auto is_beyond = [&](int c) {
     return BeyondCone(c).norm() > settings_.tolerance * floor_ * LighterMass(problem_[c]);
   };
-  if (std::none_of(contacts.begin(), contacts.end(), is_beyond)) return false;
-  worker->first_held = outcomes_[island];
-  worker->first.clear();
-  for (const int i : bodies) worker->first.push_back(TwistOf(posed_[i]));
-  worker->settled.clear();
-  for (const int c : contacts) worker->settled.push_back({local_[c], carried_W_[closed_[c]], beyond_W_[c]});
+  if (std::none_of(contacts.begin(), contacts.end(), is_beyond)) return;
   for (const int c : contacts) carried_W_[closed_[c]] += std::exchange(beyond_W_[c], Vector3::Zero());
   TakeBack(island);
   HoldIsland(island, worker);
-  return true;
-}
-
-// As the island was held first.
-void Crowd::LeaveCone(int island, Worker* worker) {
-  const std::span<const int> contacts = partition_.contacts_of(island), bodies = partition_.bodies_of(island);
-  const double seconds = std::exchange(outcomes_[island], worker->first_held).seconds;
-  outcomes_[island].seconds = seconds;
-  for (size_t k = 0; k < bodies.size(); ++k) SetTwist(worker->first[k], &posed_[bodies[k]]);
-  for (size_t k = 0; k < contacts.size(); ++k) {
-    const int c = contacts[k];
-    local_[c] = worker->settled[k].local;
-    carried_W_[closed_[c]] = worker->settled[k].carried_W;
-    beyond_W_[c] = worker->settled[k].beyond_W;
-    blows_[c].setZero();
-    collisions_[c].setZero();
-  }
 }
 
 // What hits is first left out; blows follow in order of their speed, then at once. What hits bodies that gain energy by them is held with
@@ -330,13 +308,10 @@ void Crowd::HoldIsland(int island, Worker* worker) {
   outcomes_[island].restitution_lowered = lowered;
 }
 
-// What does not hit is held, then blows follow. Friction is kept to its cones where that makes no energy.
+// What does not hit is held, with friction in its cones, then blows follow.
 void Crowd::HoldThenStrike(int island, Worker* worker) {
   HoldIsland(island, worker);
-  const bool kept = KeepToCone(island, worker);
-  Strike(island, worker);
-  if (!kept || !MarkGains(island, worker)) return;
-  LeaveCone(island, worker);
+  KeepToCone(island, worker);
   Strike(island, worker);
 }
 
