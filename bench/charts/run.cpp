@@ -1,6 +1,7 @@
 #include "bench/charts/run.h"
 
 #include <poll.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -152,6 +153,7 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
   std::fflush(nullptr);
   const pid_t child = fork();
   if (child == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // who stops the program stops its run
     close(ends[0]);
     try {
       const RunResult own = Run(scene, engine, setting, limits);
@@ -163,7 +165,7 @@ RunResult RunApart(const ChartScene& scene, const peers::Engine& engine, const p
     }
   }
   close(ends[1]);
-  const bool in_time = child > 0 && AwaitOrStop(child, ends[0], 1.5 * limits.stepping + 10);
+  const bool in_time = child > 0 && AwaitOrStop(child, ends[0], setting.threads * (1.5 * limits.stepping + 10));
   const bool whole = in_time && read(ends[0], &result, sizeof result) == static_cast<ssize_t>(sizeof result);
   close(ends[0]);
   int status = 0;

@@ -275,13 +275,23 @@ void BindSettings(py::module_& m) {
       .value("OFF", Freezing::kOff)
       .value("PAPER", Freezing::kPaper)
       .value("CERTIFIED", Freezing::kCertified);
+  const auto of_fields = [](const py::dict& fields) {
+    py::object settings = py::cast(Settings{});
+    for (const auto& [name, value] : fields) settings.attr(py::str(name)) = value;
+    settings.cast<Settings&>().Validate();
+    return settings.cast<Settings>();
+  };
   py::class_<Settings>(m, "Settings")
-      .def(py::init([](const py::kwargs& fields) {
-        py::object settings = py::cast(Settings{});
-        for (const auto& [name, value] : fields) settings.attr(py::str(name)) = value;
-        settings.cast<Settings&>().Validate();
-        return settings.cast<Settings>();
-      }))
+      .def(py::init([of_fields](const py::kwargs& fields) { return of_fields(fields); }))
+      .def(py::pickle(
+          [](const py::object& self) {
+            py::dict fields;
+            const py::object type = py::type::of(self);
+            for (const py::handle name : type.attr("__dict__"))
+              if (PyObject_TypeCheck(type.attr(name).ptr(), &PyProperty_Type)) fields[name] = self.attr(name);
+            return fields;
+          },
+          of_fields))
       .def_property(
           "gravity", [](const Settings& s) { return py::make_tuple(s.gravity.x(), s.gravity.y(), s.gravity.z()); },
           [](Settings& s, const Row3& g) { s.gravity = ToVector(g); })
@@ -384,6 +394,8 @@ void BindWorld(py::module_& m) {
       .value("KINEMATIC", BodyKind::kKinematic)
       .value("DYNAMIC", BodyKind::kDynamic);
   py::class_<Shape>(m, "Shape")
+      .def("__copy__", [](const py::object& self) { return self; })  // nothing changes it
+      .def("__deepcopy__", [](const py::object& self, const py::dict&) { return self; })
       .def_static("sphere", &Shape::Sphere, py::arg("radius"))
       .def_static(
           "box", [](const Row3& half) { return Shape::Box(ToVector(half)); }, py::arg("half_extents"))
@@ -409,6 +421,10 @@ void BindWorld(py::module_& m) {
   py::class_<BodyId>(m, "BodyId")
       .def_readonly("number", &BodyId::number)
       .def_readonly("generation", &BodyId::generation)
+      .def(py::pickle([](const BodyId& id) { return py::make_tuple(id.number, id.generation); },
+                      [](const py::tuple& of) {
+                        return BodyId{of[0].cast<int>(), of[1].cast<std::uint32_t>()};
+                      }))
       .def(py::self == py::self)
       .def("__hash__", [](const BodyId& id) { return py::hash(py::make_tuple(id.number, id.generation)); })
       .def("__repr__", [](const BodyId& id) {

@@ -1,5 +1,6 @@
 # The Python module as its users have it: python3 python_test.py <folder of the module> <islet.pyi> <folder of the examples>
 import ast
+import copy
 import gc
 import pathlib
 import pickle
@@ -360,6 +361,21 @@ print(len(asked) > 1000)
             counted += 1
         thread.join()
         self.assertGreater(counted, 1000)
+
+    def test_copies(self):
+        def fields(settings):
+            return {n: getattr(settings, n) for n, member in islet.Settings.__dict__.items() if isinstance(member, property)}
+
+        settings = islet.Settings(gravity=(0, 0, -1), effort="thorough", cone=islet.Cone.OCTAGON, freeze_count=7)
+        for same in copy.copy(settings), copy.deepcopy(settings), pickle.loads(pickle.dumps(settings)):
+            self.assertEqual(fields(same), fields(settings))
+            same.threads = settings.threads + 1
+            self.assertNotEqual(fields(same), fields(settings))
+        shape = islet.Shape.sphere(1)
+        self.assertIs(copy.deepcopy([shape])[0], shape)
+        world = islet.World()
+        body = world.id(world.add(shape))
+        self.assertEqual(pickle.loads(pickle.dumps(body)), body)
 
     def test_stubs_name_what_there_is(self):
         tree = ast.parse(pathlib.Path(STUBS).read_text())
