@@ -10,6 +10,7 @@
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <LinearMath/btAabbUtil2.h>
+#include <LinearMath/btTransformUtil.h>
 
 #include <algorithm>
 #include <stdexcept>
@@ -112,11 +113,12 @@ void BulletSolver::ReadContacts(const btPersistentManifold& manifold, std::vecto
 }
 
 // Who may meet: by Bullet's broad phase, whose boxes are swept; without it by its manifolds, which compounds and meshes get only where
-// their parts overlap.
+// their parts overlap. Who ignores the other meets nobody.
 void BulletSolver::FindPairs(btPersistentManifold** manifolds, int num_manifolds) {
   pairs_.clear();
   const auto add = [&](const btCollisionObject* a, const btCollisionObject* b) {
     if (!a->hasContactResponse() || !b->hasContactResponse()) return;
+    if (!a->checkCollideWith(b) || !b->checkCollideWith(a)) return;
     if (step_.bodies[Number(a)].Moves() || step_.bodies[Number(b)].Moves()) pairs_.emplace_back(a, b);
   };
   if (!near_) {
@@ -161,14 +163,17 @@ bool BulletSolver::AddFound(double dt, btDispatcher* dispatcher) {
   return any;
 }
 
-// Bullet now moves by dt v and turns by dt w: poses are set back by that from where they are to be.
+// Bullet now moves by dt v and turns in its own way by w: poses are set back by that from where they are to be.
 void BulletSolver::HandBack(double dt) {
   for (size_t i = 0; i < of_bullet_.size(); ++i) {
     btRigidBody* const rigid = of_bullet_[i];
     if (!rigid) continue;
     const Body& b = step_.bodies[i];
-    rigid->setWorldTransform(
-        ToBullet(b.position_W - dt * b.linear_velocity_W, Turned(-dt * b.angular_velocity_W, b.rotation_WB)));
+    btTransform moved;
+    btTransformUtil::integrateTransform(btTransform::getIdentity(), ToBullet(b.linear_velocity_W),
+                                        ToBullet(b.angular_velocity_W), static_cast<btScalar>(dt), moved);
+    const btTransform place = ToBullet(b.position_W - FromBullet(moved.getOrigin()), b.rotation_WB);
+    rigid->setWorldTransform(btTransform(moved.getRotation().inverse() * place.getRotation(), place.getOrigin()));
     rigid->setLinearVelocity(ToBullet(b.linear_velocity_W));
     rigid->setAngularVelocity(ToBullet(b.angular_velocity_W));
   }

@@ -63,9 +63,11 @@ double RestitutionOf(const ShapeNode& shape) {
 // call in each step, so that contacts still open are resolved and bodies in flight are moved as islet asks.
 class DartSolver::EveryStep final : public dart::constraint::ConstraintBase {
  public:
-  explicit EveryStep(const std::vector<dart::dynamics::SkeletonPtr>& skeletons) : skeletons_(skeletons) {}
-  bool isActive() const override { return !skeletons_.empty(); }
-  dart::dynamics::SkeletonPtr getRootSkeleton() const override { return skeletons_.front(); }
+  explicit EveryStep(const std::vector<dart::dynamics::SkeletonPtr>& skeletons) : skeletons_(&skeletons) {}
+  // Its solver is gone; the one in its place has taken over what was constrained.
+  void Retire() { skeletons_ = nullptr; }
+  bool isActive() const override { return skeletons_ && !skeletons_->empty(); }
+  dart::dynamics::SkeletonPtr getRootSkeleton() const override { return skeletons_->front(); }
   void update() override {}
   void getInformation(dart::constraint::ConstraintInfo*) override {}
   void applyUnitImpulse(std::size_t) override {}
@@ -75,18 +77,21 @@ class DartSolver::EveryStep final : public dart::constraint::ConstraintBase {
   void applyImpulse(double*) override {}
 
  private:
-  const std::vector<dart::dynamics::SkeletonPtr>& skeletons_;
+  const std::vector<dart::dynamics::SkeletonPtr>* skeletons_;
 };
 
-DartSolver::DartSolver(int threads) : pool_(threads), step_(SuiteSettings(), &pool_) {
+DartSolver::DartSolver(int threads)
+    : pool_(threads), step_(SuiteSettings(), &pool_), every_step_(std::make_shared<EveryStep>(mSkeletons)) {
   mCollisionOption.maxNumContacts =
       std::numeric_limits<int>::max();  // by default those after the first 1000 are left out
-  addConstraint(std::make_shared<EveryStep>(mSkeletons));
+  addConstraint(every_step_);
 }
+DartSolver::~DartSolver() { every_step_->Retire(); }
 
 void DartSolver::setFromOtherConstraintSolver(const ConstraintSolver& other) {
   ConstraintSolver::setFromOtherConstraintSolver(other);
-  addConstraint(std::make_shared<EveryStep>(mSkeletons));
+  std::erase_if(mManualConstraints, [](const auto& of) { return dynamic_cast<const EveryStep*>(of.get()) != nullptr; });
+  addConstraint(every_step_);
 }
 
 void DartSolver::RefuseOthers() const {

@@ -12,6 +12,7 @@
 
 #include <dart/constraint/ConstraintSolver.hpp>
 #include <dart/dynamics/FreeJoint.hpp>
+#include <memory>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -24,6 +25,7 @@ namespace islet::clients {
 class DartSolver final : public dart::constraint::ConstraintSolver {
  public:
   explicit DartSolver(int threads);
+  ~DartSolver() override;
 
   void setFromOtherConstraintSolver(const ConstraintSolver& other) override;
 
@@ -41,6 +43,7 @@ class DartSolver final : public dart::constraint::ConstraintSolver {
 
   parallel::WorkerPool pool_;
   ClientStep step_;
+  std::shared_ptr<EveryStep> every_step_;
   std::vector<dart::dynamics::FreeJoint*> joints_;  // of each body; null: fixed
   std::unordered_map<const dart::dynamics::BodyNode*, int> numbers_;
 };

@@ -92,6 +92,17 @@ TEST(Client, FreeFallIsExact) {
   EXPECT_NEAR(RunOf(plan, kIslet, 1).drift, 0.5 * kGravity, 1e-9);
 }
 
+// Hosts turn bodies by ways of their own, some by no more than an eighth of a turn a step.
+TEST(Client, FastSpinIsExact) {
+  peers::WorldPlan plan = CradleApart();
+  plan.bodies.resize(1);
+  plan.bodies[0].start.angular_velocity_W = {0, 0, 100};
+  const auto peer = peers::TheEngine().make(plan, kIslet);
+  for (int step = 0; step < 30; ++step) peer->Step(kIslet.dt);
+  const peers::State end = peer->Read(0);
+  EXPECT_LT(end.rotation_WB.angularDistance(Quaternion(Eigen::AngleAxisd(50, Vector3::UnitZ()))), 1e-6);
+}
+
 // A row of spheres of which one is passed on: restitution is not lost to finding contacts ahead.
 TEST(Client, BouncesAreKept) { EXPECT_NEAR(RunOf(CradleApart(), kIslet, 2).energy_ratio, 1, 1e-9); }
 

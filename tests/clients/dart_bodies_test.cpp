@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <dart/collision/bullet/BulletCollisionDetector.hpp>
+#include <dart/constraint/BoxedLcpConstraintSolver.hpp>
 #include <dart/dynamics/BodyNode.hpp>
 #include <dart/dynamics/BoxShape.hpp>
 #include <dart/dynamics/FreeJoint.hpp>
@@ -55,6 +56,20 @@ TEST(DartBodies, CentreOfMassOffTheOrigin) {
   for (int step = 0; step < 60; ++step) world->step();
   EXPECT_LT((node->getCOM() - (start + velocity + 0.5 * Vector3(0, 0, -9.81))).norm(), 1e-9);
   EXPECT_LT((momentum() - angular).norm(), 1e-9);
+}
+
+// Another solver takes the world over, then DART's own.
+TEST(DartBodies, SolversAreReplaced) {
+  const SkeletonPtr skeleton = Skeleton::create("ball");
+  const auto [joint, node] = skeleton->createJointAndBodyNodePair<FreeJoint>();
+  const auto world = WorldOf(skeleton);
+  world->step();
+  world->setConstraintSolver(std::make_unique<DartSolver>(2));
+  world->step();
+  EXPECT_NE(dynamic_cast<DartSolver*>(world->getConstraintSolver()), nullptr);
+  world->setConstraintSolver(std::make_unique<dart::constraint::BoxedLcpConstraintSolver>());
+  for (int step = 2; step < 60; ++step) world->step();
+  EXPECT_NEAR(node->getCOMLinearVelocity().z(), -9.81, 1e-9);
 }
 
 // A force of DART's own, applied for one step at a time, reaches the suite.
