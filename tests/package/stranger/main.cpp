@@ -68,6 +68,8 @@ void ResolveOnly() {
   suite.Resolve(0.01, bodies, std::vector{contact}, &report);
   Expect(std::abs(islet::NormalVelocity(contact, bodies[0], bodies[1])) < 1e-9, "the contact does not close");
   Expect(std::abs(suite.impulses()[0].z() - 1) < 0.2, "the impulse stops a kilogram");
+  islet::ApplyImpulse(contact, islet::ContactFrame(contact.normal_W) * islet::Vector3(1, 0, 0), bodies);
+  Expect(std::abs(islet::RelativeVelocity(contact, bodies[0], bodies[1]).z() - 1) < 1e-9, "a newton second more");
   Expect(std::string(islet::ToString(islet::QpStatus::kSolved)) == "solved", "a status has a name");
 }
 
