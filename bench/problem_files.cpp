@@ -46,7 +46,6 @@ struct Frame {
   std::vector<BodyTerm> bodies;
   std::vector<Vector3> at;
   std::vector<ContactTerm> contacts;
-  std::vector<double> restitution;  // per contact
 };
 
 void ReadVector(std::istream& in, Vector3* vector) { in >> (*vector)[0] >> (*vector)[1] >> (*vector)[2]; }
@@ -78,10 +77,9 @@ void ReadContact(std::istream& in, Frame* frame) {
   if (a < 0 || a >= known || b >= known) throw std::runtime_error("contact of an unknown body");
   const Vector3 from_b = b < 0 ? Vector3(0, 0, 0) : Vector3(point - frame->at[b]);
   frame->contacts.push_back(MakeContact(a, b, point - frame->at[a], from_b, normal, mu));
-  frame->restitution.push_back(restitution);
 }
 
-Frame ReadFrame(const std::filesystem::path& path, Instant instant) {
+Frame ReadFrame(const std::filesystem::path& path) {
   std::ifstream file(path);
   if (!file) throw std::runtime_error(path.string() + ": cannot be read");
   Frame frame;
@@ -99,8 +97,7 @@ Frame ReadFrame(const std::filesystem::path& path, Instant instant) {
       if (!in) throw std::runtime_error(path.string() + ": not a line of " + word + ": " + line);
     }
   }
-  if (instant == Instant::kResting)
-    for (BodyTerm& body : frame.bodies) body.velocity.head<3>() += gravity / 30;
+  for (BodyTerm& body : frame.bodies) body.velocity.head<3>() += gravity / 30;
   return frame;
 }
 
@@ -129,8 +126,8 @@ std::vector<std::filesystem::path> MeasuredFrames() {
   return files;
 }
 
-Island ReadLargestIsland(const std::filesystem::path& path, Instant instant) {
-  const Frame frame = ReadFrame(path, instant);
+Island ReadLargestIsland(const std::filesystem::path& path) {
+  const Frame frame = ReadFrame(path);
   const std::vector<int> root = FindIslands(frame);
   std::vector<int> size(root.size()), id(root.size(), -1);
   for (const int r : root) ++size[r];
@@ -150,7 +147,6 @@ Island ReadLargestIsland(const std::filesystem::path& path, Instant instant) {
     if (contact.body_b >= 0) contact.body_b = id[contact.body_b];
     const double approach = std::max(0.0, -ContactVelocity(contact, velocities.data())[0]);
     island.scale = std::max(island.scale, approach);
-    if (instant == Instant::kCollision) contact.target = frame.restitution[k] * approach;
     island.problem.contacts.push_back(contact);
   }
   return island;

@@ -22,17 +22,12 @@ struct Island {
   double scale = kGravityStep;  // [m/s] v_ref: the fastest approach, or g dt if that is more
 };
 
-enum class Instant {
-  kResting,    // the static-contact problem: gravity of 1/30 s is added, nothing bounces
-  kCollision,  // velocities as they are, contacts that approach bounce by their restitution
-};
-
 // The frames (*.txt) in the folder that the environment names in ISLET_PROBLEMS, by name; if it names none, a line on
 // stderr and no files.
 std::vector<std::filesystem::path> MeasuredFrames();
 
-// The island with the most bodies.
-Island ReadLargestIsland(const std::filesystem::path& frame, Instant instant = Instant::kResting);
+// The island with the most bodies, as its static problem: gravity of 1/30 s is added, nothing bounces.
+Island ReadLargestIsland(const std::filesystem::path& frame);
 
 // from_a, from_b [m]: from the centres of mass to the point, ignored where the body is -1.
 ContactTerm MakeContact(int a, int b, const Vector3& from_a, const Vector3& from_b, const Vector3& normal, double mu);

@@ -31,7 +31,6 @@ namespace {
 using Make = std::function<Island()>;
 
 constexpr double kMapTolerance = 1e-6;  // of the natural map, over v_ref
-constexpr double kRestShare = 3;        // times g dt: slower islands are expected to rest, as the engine does
 constexpr double kPerturbation = 0.01;  // [m/s] of each body's velocity, for warm starts
 constexpr int kTurns = 5;               // the median counts
 constexpr int kSmallBatch = 64;         // different islands that are solved one after the other

@@ -69,7 +69,6 @@ def draw_rungs(found, folder, save):
         for ladder, below in (("off", 0.2), ("auto", -0.2)):
             row, left = pair[ladder], 0
             parts = [(rung, row[rung + "_s"], colour) for rung, colour in zip(rungs, itertools.cycle(COLOURS))]
-            parts.append(("position problems", row.get("position_seconds", 0), "#d8c3a5"))
             parts.append(("all else of the step", max(0, row["wall_s"] - sum(p[1] for p in parts)), "#eeeeee"))
             for name, seconds, colour in parts:
                 panel.barh(-place + below, seconds / whole, 0.36, left=left, color=colour, edgecolor="white", linewidth=0.3,

@@ -114,6 +114,9 @@ PANELS = (("exact Coulomb friction on the circular cone", "map_coulomb", ISLET, 
 def attempts_by_problem(table, clock, column):
     """{problem: {solver key: [(seconds, error)]}}"""
     found = defaultdict(lambda: defaultdict(list))
+    unknown = {(r["solver"], r["model"], r["cone"]) for r in table.rows} - set(SOLVERS)
+    if unknown:
+        raise SystemExit(f"no curve is known for {sorted(unknown)}: measured by another version of islet?")
     for r in table.rows:
         found[r["family"], r["problem"], r["contacts"]][r["solver"], r["model"], r["cone"]].append((r[clock + "_s"], r[column]))
     return found

@@ -65,6 +65,7 @@ class Session:
                   [program, "--out", out / "profile.csv", "--budget", self.budgets["profile"], "--per-class", per_class,
                    "--limit", limit, "--problems", *folders])
         if not self.arguments.outside:
+            (out / "profile_outside.csv").unlink(missing_ok=True)  # of an earlier run
             return
         link = out / "problems" / "outside"  # so that the rows say "outside" and not where they came from
         link.symlink_to(self.arguments.outside.resolve(), target_is_directory=True)
@@ -122,8 +123,9 @@ def main():
     target = "study-quick" if arguments.quick else "study"
     studies = before.get("studies", {}) | {k: {"started": started, "took_s": v, "quick": arguments.quick}
                                            for k, v in session.took.items()}
-    path.write_text(json.dumps({"command": f"cmake --build --preset bench --target {target}", "studies": studies,
-                                "outside": bool(arguments.outside)}, indent=1) + "\n")
+    if "profile" in session.took:
+        studies["profile"]["outside"] = bool(arguments.outside)
+    path.write_text(json.dumps({"command": f"cmake --build --preset bench --target {target}", "studies": studies}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,6 @@ namespace fs = std::filesystem;
 
 constexpr double kLadder[] = {1e-2, 1e-3, 1e-5, 1e-6, 1e-8, 1e-10};
 constexpr double kExactEnough = 1e-9;   // no rung beyond
-constexpr double kRestShare = 3;        // times g dt: slower islands are expected to rest, as the engine does
 constexpr double kRepeatSeconds = 0.1;  // an attempt is repeated until so much time has gone
 constexpr int kRepeats = 5;
 constexpr double kSaturationSeconds = 0.02;  // where that costs something, the same bits at two rungs end the ladder
@@ -87,7 +86,6 @@ void Repeat(const std::function<void()>& solve, Attempt* attempt) {
 }
 
 Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp::Effort effort, double tolerance) {
-  static qp::IslandSolver solver;
   qp::Settings settings;
   settings.model = model, settings.cone = cone, settings.effort = effort;
   settings.tolerance = tolerance;
@@ -95,7 +93,8 @@ Attempt RunIslet(const StudyProblem& problem, qp::Model model, qp::Cone cone, qp
   settings.velocity_scale = problem.solve.v_ref;
   Attempt attempt;
   qp::Solution solution;
-  Repeat([&] { solver.Solve(problem.island.problem, settings, &solution); }, &attempt);
+  // A solver of its own each time: as those of others, it orders and allocates anew.
+  Repeat([&] { qp::IslandSolver().Solve(problem.island.problem, settings, &solution); }, &attempt);
   attempt.solved = solution.status == qp::Status::kSolved;
   attempt.iterations = solution.iterations;
   attempt.exactness = JudgeIsland(problem, solution, model, cone);

@@ -221,20 +221,19 @@ struct Way {
   qp::Effort effort;
 };
 
-// One solve in a task of a pool, as the engine runs it; repeated while that is cheap.
+// One solve in a task of a pool, as the engine runs it, by a solver that has seen nothing before; repeated while that is cheap.
 void SolvePile(const qp::Island& island, const Way& way, int threads, Row* row) {
   constexpr int kMost = 5;
   constexpr double kEnough = 1;  // [s]
   qp::Settings settings;
   settings.model = way.model, settings.effort = way.effort, settings.velocity_scale = island.scale;
   parallel::WorkerPool pool(threads);
-  qp::IslandSolver solver;
   qp::Solution solution;
   std::vector<double> wall, cpu;
   double spent = 0;
   while (wall.size() < kMost && spent < kEnough) {
     const StudyClock clock;
-    pool.ForEach(1, [&](int, int) { solver.Solve(island.problem, settings, &solution); });
+    pool.ForEach(1, [&](int, int) { qp::IslandSolver().Solve(island.problem, settings, &solution); });
     wall.push_back(clock.Wall()), cpu.push_back(clock.Cpu());
     spent += wall.back();
   }
