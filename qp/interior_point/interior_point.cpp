@@ -21,7 +21,7 @@ constexpr double kMostShare = 0.9999;
 constexpr double kLeastSigma = 1e-3;
 constexpr double kLeastShare = 0.1;                     // of the aim: least mean complementarity
 constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
-constexpr double kProductLow = 0.1, kProductHigh = 10;  // centrality band, times the target of mu
+constexpr double kProductLow = 0.1;  // centrality band, times the target of mu, and 1 over it
 constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
 
 // bound: 1 / the longest step.
@@ -232,7 +232,7 @@ double InteriorPoint::LeastEnergy() {
 // and keep the new direction if it can be followed farther.                                                     [Gon96]
 bool InteriorPoint::ImproveCentrality(double weight, double aim, bool refine, double* step) {
   ForBatches([&](int first, int last) {
-    kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, kProductLow * aim, kProductHigh * aim);
+    kernels_->centre(Arrays(), direction_.View(), trial_.View(), first, last, kProductLow * aim, aim / kProductLow);
   });
   ComputeDirection(weight, refine, &trial_);
   const double longer = std::min(1.0, kAlmost * LongestStep(trial_.bound, 2));

@@ -223,12 +223,11 @@ double MomentumResidual(const Problem& problem, const std::vector<double>& veloc
     if (contact.body_a >= 0) momentum[contact.body_a] -= contact.jacobian_a.transpose() * impulses[c];
     if (contact.body_b >= 0) momentum[contact.body_b] -= contact.jacobian_b.transpose() * impulses[c];
   }
-  double largest = 0;
-  for (int i = 0; i < problem.num_bodies(); ++i) {
-    largest = std::max(largest, momentum[i].head<3>().cwiseAbs().maxCoeff() / problem.bodies[i].mass);
-    largest = std::max(largest, (problem.bodies[i].inverse_inertia * momentum[i].tail<3>()).cwiseAbs().maxCoeff());
-  }
-  return largest;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> residuals(6, problem.num_bodies());
+  for (int i = 0; i < problem.num_bodies(); ++i)
+    residuals.col(i) << momentum[i].head<3>() / problem.bodies[i].mass,
+        problem.bodies[i].inverse_inertia * momentum[i].tail<3>();
+  return residuals.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
 }
 
 double VelocityDistance(const Problem& problem, const std::vector<double>& a, const std::vector<double>& b) {
