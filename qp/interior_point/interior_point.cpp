@@ -19,10 +19,10 @@ constexpr double kMostShare = 0.9999;
 // On the way to an aim far below the tolerance: lower, some contacts run ahead of others and the matrix out of the range of
 // numbers. Elsewhere the last step may go as far as it can.
 constexpr double kLeastSigma = 1e-3;
-constexpr double kLeastShare = 0.1;                     // of the aim: least mean complementarity
-constexpr int kMaxCorrectors = 3;                       // centrality correctors per factorisation [Gon96]
+constexpr double kLeastShare = 0.1;  // of the aim: least mean complementarity
+constexpr int kMaxCorrectors = 3;    // centrality correctors per factorisation [Gon96]
 constexpr double kProductLow = 0.1;  // centrality band, times the target of mu, and 1 over it
-constexpr int kSpare = 2;                               // numbers at the end of y, which whole vectors reach
+constexpr int kSpare = 2;            // numbers at the end of y, which whole vectors reach
 
 // bound: 1 / the longest step.
 double LongestStep(double bound, double limit) { return bound * limit > 1 ? 1 / bound : limit; }

@@ -277,7 +277,10 @@ void BindSettings(py::module_& m) {
       .value("CERTIFIED", Freezing::kCertified);
   const auto of_fields = [](const py::dict& fields) {
     py::object settings = py::cast(Settings{});
-    for (const auto& [name, value] : fields) settings.attr(py::str(name)) = value;
+    for (const auto& [name, value] : fields) {
+      if (!py::hasattr(settings, name)) throw py::type_error("Settings has no field " + py::cast<std::string>(name));
+      settings.attr(name) = value;
+    }
     settings.cast<Settings&>().Validate();
     return settings.cast<Settings>();
   };

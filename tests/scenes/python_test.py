@@ -126,7 +126,7 @@ class PythonTest(unittest.TestCase):
             (lambda: world.remove(77), ValueError, "77"),
             (lambda: islet.Settings(effort="most"), ValueError, "'most'"),
             (lambda: islet.Settings(threads=-1), ValueError, "threads"),
-            (lambda: islet.Settings(tolerence=1), AttributeError, "tolerence"),
+            (lambda: islet.Settings(tolerence=1), TypeError, "tolerence"),
             (lambda: islet.Shape.convex_hull(np.zeros((4, 2))), ValueError, "(n, 3)"),
             (lambda: islet.scene("cubeglas"), ValueError, "cubeglass"),
             (lambda: islet.Settings(effort=2**40), ValueError, "1099511627776"),
