@@ -255,6 +255,34 @@ TEST(SequentialResolver, TiesThatWouldStickWithEnergyGetTheFrictionThatLeavesLea
   EXPECT_LT(g.KineticEnergy(), before);
 }
 
+// A ball that spins in a corner of floor and wall with friction 1, which wedges it: no impulses give Newton's rebound, and those of a little less
+// friction are without bound. It stops.
+TEST(SequentialResolver, WedgesDoNotRebound) {
+  Group g;
+  Body corner, ball;
+  corner.kind = BodyKind::kFixed;
+  ball.mass = 4;
+  ball.inertia_B = 0.4 * ball.mass * 0.01 * Matrix3::Identity();
+  ball.linear_velocity_W = {0.27, -0.02, -0.27};
+  ball.angular_velocity_W = {-1, 0.5, 0.06};
+  g.bodies = {corner, ball};
+  for (const Vector3& normal : {Vector3(0, 0, 1), Vector3(-1, 0, 0)})
+    g.contacts.push_back({.body_a = 0,
+                          .body_b = 1,
+                          .point_W = -0.1 * normal,
+                          .normal_W = normal,
+                          .friction = 1,
+                          .restitution = normal.z() > 0 ? 0.2 : 0});
+  g.Finish();
+  const double before = g.KineticEnergy(), momentum = ball.mass * ball.linear_velocity_W.norm();
+  g.Resolve();
+  for (size_t c = 0; c < 2; ++c) {
+    EXPECT_LT(g.impulses[c].norm(), 2 * momentum);
+    EXPECT_NEAR(NormalVelocity(g.contacts[c], g.bodies[0], g.bodies[1]), 0, 1e-9);
+  }
+  EXPECT_LT(g.KineticEnergy(), before);
+}
+
 // Numbers of bodies that belong to other groups must not confuse the resolver, nor what an earlier group left in it.
 TEST(SequentialResolver, GroupsOfOneWorldAreIndependent) {
   Group g = OfficeToy(6, 1);
