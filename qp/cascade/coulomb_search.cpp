@@ -100,9 +100,14 @@ void CoulombSearch::Solve(const Task& task, Candidate* tried, const NaturalMap& 
 }
 
 // What is at rest, has no impulses to begin with and would fall by the answer at hand stays so where it can: friction has several answers.
-// What the convex problem says is one of exact friction, too, where nothing slides. (Not at once: it squeezes what fits between walls.)
+// It can where it does on springs: what fits between walls is not squeezed by them. What the convex problem says is an answer of exact friction,
+// too, where nothing slides.
 bool CoulombSearch::CanStand(const Task& task, ConvexSolver* convex) {
   if (!IsAtRest(task)) return false;
+  const bool stands =
+      coulomb_newton_.StandsOnSprings(task.problem, task.scales, kCoarse * task.scale(), NewtonSteps(task));
+  factorisations_ += coulomb_newton_.factorisations();
+  if (!stands) return false;
   SolveWithoutSlips(task, convex);
   if (convex_answer_.status != Status::kSolved) return false;
   std::swap(now_, before_);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "qp/body_algebra.h"
 #include "qp/newton/proximal.h"
@@ -137,18 +138,9 @@ bool CoulombNewton::Step(double aim, int most) {
 // Of one point of all the mass that has the kinetic energy of v_.
 double CoulombNewton::Speed() const { return std::sqrt(2 * KineticEnergy(*problem_, v_.data()) / total_mass_); }
 
-NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim,
-                                int max_factorisations, std::vector<Vector3>* impulses) {
+void CoulombNewton::Prepare(const Problem& problem, const std::vector<double>& rho) {
   problem_ = &problem, rho_ = &rho;
-  factorisations_ = 0;
   const size_t unknowns = 6 * problem.bodies.size(), contacts = problem.contacts.size();
-  centre_ = *impulses;
-  VelocitiesAfter(problem, centre_, &v_);
-  NaturalMap best = CoulombMap(problem, v_, centre_, rho);
-  const auto reached = [&] {
-    return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data())));
-  };
-  if (reached()) return best;
   for (std::vector<double>* values : {&residual_, &direction_, &weights_}) values->resize(unknowns);
   total_mass_ = 0;
   for (size_t i = 0; i < problem.bodies.size(); ++i) {
@@ -161,6 +153,40 @@ NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double
   basis_.resize(kKrylov + 1), steps_.resize(kKrylov);
   for (auto& vector : basis_) vector.resize(unknowns);
   system_.Prepare(problem, 1);
+}
+
+bool CoulombNewton::StandsOnSprings(const Problem& problem, const std::vector<double>& rho, double slow,
+                                    int max_factorisations) {
+  factorisations_ = 0;
+  Prepare(problem, rho);
+  centre_.assign(problem.contacts.size(), Vector3::Zero());
+  v_.assign(6 * problem.bodies.size(), 0.0);
+  refines_ = false;
+  ProximalPace pace({INFINITY, INFINITY});
+  double speed = INFINITY;
+  while (speed > slow && factorisations_ < max_factorisations) {
+    stiffness_ = pace.Stiffness(0, 0);
+    const int before = factorisations_;
+    if (!Step(kStepShare * slow, std::min(ProximalPace::kMostNewtonSteps, max_factorisations - before))) return false;
+    const double last = std::exchange(speed, ContactSpeed(problem, v_.data()));
+    if (speed > 0.5 * last) return false;
+    pace.Takes(speed, true, 0, false);
+  }
+  return speed <= slow;
+}
+
+NaturalMap CoulombNewton::Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim,
+                                int max_factorisations, std::vector<Vector3>* impulses) {
+  problem_ = &problem;
+  factorisations_ = 0;
+  centre_ = *impulses;
+  VelocitiesAfter(problem, centre_, &v_);
+  NaturalMap best = CoulombMap(problem, v_, centre_, rho);
+  const auto reached = [&] {
+    return best.max <= std::min(aim.enough, std::max(aim.least, aim.of_speed * ContactSpeed(problem, v_.data())));
+  };
+  if (reached()) return best;
+  Prepare(problem, rho);
   ProximalPace pace(best);
   for (int step = 0; step < max_factorisations; ++step) {  // some need no factorisation
     const int before = factorisations_;

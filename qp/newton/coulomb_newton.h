@@ -33,10 +33,14 @@ class CoulombNewton {
   // only as long as every few steps halve the map. impulses are the best that it met. rho: as by ImpulseScales. Returns their map.
   NaturalMap Solve(const Problem& problem, const std::vector<double>& rho, const Aim& aim, int max_factorisations,
                    std::vector<Vector3>* impulses);
+  // Whether contacts move slower than that [velocity] on springs that begin relaxed, once these are stiff enough: what stands without having
+  // been squeezed before.
+  bool StandsOnSprings(const Problem& problem, const std::vector<double>& rho, double slow, int max_factorisations);
 
   int factorisations() const { return factorisations_; }  // of the last call
 
  private:
+  void Prepare(const Problem& problem, const std::vector<double>& rho);
   double Residual();
   double Speed() const;
   bool Step(double aim, int most);

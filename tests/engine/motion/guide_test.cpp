@@ -37,6 +37,22 @@ TEST(Guide, BarKeepsItsSpeed) {
   }
 }
 
+// A box that fits between two rails to the last bit, on a smooth floor, goes with whatever pulls it: rails press nobody who was not squeezed.
+TEST(Guide, DrawerOpens) {
+  for (const bool crowd : {false, true}) {
+    for (const double pull : {5.0, 400.0}) {
+      World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+      world.Add(testing::Floor(0));
+      for (const double side : {-0.6, 0.6})
+        world.Add({.shape = Shape::Box({30, 0.1, 0.5}), .kind = BodyKind::kFixed, .position_W = {0, side, 0.5}});
+      const int drawer = world.Add(testing::Cube({0, 0, 0.5}));
+      world.SetForce(drawer, {pull, 0, 0}, Vector3::Zero());
+      for (int k = 0; k < 30; ++k) testing::Step(&world, 1.0 / 60);
+      EXPECT_NEAR(world.body(drawer).linear_velocity_W.x(), 0.5 * pull, 1e-3 * pull) << crowd;
+    }
+  }
+}
+
 // A roller that locks between a plate and an incline, pushed by forces alone, without weight: nothing moves, and nothing is at hand but what
 // the forces would give. The ledger must find no fault with rounding.
 TEST(Guide, RollerThatLocksIsClean) {
