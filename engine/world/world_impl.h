@@ -132,6 +132,7 @@ struct [[gnu::visibility("hidden")]] World::Impl : WorldState {
   void LookAt(std::uint32_t layers, const Box& box, const Look& look) const;
   void DetectAll(std::span<const Body> asked);  // asked: bodies as the filter sees them
   void DetectMoving(std::span<const Vector3> expected);
+  double Lever(const Body& turning) const;
   void ChooseMargins(std::span<const Vector3> expected);
   bool StaysInReach() const;
   void MixMaterials(std::vector<Contact> * contacts) const;

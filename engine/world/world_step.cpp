@@ -19,6 +19,15 @@ namespace islet {
 
 using motion::Races;
 
+// [m] of what turning moves most: of a half-space where it may meet anything.
+double World::Impl::Lever(const Body& turning) const {
+  if (std::isfinite(turning.radius)) return turning.radius;
+  double lever = 0;
+  for (const Body& body : bodies)
+    if (CanMove(body)) lever = std::max(lever, (body.position_W - turning.position_W).norm() + body.radius);
+  return lever;
+}
+
 // Twice the touch gap holds what resting contacts do; the rest is turning and falling within a step.
 void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
   travel.assign(expected.begin(), expected.end());
@@ -28,9 +37,9 @@ void World::Impl::ChooseMargins(std::span<const Vector3> expected) {
     const bool moves = body.Moves() || body.kind == BodyKind::kKinematic;
     const double size = std::isfinite(shapes[i].size()) ? shapes[i].size() : 0;
     margins[i] = 2 * settings.touch_gap * size;
-    if (!moves || !std::isfinite(body.radius)) continue;
-    margins[i] += 0.01 * size + dt_hint * body.angular_velocity_W.norm() * body.radius +
-                  settings.gravity.norm() * dt_hint * dt_hint;
+    if (!moves) continue;
+    const double turn = dt_hint * body.angular_velocity_W.norm();
+    margins[i] += 0.01 * size + (turn > 0 ? turn * Lever(body) : 0) + settings.gravity.norm() * dt_hint * dt_hint;
   }
 }
 
@@ -74,7 +83,7 @@ void World::Impl::DetectMoving(std::span<const Vector3> expected) {
 // Every body ends near the path that the last detection swept for it.
 bool World::Impl::StaysInReach() const {
   for (size_t i = 0; i < bodies.size(); ++i) {
-    if (!bodies[i].Moves()) continue;
+    if (StandsStill(bodies[i])) continue;
     const double length = travel[i].squaredNorm();
     const double along = length > 0 ? std::clamp(planned[i].dot(travel[i]) / length, 0.0, 1.0) : 0;
     const double turn = dt_hint * bodies[i].angular_velocity_W.norm() * bodies[i].radius;

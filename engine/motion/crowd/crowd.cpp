@@ -196,10 +196,10 @@ void Crowd::Return(std::span<const State> states) {
   for (size_t i = 0; i < bodies_.size(); ++i) SetState(states[i], &bodies_[i]);
 }
 
-// Marks what stands still as frozen and took a blow. One that would give it less speed than its weight does is a load like others.
+// Marks what stands still as frozen and took a blow, or would have to give way. A blow that would give it less speed than its weight does is a load like others.
 // Returns whether any did.
 bool Crowd::HitsFrozen() {
-  hit_.assign(bodies_.size(), 0);
+  hit_ = closed_upon_;
   for (size_t c = 0; c < problem_.size(); ++c) {
     const double blow = (blows_[c] + collisions_[c]).norm();
     for (const int i : {problem_[c].body_a, problem_[c].body_b})
@@ -260,8 +260,7 @@ void Crowd::DropLevelEdges() {
   const auto presses_nothing = [&](const Contact* first, const Contact* last) {
     const Body &a = bodies_[first->body_a], &b = bodies_[first->body_b];
     const double level = 2 * settings_.overlap_tolerance * Size(*first);  // what gaps may miss at both ends
-    return (a.Moves() || b.Moves()) &&
-           TouchByLevelEdges({first, last}, shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(),
+    return TouchByLevelEdges({first, last}, shapes_[first->body_a], Pose{a.position_W, a.rotation_WB}.placement(),
                              shapes_[first->body_b], Pose{b.position_W, b.rotation_WB}.placement(), level, &sides_W_);
   };
   size_t kept = 0;
@@ -326,8 +325,10 @@ void Crowd::Step(double dt, const FindContacts& find, const ProblemObserver& obs
   yields_.clear();
   Wake(dt, memory);
   first_memory_ = *memory;
+  closed_upon_.assign(bodies.size(), 0);
   for (hit_.clear(); !Pieces(dt, find, memory, report) || !Hold(dt, memory); hit_.clear()) {
     yields_.clear();
+    closed_upon_.assign(bodies.size(), 0);
     Return(first_);
     *near = first_near_;
     *memory = first_memory_;

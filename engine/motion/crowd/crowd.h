@@ -142,6 +142,7 @@ class Crowd {
   void AllowPushes(const CrowdMemory& memory);
   void Select();
   void Carry(bool first, StepReport* report);
+  void MarkClosedUpon();
   void GiveWay();
   void Part(std::span<const Contact> contacts);
   void PartEdges();
@@ -236,7 +237,8 @@ class Crowd {
   std::vector<Contact>* near_ = nullptr;
   const ProblemObserver* observer_ = nullptr;
   std::vector<LedgerImpulse> impulses_;
-  std::vector<std::uint8_t> was_frozen_, hit_;  // as it began; what was frozen and took a blow
+  std::vector<std::uint8_t> was_frozen_, hit_;  // as it began; what was frozen and took a blow, or
+  std::vector<std::uint8_t> closed_upon_;       // would have to give way
   std::vector<State> first_;                    // as it began
   std::vector<Contact> first_near_;
   CrowdMemory first_memory_;

@@ -197,7 +197,18 @@ void Crowd::Carry(bool first, StepReport* report) {
   const double solved = Seconds();
   TellSlice({"solve", start, solved});
   Report(outcomes_, &report->static_qp, solved - start, &report->seconds.static_qp, report);
+  MarkClosedUpon();
   GiveWay();
+}
+
+// What is frozen is no wall where nothing else can give way.
+void Crowd::MarkClosedUpon() {
+  for (int island = 0; island < partition_.num_islands(); ++island) {
+    if (outcomes_[island].status != QpStatus::kInfeasible) continue;
+    for (const int k : partition_.contacts_of(island))
+      for (const int i : {held_[active_[k]].body_a, held_[active_[k]].body_b})
+        if (bodies_[i].frozen) closed_upon_[i] = 1;
+  }
 }
 
 // Pairs that moving walls press together faster than anything keeps them apart close at that speed for the rest of the step.

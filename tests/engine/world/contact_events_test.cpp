@@ -56,6 +56,22 @@ TEST(ContactEvents, ABodyLandsStaysAndGoes) {
   }
 }
 
+// Boxes of a wall touch those diagonal to them by edges, which press nothing and are no contacts: nor are they when everything is looked at anew.
+TEST(ContactEvents, NothingBeginsWhereNothingHappens) {
+  World world(AsCrowd(Settings{}));
+  world.Add(Floor());
+  for (int i = 0; i < 16; ++i) world.Add(Cube({1.0 * (i % 4), 0, 0.5 + i / 4}));
+  const int apart = world.Add(Cube({50, 0, 0.5}));
+  for (int k = 0; k < 30; ++k) world.Step(kDt);
+  ASSERT_TRUE(world.body(1).frozen);
+  for (int k = 0; k < 3; ++k) {
+    world.SetVelocity(apart, Vector3::Zero(), Vector3::Zero());
+    world.Step(kDt);
+    for (const ContactEvent& event : world.events())
+      EXPECT_EQ(event.kind, Kind::kPersist) << event.body_a << " " << event.body_b;
+  }
+}
+
 // A ball that bounces is away again at the end of the step: only its blow tells.
 TEST(ContactEvents, ABounceIsAHit) {
   for (const bool crowd : {false, true}) {

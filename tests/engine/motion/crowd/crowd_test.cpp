@@ -491,6 +491,41 @@ TEST(Crowd, PistonPushesWhatWasFrozen) {
   }
 }
 
+// 27 boxes that rest, and a wall that comes among them: who is frozen is no wall where the others have nowhere to go. It crept before, or the
+// steps were short, so that what was near was known for a way far shorter than the one that it takes.
+TEST(Crowd, WallPushesFrozenBoxes) {
+  for (const double short_step : {1.0 / 60, 1.0 / 6000}) {
+    World world(testing::AsCrowd(Settings{}));
+    world.Add(Floor());
+    for (int i = 0; i < 27; ++i) world.Add(Cube({1.01 * (i % 3), 1.01 * (i / 3 % 3), 0.5 + i / 9}));
+    const int wall =
+        world.Add({.shape = Shape::Box({0.1, 2, 2}), .kind = BodyKind::kKinematic, .position_W = {2.8, 1, 2.1}});
+    for (int k = 0; k < 60; ++k) world.Step(1.0 / 60);
+    world.SetVelocity(wall, {short_step < 0.01 ? -8 : -1e-4, 0, 0}, Vector3::Zero());
+    world.Step(short_step);
+    ASSERT_TRUE(world.body(1).frozen);
+    if (short_step > 0.01) world.SetVelocity(wall, {-8, 0, 0}, Vector3::Zero());
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(world.Step(1.0 / 15).overlapping, 0) << short_step << ", " << k;
+  }
+}
+
+// A plane turns far away, and comes down on frozen boxes by more in a step than what is near them.
+TEST(Crowd, PlaneThatTurnsMeetsFrozenBoxes) {
+  World world(testing::AsCrowd(Settings{}));
+  world.Add(Floor());
+  for (int i = 0; i < 9; ++i) world.Add(Cube({1.01 * (i % 3), 0, 0.5 + i / 3}));
+  const int plane = world.Add({.shape = Shape::HalfSpace(),
+                               .kind = BodyKind::kKinematic,
+                               .position_W = {1, 0, -30},
+                               .rotation_WB = testing::Turn(-0.5 * M_PI + 0.07, Vector3::UnitY())});
+  for (int k = 0; k < 60; ++k) world.Step(1.0 / 60);
+  for (int k = 0; k < 8; ++k) {
+    world.SetVelocity(plane, Vector3::Zero(), {0, -0.25, 0});
+    EXPECT_EQ(world.Step(1.0 / 60).overlapping, 0) << k;
+  }
+  EXPECT_LT(world.body(3).position_W.x(), 2.0);
+}
+
 // A box that turns with a round table: its contacts are found again where it is, or what they carried would stay, and its rate would go to
 // and fro about the table's for ever.
 TEST(Crowd, WhatTurnsWithATableTurnsAsItDoes) {
