@@ -31,8 +31,8 @@ void CutBall(const Vector3& centre, double radius, const Vector3& origin, const 
   const double a = way.squaredNorm(), b = from.dot(way), c = (from.norm() - radius) * (from.norm() + radius);
   const bool outside = c >= -2 * radius * inside->touch;
   const double passes =
-      a > 0 ? (from - b / a * way).norm() : from.norm();  // [m] of the centre; exact from far away, too
-  if (passes >= radius || (outside && b >= 0)) {
+      a > 0 ? (from - b / a * way).norm() : from.norm();          // [m] of the centre; exact from far away, too
+  if (passes >= radius - inside->touch || (outside && b >= 0)) {  // what grazes it does not go in
     inside->leave = -1;
     return;
   }
@@ -60,6 +60,11 @@ void EnterRound(const Shape& shape, const Vector3& origin, const Vector3& way, I
       CutBall(centre, shape.girth(), origin, way, &ball);
       if (ball.enter > ball.leave || ball.leave < 0) continue;
       if (first.enter > first.leave || ball.enter < first.enter) first = ball;
+    }
+    if (!first.normal.isZero(0)) {  // the flat ends are inside
+      Vector3 place = origin + first.enter * way;
+      place.z() -= std::clamp(place.z(), -end.z(), end.z());
+      first.normal = place.normalized();
     }
   }
   *inside = first;

@@ -53,6 +53,24 @@ TEST(Query, RaysMeetWhatIsFirst) {
   EXPECT_EQ(point->body, 1);
 }
 
+// A ray along the side of a capsule, or from a point of it, does not go in; one that comes at the seam of a cap has its normal.
+TEST(Query, RaysGrazeCapsules) {
+  World world(testing::Awake());
+  for (const double radius : {0.5, 0.3, 0.7, 1.1}) {
+    const int capsule = world.Add({.shape = Shape::Capsule(radius, 1)});
+    for (double turn = 0; turn < 6; turn += 0.37) {
+      const Vector3 out(std::cos(turn), std::sin(turn), 0);
+      EXPECT_FALSE(world.CastRay(radius * out, {0, 0, 3})) << turn;
+      EXPECT_FALSE(world.CastRay(radius * out - Vector3(0, 0, 4), {0, 0, 8})) << turn;
+      const auto seam = world.CastRay((radius + 2) * out + Vector3(0, 0, 3), -4 * out - Vector3(0, 0, 4));
+      ASSERT_TRUE(seam) << turn;
+      EXPECT_LT((seam->normal_W - out).norm(), 1e-7) << turn;
+    }
+    world.Remove(capsule);
+    testing::Step(&world, 0.01);
+  }
+}
+
 // A tiny ball that is cast goes where a ray does.
 TEST(Query, RaysAgreeWithTinyBalls) {
   const World world = Scene();
