@@ -62,6 +62,7 @@ struct Detector::Impl {
   PairContacts contacts_of_pairs;
 
   Tree tree;
+  bool other_bodies = false;  // than those of the tree
   int refits_since_rebuild = 0;
   std::vector<Node*> leaves;      // per body; null for half-spaces and removed bodies
   std::vector<Box> rooms;         // per body that has a leaf
@@ -74,6 +75,7 @@ struct Detector::Impl {
   bool LeavesRoom(int body) const;
   void FindLeavers();
   void UpdateTree();
+  void BuildTree();
   void FindCandidates();
   void Query(int body, std::vector<const Node*>* stack, std::vector<CandidatePair>* found) const;
   void SortFound();
@@ -91,9 +93,7 @@ bool Detector::Impl::LeavesRoom(int number) const {
 void Detector::Impl::FindLeavers() {
   const int n = bodies.size();
   const bool fewer = static_cast<int>(leaves.size()) > n;  // another world: its bodies leave
-  for (size_t i = n; i < leaves.size(); ++i) {
-    if (leaves[i]) tree.remove(leaves[i]);
-  }
+  other_bodies = other_bodies || fewer;
   if (fewer || !keep) pairs.clear();
   const bool all = fewer || !keep || bodies.half_spaces_changed() || refits_since_rebuild >= kRefitsPerRebuild;
   leaves.resize(n, nullptr);
@@ -110,30 +110,42 @@ void Detector::Impl::FindLeavers() {
 // Refits the boxes of the tree while its bodies stay the same. What is near is decided box by box, so neither the
 // tree's shape nor its history changes the contacts.
 void Detector::Impl::UpdateTree() {
-  bool other_bodies = false;
   for (int i : searching) {
     const bool in_tree = !bodies[i].half_space && !bodies[i].removed;
     if (in_tree) rooms[i] = keep ? RoomOf(bodies[i]) : bodies[i].box;
-    if (in_tree && !leaves[i]) {
-      // NOLINTNEXTLINE(performance-no-int-to-ptr): FCL's trees hold a pointer, here a number
-      leaves[i] = tree.insert(ToFcl(rooms[i]), reinterpret_cast<void*>(static_cast<std::intptr_t>(i)));
-      other_bodies = true;
-    } else if (!in_tree && leaves[i]) {
-      tree.remove(leaves[i]);
-      leaves[i] = nullptr;
+    if (in_tree != (leaves[i] != nullptr)) {
       other_bodies = true;
     } else if (in_tree) {
       leaves[i]->bv = ToFcl(rooms[i]);
     }
   }
-  if (tree.empty()) return;
-  if (other_bodies || refits_since_rebuild >= kRefitsPerRebuild) {
+  if (other_bodies) {
+    BuildTree();
+  } else if (refits_since_rebuild >= kRefitsPerRebuild) {
     tree.balanceTopdown();
     refits_since_rebuild = 0;
-  } else {
+  } else if (!tree.empty()) {
     tree.refit();
     ++refits_since_rebuild;
   }
+}
+
+// From all bodies at once: of FCL's insertion a row of bodies makes a list.
+void Detector::Impl::BuildTree() {
+  std::vector<Node*> nodes;
+  for (int i = 0; i < bodies.size(); ++i) {
+    leaves[i] = nullptr;
+    if (bodies[i].half_space || bodies[i].removed) continue;
+    auto* leaf = new Node;  // NOLINT(cppcoreguidelines-owning-memory): the tree deletes it
+    leaf->bv = ToFcl(rooms[i]);
+    // NOLINTNEXTLINE(performance-no-int-to-ptr): FCL's trees hold a pointer, here a number
+    leaf->data = reinterpret_cast<void*>(static_cast<std::intptr_t>(i));
+    nodes.push_back(leaves[i] = leaf);
+  }
+  tree.clear();
+  if (!nodes.empty()) tree.init(nodes);
+  other_bodies = false;
+  refits_since_rebuild = 0;
 }
 
 void Detector::Impl::Query(int body, std::vector<const Node*>* stack, std::vector<CandidatePair>* found) const {
