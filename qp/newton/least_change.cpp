@@ -44,8 +44,8 @@ void LeastChange::Weigh(Aim aim) {
   weights_.resize(impulses_.size());
   drift_.assign(impulses_.size(), Vector3::Zero());
   double sum = 0;  // a mean as the unit: the same bits in whatever units impulses are
-  for (const Vector3& j : impulses_) sum += j[0];
-  const double unit = sum > 0 ? sum / static_cast<double>(impulses_.size()) : 1;
+  for (const Vector3& j : start_) sum += j[0];
+  const double unit = sum > 0 ? sum / static_cast<double>(start_.size()) : 1;
   for (BodyTerm& body : problem.bodies) body.mass = 0;
   for (size_t c = 0; c < impulses_.size(); ++c) {
     const ContactTerm& contact = problem.contacts[c];
@@ -53,7 +53,7 @@ void LeastChange::Weigh(Aim aim) {
     weights_[c] = WeightOf(j, contact.friction);
     if (aim == Aim::kCentre) {
       weights_[c] *= 0.5 * j[0];
-      drift_[c] = unit * (j - weights_[c].col(0));
+      drift_[c] = unit * (j - 2 * weights_[c].col(0));
     }
     for (const auto& [body, jacobian] :
          {std::pair{contact.body_a, &contact.jacobian_a}, std::pair{contact.body_b, &contact.jacobian_b}})

@@ -8,9 +8,10 @@
 // Where that leaves a cone, or does not give p, the impulses at hand are at the end of what they can give. Others are sought, far from
 // all ends:
 //
-//   min  sum_c j_n / m - log det(x)  over all j with J^T j = what these give + p          m: mean of j_n
-//   change = D J w + j - D n / m,  D = S P(x) S / 2,  n: the normal        [Newton's step from what does not give it all, BV04 10.3.2]
-//       almost to the boundary, where that is nearer; the step that is taken whole gives p
+//   min  sum_c 2 j_n / m - log det(x)  over all j with J^T j = what these give + p        m: mean of j_n at hand
+//   change = D J w + j - 2 D n / m,  D = S P(x) S / 2,  n: the normal      [Newton's step from what does not give it all, BV04 10.3.2]
+//       almost to the boundary, where that is nearer; the step that is taken whole gives p. Where nothing asks for more, all press by m:
+//       what is asked again and again does not press harder and harder
 //
 // Where no impulses give p, w grows without bound, along a way in which bodies can give way and no contact resists [Farkas' lemma].
 //

@@ -81,6 +81,32 @@ TEST(LeastChange, IsFoundWhereWhatIsAtHandIsAtItsEnd) {
   }
 }
 
+// A body between two walls that press it with 1 each, and friction 1/2: a push of 1.1 along them needs 1.1. What gives it presses little harder,
+// however often that is asked anew from what was found.
+TEST(LeastChange, WallsDoNotPressHarderAndHarder) {
+  Problem problem;
+  problem.bodies.resize(1);
+  for (const double side : {-1.0, 1.0}) {
+    qp::ContactTerm& wall = problem.contacts.emplace_back();
+    wall.body_b = 0;
+    wall.jacobian_b = JacobianAt({0, side, 0});
+    wall.jacobian_b.row(0) *= -side;
+    wall.friction = 0.5;
+  }
+  std::vector<Vector3> impulses(2, Vector3(1, 0, 0)), change;
+  std::vector<double> wanted(6, 0.0);
+  for (int k = 0; k < 12; ++k) {
+    wanted[0] = k == 0 ? 1.1 : k % 2 == 0 ? 2.2 : -2.2;
+    for (Vector3& j : impulses) j[0] = std::min(j[0], 1.1);  // what presses harder would do
+    LeastChange least;
+    least.Prepare(impulses, &problem);
+    ASSERT_TRUE(least.Find(wanted, {1e-10}, 1e-9, LeastChange::Reach::kFar, &change)) << k;
+    ExpectGiven(problem, impulses, change, wanted);
+    for (size_t c = 0; c < 2; ++c) impulses[c] += change[c];
+    EXPECT_LT(impulses[0][0], 2) << k;
+  }
+}
+
 // Friction gives 2 of the four feet's load; then the one that is pushed harder gives way, along the push, and not its neighbour.
 TEST(LeastChange, TellsWhoGivesWay) {
   Problem problem = Tables(2);
