@@ -127,7 +127,7 @@ struct StepReport {
   // Certified freezing in crowds: worst sum of all impulses on a frozen body, over the sum of their magnitudes; at most 5e-10, half of
   // what the ledger forgives, or the body would not be frozen.
   double frozen_imbalance = 0;
-  int restitution_lowered = 0;        // islands in which restitution was lowered so that no energy is created
+  int restitution_lowered = 0;        // islands in which restitution was lowered: it would create energy, or has no answer
   QpSummary collision_qp, static_qp;  // problems of step 2 and of step 3
   LadderReport ladder;                // of the contact problems
   LadderReport motion_ladder;         // of detection

@@ -121,8 +121,10 @@ void IslandResponder::Solve(const Settings& settings, double v_ref, ResponseOutc
       std::any_of(problem_.contacts.begin(), problem_.contacts.end(), [](const auto& c) { return c.target > 0; });
   if (bounces && !may_gain) solver_settings.energy_limit = energy_before;
   const auto good = [&] {
-    // On the brink of a jam the interior point stalls: less bounce is better than a bad answer.
-    const bool stalled = bounces && settings.model != Model::kCoulomb && solution_.rung == qp::Rung::kInteriorPoint;
+    // On the brink of a jam the interior point stalls, and exact friction has answers without bound, or none: less bounce is better than a bad
+    // answer. Large islands are inexact anyway.
+    const bool stalled = bounces && (settings.model != Model::kCoulomb ? solution_.rung == qp::Rung::kInteriorPoint
+                                                                       : qp::IsSmall(problem_));
     const bool accepted = solution_.status == qp::Status::kSolved || (!stalled && Usable(solution_.status));
     return accepted && (may_gain || qp::KineticEnergy(problem_, solution_.velocities.data()) <=
                                         energy_before * (1 + settings.tolerance));

@@ -116,7 +116,7 @@ class StepReport:
     woken: int  # bodies frozen before the step and not after it
     newly_frozen: int  # the other way round
     bounces: int  # of the queue of blows
-    restitution_lowered: int  # islands in which rebounds were lowered so that no energy is created
+    restitution_lowered: int  # islands in which rebounds were lowered: they would create energy, or have no answer
     pieces: int  # into which the steps of small groups were cut, together
     penetration_max: float  # [m]
     kinetic_energy: float  # [J]
