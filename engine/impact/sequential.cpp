@@ -198,20 +198,6 @@ double SequentialResolver::SolveTies(std::span<const int> group_contacts, std::s
   return gain - kExact * work - left;
 }
 
-// Where no impulses within the cones give Newton's rebounds the bodies are wedged, and wedges do not rebound. (Less friction would free them:
-// by the most that does, at impulses without bound.) The same of that.
-double SequentialResolver::SolveJam(std::span<const int> group_contacts, std::span<const Contact> contacts) {
-  std::vector<qp::ContactTerm>& terms = tied_problem_.contacts;
-  rebounds_.clear();
-  for (qp::ContactTerm& term : terms) {
-    rebounds_.push_back(term.target);
-    term.target = std::min(term.target, 0.0);
-  }
-  const double gain = SolveTies(group_contacts, contacts, 1);
-  for (size_t k = 0; k < terms.size() && gain > 0; ++k) terms[k].target = rebounds_[k];
-  return gain;
-}
-
 // Where all of its friction would make energy, the share of it that leaves least: without friction Newton's rebounds make none. Returns
 // whether there is an answer.
 bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts) {
@@ -237,8 +223,8 @@ bool SequentialResolver::LowerFriction(std::span<const int> group_contacts, std:
 bool SequentialResolver::BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts,
                                         std::span<Vector3> impulses) {
   GatherTies(group_contacts, contacts);
-  double gain = SolveTies(group_contacts, contacts.contacts, 1);
-  if (gain == INFINITY) gain = SolveJam(group_contacts, contacts.contacts);
+  const double gain = SolveTies(group_contacts, contacts.contacts, 1);
+  if (gain == INFINITY) return false;
   if (gain > 0 && !LowerFriction(group_contacts, contacts.contacts)) return false;
   for (size_t k = 0; k < tied_.size(); ++k) {
     const int number = group_contacts[tied_[k]];

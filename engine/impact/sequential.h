@@ -54,7 +54,6 @@ class SequentialResolver {
   void FindTies(std::span<const int> group_contacts, std::span<const Contact> contacts);
   void GatherTies(std::span<const int> group_contacts, const ContactFrames& contacts);
   double SolveTies(std::span<const int> group_contacts, std::span<const Contact> contacts, double friction_share);
-  double SolveJam(std::span<const int> group_contacts, std::span<const Contact> contacts);
   bool LowerFriction(std::span<const int> group_contacts, std::span<const Contact> contacts);
   bool BounceTogether(std::span<const int> group_contacts, const ContactFrames& contacts, std::span<Vector3> impulses);
   void ApplyAt(int local_contact, const Contact& contact, const Vector3& impulse_W);
@@ -79,7 +78,6 @@ class SequentialResolver {
   bool by_body_ = false;
   std::vector<double> spent_;  // per body: of the limit
   qp::Problem tied_problem_;
-  std::vector<double> rebounds_;  // [m/s] per tied contact
   qp::Solution tied_solution_;
   qp::IslandSolver tie_solver_;
 };

@@ -1042,5 +1042,30 @@ TEST(Impact, ElasticBlowOfWhatStandsOnItsEdgeRebounds) {
     }
 }
 
+// A superball that spins towards a wall wedges between it and the floor: both at once have no answer. It leaves as one that falls a hair beside
+// the wall.
+TEST(Impact, SuperballAlongAWallBouncesAsBesideIt) {
+  for (const bool crowd : {false, true}) {
+    std::vector<Vector3> left;
+    for (const double beside : {0.0, 1e-7, 1e-4}) {
+      World world(crowd ? testing::AsCrowd(Awake()) : Awake());
+      world.Add(Floor(2, 1));
+      world.Add({.shape = Shape::HalfSpace(),
+                 .kind = BodyKind::kFixed,
+                 .rotation_WB = testing::Turn(0.5 * M_PI, Vector3::UnitY()),
+                 .friction = 2,
+                 .restitution = 1});
+      BodyDefinition ball = Ball({0.1 + beside, 0, 0.2}, 0.1, 2, 1);
+      ball.linear_velocity_W = {0, 0, -4};
+      ball.angular_velocity_W = {0, -40, 0};
+      const int superball = world.Add(ball);
+      for (int k = 0; k < 6; ++k) testing::Step(&world, 1.0 / 120);
+      left.push_back(world.body(superball).linear_velocity_W);
+    }
+    EXPECT_GT(left[2].z(), 2) << crowd;
+    for (const Vector3& other : left) EXPECT_LT((other - left[2]).norm(), 0.01) << crowd << ": " << other.transpose();
+  }
+}
+
 }  // namespace
 }  // namespace islet
