@@ -150,12 +150,12 @@ bool IslandResponder::IsDriven(const qp::ContactTerm& contact) {
 
 // What is squirted out between closing walls obeys the law, but for walls of no strength that there is: they would give the island more
 // energy than all of it has at a few times the speeds that drive it.
-bool IslandResponder::IsSquirt() const {
+bool IslandResponder::IsSquirt(double most_driven) const {
   if (!AnyDrift(problem_)) return false;
   double driven = 0, mass = 0;
   for (const qp::ContactTerm& c : problem_.contacts) driven = std::max({driven, c.target, c.drift.norm()});
   for (const qp::BodyTerm& body : problem_.bodies) mass += body.mass;
-  const double most = 0.5 * mass * kMostDriven * kMostDriven * driven * driven;
+  const double most = 0.5 * mass * most_driven * most_driven * driven * driven;
   return qp::KineticEnergy(problem_, solution_.velocities.data()) > qp::KineticEnergy(problem_, nullptr) + most;
 }
 
@@ -163,14 +163,14 @@ bool IslandResponder::IsSquirt() const {
 void IslandResponder::AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome) {
   outcome->status = solution_.status == qp::Status::kSolved ? QpStatus::kSolved : QpStatus::kInaccurate;
   given_.assign(problem_.contacts.size(), 0.0);
-  if (Usable(solution_.status) && !IsSquirt()) return;
+  if (Usable(solution_.status) && !IsSquirt(kMostDriven)) return;
   const bool driven = std::any_of(problem_.contacts.begin(), problem_.contacts.end(), IsDriven);
   for (const double compliance : kCompliances) {
     for (qp::ContactTerm& c : problem_.contacts)
       if (!driven || IsDriven(c)) c.compliance = compliance * qp::DelassusBlock(problem_, c)(0, 0);
     guess_.clear();
     SolveOnce(settings, outcome);
-    if (Usable(solution_.status) && !IsSquirt()) break;
+    if (Usable(solution_.status) && !IsSquirt(1)) break;  // what gives way throws nobody faster than it comes
   }
   outcome->status = Usable(solution_.status) ? QpStatus::kInfeasible : QpStatus::kFailed;
   for (qp::ContactTerm& c : problem_.contacts) c.compliance = 0;  // the certificate judges the rigid problem

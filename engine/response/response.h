@@ -70,7 +70,7 @@ class IslandResponder {
   void SolveOnce(const qp::Settings& settings, ResponseOutcome* outcome);
   void AcceptOrComply(const qp::Settings& settings, ResponseOutcome* outcome);
   static bool IsDriven(const qp::ContactTerm& contact);
-  bool IsSquirt() const;
+  bool IsSquirt(double most_driven) const;
   bool LowerRestitution(int attempt);
   void KeepMomentum(const ResponseOutcome& outcome);
   void TakeGuess(const IslandView& island, std::span<Vector3> impulses, ResponseOutcome* outcome);
