@@ -13,6 +13,7 @@
 #include "scenes/file/probes.h"
 #include "scenes/file/scene_reader.h"
 #include "scenes/file/scene_writer.h"
+#include "scenes/option_checks.h"
 #include "scenes/output_file.h"
 #include "scenes/printable.h"
 #include "scenes/ready_scene.h"
@@ -57,7 +58,7 @@ void AddExportOptions(CLI::App* command, ExportOptions* options) {
       ->group("Output")
       ->type_name("FILE")
       ->check([](const std::string& name) {
-        return name == "-" ? "without it the file goes to the standard output; got -" : "";
+        return name == "-" ? "without it the file goes to the standard output; got -" : FileOrDash(name);
       });
   command->footer(
       "The file runs to the same state hash as the scene. The format is told in scenes/README.md.\n\n"

@@ -24,6 +24,8 @@ void RequireRange(const char* option, const std::string& value, bool good, const
   Require(option, value, good, rule);
 }
 
+std::string FileOrDash(const std::string& name) { return name.empty() ? "must be the name of a file; got \"\"" : ""; }
+
 void RequireTolerance(double tolerance) {
   Require("--tolerance", tolerance, tolerance >= 1e-15 && tolerance <= 0.1, "in [1e-15, 0.1]");
 }

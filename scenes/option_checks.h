@@ -24,6 +24,10 @@ void RequireThreads(const std::optional<int>& threads);
 void RequireTime(const char* option,
                  const std::optional<double>& seconds);  // above zero, and no longer than the longest run
 
+// What an option that takes the name of a file says of its value: nothing, or why not. An empty name is a variable that was not set, not a wish for
+// no file; "-" is a name.
+std::string FileOrDash(const std::string& name);
+
 // Whole numbers of a command's options are decimal: 010 is ten, as `seq -w` writes it.
 void ReadDecimals(CLI::App* command);
 

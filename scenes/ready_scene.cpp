@@ -21,10 +21,14 @@ void RefuseParameter(const char* field, const std::optional<T>& value) {
   if (value) throw std::invalid_argument(fmt::format("{}: a scene file says that itself; got {}", field, *value));
 }
 
-ReadyScene FromFile(const RunOptions& options) {
+void RefuseOutputTo(const RunOptions& options, const std::string& input, const char* what) {
   for (const auto& [option, file] : Outputs(options))
-    if (SameOutput(file, options.scene))
-      throw std::invalid_argument(fmt::format("{}: an output goes to the scene file itself: {}", option, file));
+    if (SameOutput(file, input))
+      throw std::invalid_argument(fmt::format("{}: an output goes to {}: {}", option, what, file));
+}
+
+ReadyScene FromFile(const RunOptions& options) {
+  RefuseOutputTo(options, options.scene, "the scene file itself");
   const SceneParameters& p = options.parameters;
   RefuseParameter("count", p.count);
   RefuseParameter("friction", p.friction);
@@ -35,6 +39,7 @@ ReadyScene FromFile(const RunOptions& options) {
   std::string text = options.scene_text ? *options.scene_text : ReadSceneText(options.scene);
   const auto description =
       std::make_shared<const SceneDescription>(ReadScene(std::make_shared<const Document>(options.scene, text)));
+  for (const std::string& mesh : description->meshes) RefuseOutputTo(options, mesh, "a mesh of the scene");
   const double dt = options.dt.value_or(description->dt);
   MadeScene made =
       MakeScene(*description, MakeSettings(options, description->settings), p.seed.value_or(description->seed));

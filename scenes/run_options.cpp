@@ -66,9 +66,6 @@ std::string WholeNumber(const std::string& text) {
   return good ? "" : "must be a whole number from 0 to 2^64 - 1; got " + text;
 }
 
-// An empty name is a variable that was not set, not a wish for no file.
-std::string FileOrDash(const std::string& text) { return text.empty() ? "must be the name of a file; got \"\"" : ""; }
-
 std::string FileName(const std::string& text) {
   return text == "-" ? "must be the name of a file, only --report takes the standard output; got -" : FileOrDash(text);
 }
@@ -253,7 +250,7 @@ std::vector<std::string> RunArguments(const CLI::App& command) {
       const std::vector<std::string>& values = option->results();
       arguments.insert(arguments.end(), values.begin(), values.end());
     } else if (option->get_expected_max() == 0) {  // a flag
-      if (option->count() > 0) arguments.push_back(option->get_name());
+      if (option->count() > 0 && option->as<bool>()) arguments.push_back(option->get_name());
     } else {
       for (const std::string& value : option->results()) arguments.push_back(option->get_name() + "=" + value);
     }

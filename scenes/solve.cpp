@@ -239,7 +239,8 @@ void AddSolveOptions(CLI::App* command, SolveOptions* o) {
           "give a problem up after S seconds, its reading included (default: none)");
   command->add_flag("--strict", o->strict, "exit status 3 if a problem is not solved");
   command->add_option("--report", o->report, "write all numbers as a JSON list; - is the standard output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(FileOrDash);
   command->footer(
       "Examples:\n"
       "  islet run stack --count 3 --frames 4 --group-bodies 0 --export-fclib problems\n"

@@ -104,6 +104,7 @@ struct SceneDescription {
   std::vector<BodyEntry> bodies;
   std::vector<DriveEntry> drives;
   std::vector<ProbeEntry> probes;
+  std::vector<std::string> meshes;  // paths of the files that were read
 };
 
 }  // namespace islet

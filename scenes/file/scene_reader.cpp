@@ -280,12 +280,13 @@ class SceneReader {
     }
   }
 
-  std::vector<Vector3> MeshPoints(const Field& field, double scale) const {
+  std::vector<Vector3> MeshPoints(const Field& field, double scale) {
     const std::string name = field.Text(1000);
     if (name.empty() || name[0] == '/' || ("/" + name).find("/../") != std::string::npos)
       field.Fail("must be a path that begins at the folder of the scene file and stays in it");
     try {
-      std::vector<Vector3> points = ReadMeshPoints(scene_.document->folder() + name);
+      scene_.meshes.push_back(scene_.document->folder() + name);
+      std::vector<Vector3> points = ReadMeshPoints(scene_.meshes.back());
       for (Vector3& point : points) point *= scale;
       return points;
     } catch (const std::invalid_argument& error) {
@@ -298,7 +299,9 @@ class SceneReader {
     if (hull_points_ > kMostHullPointsInAll)
       field.Refuse("all hulls together have more than " + std::to_string(kMostHullPointsInAll) + " points");
     for (const Vector3& point : points)
-      if (!(point.cwiseAbs().maxCoeff() <= kMostLength))
+      if (!point.allFinite())
+        field.Refuse("a point is not finite");
+      else if (point.cwiseAbs().maxCoeff() > kMostLength)
         field.Refuse("a point is more than " + ShortNumber(kMostLength) + " m from the origin");
     try {
       return Shape::ConvexHull(points);
@@ -473,7 +476,9 @@ class SceneReader {
     if (about) stack.about = about->Vector();
     const auto step = about ? given.Get("step") : given.Need("step");
     if (step) stack.step = step->Vector();
-    if (stack.count > 1 && !about) RequireApart(*step, body, stack.step.norm());
+    const bool alike =
+        body.shape.kind() != ShapeKind::kConvexHull || !given.Get("turn");  // a hull may be thin on one side
+    if (stack.count > 1 && !about && alike) RequireApart(*step, body, stack.step.norm());
     return stack;
   }
 

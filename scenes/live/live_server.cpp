@@ -255,6 +255,7 @@ void LiveServer::Impl::Command(const httplib::Request& request, httplib::Respons
   std::future<std::string> answer = message->answer.get_future();
   {
     const std::scoped_lock guard(lock);
+    if (ending) return refuse(503, "the run has ended");
     if (waiting.size() >= kMostWaiting) return refuse(503, "too many messages wait");
     waiting.push_back(message);
   }

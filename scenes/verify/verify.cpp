@@ -65,7 +65,7 @@ void PrintSummary(std::FILE* out, std::span<const VerifyRow> rows, size_t num_ch
 void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   command->add_option("checks", o->ids, "which, as T1 T14 (default: all)")->type_name("T");
   const auto add = [&](const char* name, auto& target, const char* type, const char* help) {
-    command->add_option(name, target, help)->type_name(type);
+    return command->add_option(name, target, help)->type_name(type);
   };
   add("--dt", o->dt, "LIST", "time steps [s], numbers or fractions (default 1/60,1/240)");
   add("--model", o->model, "LIST",
@@ -81,7 +81,8 @@ void AddVerifyOptions(CLI::App* command, VerifyOptions* o) {
   command->add_flag("--quick", o->quick, "leave out the largest sizes and the longest times");
   command->add_flag("--all", o->all_settings, "a row for every setting, not only for the worst one");
   command->add_flag("--list", o->list, "tell the checks and where their references come from, and run none");
-  add("--report", o->report, "FILE|-", "write all measurements as a JSON list; - is the standard output");
+  add("--report", o->report, "FILE|-", "write all measurements as a JSON list; - is the standard output")
+      ->check(FileOrDash);
   command->footer(
       "Examples:\n"
       "  islet verify --list\n"

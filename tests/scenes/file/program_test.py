@@ -47,6 +47,26 @@ done = run("export", "cubejam", "--count", 5, "--seed", 3, "--out", "jam.json")
 expect(hash_of("cubejam", "--count", 5, "--seed", 3) == hash_of("jam.json"), "the hash of cubejam with options")
 expect(hash_of("jam.json", "--threads", 1) == hash_of("jam.json", "--threads", 2), "one thread and two")
 
+# Bodies of a stack that are turned may be nearer to each other than they are thin.
+(scratch / "turned.json").write_text(json.dumps({"version": 1, "bodies": [
+    {"shape": {"type": "convex_hull", "points": [[-2, y, 0] for y in (-2, 2)] + [[2, y, 0] for y in (-2, 2)] + [[0, y, -1] for y in (-2, 2)]},
+     "mass": 1, "stack": {"count": 2, "step": [0, 0, 0.667], "turn": {"axis": [1, 0, 0], "degrees": 180}}}]}))
+done = run("check", "turned.json")
+expect(done.returncode == 0, f"a stack that turns: {done.stderr}")
+
+# A flag that is switched off is none, also where it is recorded.
+done = run("run", "stack", "--paper=false", "--frames", 3, "--record", "off.film")
+expect(done.returncode == 0 and run("replay", "off.film", "--check").returncode == 0, f"--paper=false: {done.stderr}")
+
+# An empty name is a variable that was not set.
+for arguments in [["verify", "--list", "--report", ""], ["solve", "x", "--report", ""], ["export", "stack", "--out", ""]]:
+    done = run(*arguments)
+    expect(done.returncode == 2 and 'must be the name of a file; got ""' in done.stderr, f"{arguments}: {done}")
+
+# A mesh is an input, and stays one.
+(scratch / "corner.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n")
+(scratch / "mesh.json").write_text(json.dumps({"version": 1, "bodies": [{"shape": {"type": "mesh", "file": "corner.obj"}, "mass": 1}]}))
+
 # What is refused: status 2, one line that names it, nothing written.
 rejected = [
     (["export", "stak"], 'no "stak"'),
@@ -63,6 +83,7 @@ rejected = [
     (["run", root / "scenes/samples/lid.json", "--dt", 1e-9, "--report", "r.json", "--seconds", 1e6], "too many"),
     *((["run", "stack.json", option, "./stack.json"], f"{option}: an output goes to the scene file itself: ./stack.json")
       for option in ["--report", "--frames-csv", "--trace", "--record", "--html"]),
+    (["run", "mesh.json", "--report", "./corner.obj"], "--report: an output goes to a mesh of the scene: ./corner.obj"),
     (["check", "absent.json"], "absent.json: cannot be read"),
     (["export", "stack.json"], "built-in ones are exported, files are not; got stack.json"),
 ]
