@@ -15,10 +15,10 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kFarthest = 1e6;     // [m], [m/s]
-constexpr double kMostGravity = 1e3;  // [m/s^2]
+constexpr double kFarthest = 1e6;      // [m], [m/s]
+constexpr double kMostGravity = 1e3;   // [m/s^2]
 constexpr double kMostFriction = 1e4;  // as World takes it
-constexpr size_t kShown = 60;  // characters of a message that an error quotes
+constexpr size_t kShown = 60;          // characters of a message that an error quotes
 
 [[noreturn]] void Reject(const std::string& field, const std::string& value, const std::string& rule) {
   throw std::invalid_argument(Printable("message: " + field + " " + rule + "; got " + value.substr(0, kShown)));
